@@ -18,8 +18,8 @@ use tpm_runtime::campaign::Campaign;
 use tpm_runtime::estimate::{Method, Run};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::machine::simulated::simulate;
-use tpm_runtime::run::Spectra;
+use tpm_runtime::motion::Spectra;
+use tpm_runtime::plant::simulated::simulate;
 use tpm_runtime::session::{DeclaredModel, Machine, from_log};
 use tpm_symbolic::regressor::prepare::prepare;
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use tpm_codegen::diagnostic::with_short_numbers;
 use tpm_runtime::log::LogError;
+use tpm_runtime::session::LogFault;
 use tpm_runtime::session::{ModelFault, SessionError};
 use tpm_symbolic::budget::Halted;
 
@@ -133,7 +134,8 @@ impl From<SessionError> for Failure {
     fn from(error: SessionError) -> Self {
         match error {
             SessionError::Model(fault) => fault.into(),
-            SessionError::Read { path, source } | SessionError::Log(LogError::Io { path, source }) => {
+            SessionError::Read { path, source }
+            | SessionError::Log(LogFault::Reading(LogError::Io { path, source })) => {
                 Self::read(Path::new(&path), source)
             }
             other => Self::Input(flags::error(&other)),

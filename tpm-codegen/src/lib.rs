@@ -149,7 +149,7 @@
 //! tighter than unary minus, that tighter than `* /` (left to right), those tighter than `+ -`. Numbers are exact: `1/9` and `0.1`
 //! are rational.
 //!
-//! Units stand in brackets and are optional ([`language::unit`] lists them). Every term of an equation must have the unit of its
+//! Units stand in brackets and are optional ([`tpm_units`] lists them). Every term of an equation must have the unit of its
 //! right-hand side; mm against m is an error that names the factor. A quantity without a unit is not checked.
 
 #[cfg(feature = "generate")]

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use tpm_runtime::campaign::trial_columns;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::run::Record;
+use tpm_runtime::motion::Record;
 use tpm_runtime::session::{CampaignFolder, LogRequest, NextRun, NextStep, SessionError};
 
 /// Arrays by name.

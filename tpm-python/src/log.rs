@@ -8,8 +8,9 @@ use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::log::{Domain, Refine, Samples};
-use tpm_runtime::run::LowPass;
+use tpm_runtime::log::Samples;
+use tpm_runtime::estimate::{Domain, Refine};
+use tpm_runtime::motion::LowPass;
 use tpm_runtime::session::LogRequest;
 
 /// Name of the time among the columns of a log.

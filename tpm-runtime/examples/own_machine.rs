@@ -2,7 +2,7 @@
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
 use tpm_runtime::experiment::Experiment;
-use tpm_runtime::run::{Bench, BenchError, Ending, Record, Trial};
+use tpm_runtime::motion::{Bench, BenchError, Ending, Record, Trial};
 use tpm_runtime::session::{self, DeclaredModel};
 
 const MODEL: &str = "model Slider { coordinate x [m]; input u [N]; parameter m [kg], d [N*s/m];

@@ -7,7 +7,7 @@
 //! | a model file and a log | `session::from_log` (feature `interpret`) |
 //! | a log of which little is known | `session::inspect`, `session::inspect_for` |
 //! | an experiment with a simulated machine | `session::on_simulated_plant` |
-//! | a machine that plays samples | `session::on_machine`, with your `run::Bench` |
+//! | a machine that plays samples | `session::on_machine`, with your `motion::Bench` |
 //! | a campaign that goes on by files | `session::CampaignFolder` |
 //! | a controller without an operating system | `model!` (feature `macros`), and [`control`], [`filter`], [`harmonics`] |
 //!
@@ -24,37 +24,16 @@
 //! Without the feature `std` the crate is `tpm-core` and the macros: neither an operating system nor memory allocation.
 #![no_std]
 
-#[cfg(any(feature = "std", test))]
-extern crate std;
-
-#[cfg(feature = "std")]
-pub mod campaign;
 #[cfg(feature = "document")]
-pub mod document;
+pub use tpm_document as document;
 #[cfg(feature = "std")]
-pub mod estimate;
-#[cfg(feature = "std")]
-pub mod experiment;
-#[cfg(feature = "std")]
-pub mod frequency;
+pub use {
+    tpm_campaign as campaign, tpm_estimate as estimate, tpm_experiment as experiment, tpm_frequency as frequency,
+    tpm_log as log, tpm_motion as motion, tpm_numerics as numerics, tpm_plant as plant, tpm_plot as plot,
+    tpm_report as report,
+};
 #[cfg(feature = "interpret")]
-pub mod interpret;
-#[cfg(feature = "std")]
-pub mod log;
-#[cfg(feature = "std")]
-pub mod machine;
-#[cfg(feature = "std")]
-pub mod numerics;
-#[cfg(feature = "plot")]
-pub mod plot;
-#[cfg(feature = "std")]
-pub mod report;
-#[cfg(feature = "std")]
-pub mod run;
-#[cfg(feature = "interpret")]
-pub mod session;
-#[cfg(feature = "interpret")]
-pub mod study;
+pub use {tpm_interpret as interpret, tpm_physical as physical, tpm_session as session, tpm_study as study};
 
 pub use tpm_core::{
     Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter,
@@ -62,8 +41,3 @@ pub use tpm_core::{
 };
 #[cfg(feature = "macros")]
 pub use tpm_macros::{model, model_file};
-
-#[cfg(test)]
-mod test_models;
-#[cfg(all(test, feature = "interpret"))]
-mod test_rig;

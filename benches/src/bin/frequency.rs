@@ -16,13 +16,12 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 use tpm_codegen::source::Source;
-use tpm_runtime::frequency::{
-    Excitation, FrequencyResponse, LinearizedResponse, StructuredSettings, Welch, fit_structured,
-};
+use tpm_runtime::frequency::{Excitation, FrequencyResponse, StructuredSettings, Welch, fit_structured};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::machine::simulated::{Actuator, Rig, Sensor, drive};
 use tpm_runtime::model::Model as _;
+use tpm_runtime::physical::LinearizedResponse;
+use tpm_runtime::plant::simulated::{Actuator, Rig, Sensor, drive};
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;

@@ -10,7 +10,7 @@ use std::error::Error;
 use std::path::Path;
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::run::Record;
+use tpm_runtime::motion::Record;
 use tpm_runtime::session::{CampaignFolder, Identification, NextStep, Session, SessionError};
 
 /// Steps of the encoders as shares of the amplitude of the last stage.

@@ -9,8 +9,8 @@ use std::sync::OnceLock;
 use tpm_codegen::identified::Identified;
 use tpm_runtime::campaign::{Manifest, RunFile, Store, read_trial, trial_samples};
 use tpm_runtime::experiment::Experiment;
-use tpm_runtime::machine::actuator::{LoopFile, MotorFile};
-use tpm_runtime::run::{Ending, Record, Trial};
+use tpm_runtime::motion::{Ending, Record, Trial};
+use tpm_runtime::plant::actuator::{LoopFile, MotorFile};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, Session};
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 

@@ -5,7 +5,7 @@ use super::random::Random;
 use super::{Verdict, random_log, refused, texts};
 use std::path::PathBuf;
 use std::sync::OnceLock;
-use tpm_runtime::log::{Log, LogOptions, Recording};
+use tpm_runtime::log::{Log, ReadingSettings, Recording};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, LogRequest, from_log, inspect_for};
 
 /// The models whose logs these could be.
@@ -40,7 +40,7 @@ pub(super) fn text(random: &mut Random) -> String {
 
 /// The reader, of a whole log and of its segments.
 pub(super) fn log(text: &str) -> Verdict {
-    let (model, options) = (model_for(text).evaluated(), LogOptions::default());
+    let (model, options) = (model_for(text).evaluated(), ReadingSettings::default());
     let segments = Recording::read(text.as_bytes(), "log.csv", model, &options);
     if let Err(fault) = &segments {
         refused(fault);

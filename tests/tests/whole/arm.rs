@@ -7,9 +7,9 @@ use tpm_runtime::campaign::Campaign;
 use tpm_runtime::estimate::{Method, Weights};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::machine::simulated::{ClosedLoopArm, simulate};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::run::{Record, Trial};
+use tpm_runtime::motion::{Record, Trial};
+use tpm_runtime::plant::simulated::{ClosedLoopArm, simulate};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, Identification, Machine, Session};
 use tpm_symbolic::regressor::prepare::prepare;
 

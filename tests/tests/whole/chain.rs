@@ -4,7 +4,7 @@
 use crate::support::model as shipped;
 use std::collections::BTreeMap;
 use tpm_runtime::experiment::{Experiment, ExperimentError};
-use tpm_runtime::machine::stability::StabilityError;
+use tpm_runtime::plant::stability::StabilityError;
 use tpm_runtime::session::{Identification, Machine, SessionError};
 use tpm_symbolic::regressor::prepare::prepare;
 

@@ -1,10 +1,11 @@
 //! B Lambda stands in two places, exact tables and sampled rows: they agree on every shipped model.
 
 use crate::support::model;
-use tpm_runtime::estimate::{Along, LineTable, PatternTables};
+use tpm_runtime::estimate::{Along, LineTable};
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::model::Model;
-use tpm_runtime::run::trajectory::{HarmonicSeries, Line, ReferencePattern};
+use tpm_runtime::motion::trajectory::{HarmonicSeries, Line, ReferencePattern};
+use tpm_runtime::physical::PatternTables;
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// Amplitudes, frequency and constants of no special proportion.
@@ -29,7 +30,8 @@ fn tabulated(name: &str) -> Tabulated {
     let prepared = prepare(declared).expect("linear in the parameters");
     let model = Interpreted::new(&prepared.model, &prepared.form);
     let played = |symbolic| {
-        ReferencePattern::of_rows(symbolic, &prepared.model, &prepared.form, |_| Some(CONSTANT)).expect("has values")
+        tpm_runtime::interpret::pattern::of_rows(symbolic, &prepared.model, &prepared.form, |_| Some(CONSTANT))
+            .expect("has values")
     };
     let mut patterns: Vec<ReferencePattern> = prepared.model.patterns.iter().map(played).collect();
     patterns[0].others = patterns[1..].to_vec();

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use tpm_models::{Emps, MassSpringDrag, Silverbox};
 use tpm_runtime::estimate::Estimate;
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::log::{Log, LogOptions};
+use tpm_runtime::log::{Log, ReadingSettings};
 use tpm_runtime::model::Model;
+use tpm_runtime::session::LogOptions;
 use tpm_runtime::session::{Identification, LogReport, PeriodicReport, identify_log};
 
 fn estimate(result: &Identification) -> &Estimate {
@@ -35,14 +36,17 @@ fn data(name: &str) -> Option<PathBuf> {
 
 fn options(map: &[(&str, &str)], hold: Hold) -> LogOptions {
     LogOptions {
-        map: map.iter().map(|(name, column)| (String::from(*name), String::from(*column))).collect(),
+        reading: ReadingSettings {
+            map: map.iter().map(|(name, column)| (String::from(*name), String::from(*column))).collect(),
+            ..ReadingSettings::default()
+        },
         hold,
         ..LogOptions::default()
     }
 }
 
 fn identify(model: &dyn Model<f64>, file: &Path, options: &LogOptions) -> Identification {
-    let log = Log::open(file, model, options).expect("the published log is sound");
+    let log = Log::open(file, model, &options.reading).expect("the published log is sound");
     let result = identify_log(model, &log, options).expect("the published log identifies");
     for p in &result.parameters {
         eprintln!("{} = {:?} +- {:?} ({})", p.name, p.value, p.std, p.status.name());

@@ -35,14 +35,22 @@ fn publishable() -> Vec<Value> {
     // An empty list of registries is how cargo writes `publish = false`.
     let packages: Vec<Value> = packages.iter().filter(|package| package["publish"].is_null()).cloned().collect();
     let names: Vec<&str> = packages.iter().filter_map(|package| package["name"].as_str()).collect();
-    assert_eq!(names, ["tpm-symbolic", "tpm-core", "tpm-codegen", "tpm-macros", "tpm-runtime", "tpm-cli"]);
+    assert!(["tpm-symbolic", "tpm-runtime", "tpm-cli"].iter().all(|name| names.contains(name)), "{names:?}");
+    let unpublished = ["tpm-models", "tpm-tests", "tpm-benches", "tpm-test-support"];
+    assert!(names.iter().all(|name| !unpublished.contains(name)), "{names:?}");
     packages
+}
+
+/// The folder of a package.
+fn folder_of(package: &Value) -> PathBuf {
+    let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
+    manifest.parent().expect("in a folder").to_owned()
 }
 
 #[test]
 fn a_package_holds_its_sources_readme_and_licences() {
     for package in publishable() {
-        let name = package["name"].as_str().expect("a name");
+        let (name, folder) = (package["name"].as_str().expect("a name"), folder_of(&package));
         let list = printed(env!("CARGO"), &["package", "--list", "--allow-dirty", "--offline", "--locked", "-p", name]);
         let files: Vec<String> = list.lines().map(|line| line.replace('\\', "/")).collect();
         let start = if name == "tpm-cli" { "src/main.rs" } else { "src/lib.rs" };
@@ -54,14 +62,13 @@ fn a_package_holds_its_sources_readme_and_licences() {
             let cargos =
                 ["Cargo.toml", "Cargo.toml.orig", "Cargo.lock", ".cargo_vcs_info.json"].contains(&file.as_str());
             let source = ["src/", "examples/"].iter().any(|folder| file.starts_with(folder))
-                && (file.ends_with(".rs") || is_included(&root().join(name), file));
+                && (file.ends_with(".rs") || is_included(&folder, file));
             assert!(own || cargos || source || file == "build.rs", "{name} packages {file}");
             if file.starts_with("examples/") {
-                let text = std::fs::read_to_string(root().join(name).join(file)).expect("an example");
+                let text = std::fs::read_to_string(folder.join(file)).expect("an example");
                 assert!(!text.contains("!(\"../"), "{name}: {file} includes a file that is not in the package");
             }
         }
-        let folder = root().join(name);
         for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
             let read = |path: &Path| std::fs::read(path).expect("a licence");
             assert!(read(&folder.join(licence)) == read(&root().join(licence)), "{name}/{licence} differs");

@@ -5,14 +5,14 @@ use crate::support::model as shipped;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::OnceLock;
-use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
-use tpm_runtime::machine::simulated::{Actuator, Regulation, Rig, Sensor, regulate};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::run::Ending;
-use tpm_runtime::run::trajectory::ReferencePattern;
+use tpm_runtime::motion::Ending;
+use tpm_runtime::motion::trajectory::ReferencePattern;
+use tpm_runtime::physical::{PhysicalSettings, physical};
+use tpm_runtime::plant::regulator::{Regulator, RegulatorWeights};
+use tpm_runtime::plant::simulated::{Actuator, Regulation, Rig, Sensor, regulate};
 use tpm_runtime::session::{Identification, identify_simulated};
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -36,9 +36,9 @@ fn pendulum(overrides: &[(&str, &str)]) -> Pendulum {
         written.apply_override(key, value).expect("known");
     }
     let pattern = prepared.model.pattern(None).expect("has a pattern");
-    let pattern =
-        ReferencePattern::of_rows(pattern, &prepared.model, &prepared.form, |_| None).expect("no open constants");
-    let experiment = written.lumped(&prepared);
+    let pattern = tpm_runtime::interpret::pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| None)
+        .expect("no open constants");
+    let experiment = tpm_runtime::physical::lumped(&written, &prepared);
     Pendulum { prepared, model, written, experiment, pattern }
 }
 
@@ -169,7 +169,8 @@ fn the_identified_machine_is_balanced_from_15_degrees() {
             let name = model.quantity(symbol).name.as_str();
             values.get(name).or_else(|| truth.get(name)).copied().expect("known")
         };
-        Regulator::of_linear(&linear.evaluate(&model, value), 1e-3, &weights).expect("can be stabilised")
+        tpm_runtime::physical::linear_regulator(&linear.evaluate(&model, value), 1e-3, &weights)
+            .expect("can be stabilised")
     };
     let map = ParameterMap::new(&upright);
     let plant = map.evaluate(|symbol| truth[upright.model.quantity(symbol).name.as_str()]);

@@ -6,9 +6,9 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
-use tpm_runtime::estimate::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_runtime::estimate::{Estimate, Status};
 use tpm_runtime::numerics::Matrix;
+use tpm_runtime::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
@@ -168,8 +168,10 @@ fn a_mass_stays_at_its_bound() {
         }
     }
     // Without the bound the mass goes below zero.
-    let mut open = PhysicalSettings::default();
-    open.bounds = BTreeMap::from([("m1".to_owned(), (f64::NEG_INFINITY, f64::INFINITY))]);
+    let open = PhysicalSettings {
+        bounds: BTreeMap::from([("m1".to_owned(), (f64::NEG_INFINITY, f64::INFINITY))]),
+        ..PhysicalSettings::default()
+    };
     let values_open = physical(&prepared, &estimate(values.clone(), covariance(&values)), &open).expect("sound");
     assert!(values_open.parameters[0].value.expect("has a value") < 0.0);
 }
@@ -219,14 +221,12 @@ fn settings_are_checked() {
     let prepared = two_carts();
     let exact = lumped(&prepared, &TRUTH);
     let estimate = estimate(exact.clone(), covariance(&exact));
-    let mut frozen = PhysicalSettings::default();
-    frozen.frozen = BTreeMap::from([("m2".to_owned(), 1.5)]);
+    let frozen = PhysicalSettings { frozen: BTreeMap::from([("m2".to_owned(), 1.5)]), ..PhysicalSettings::default() };
     let found = physical(&prepared, &estimate, &frozen).expect("sound settings");
     assert_eq!((found.parameters[1].status, found.parameters[1].value, found.freedom), (Status::Frozen, Some(1.5), 3));
-    let mut unknown = PhysicalSettings::default();
-    unknown.prior = BTreeMap::from([("mass".to_owned(), 1.0)]);
+    let unknown = PhysicalSettings { prior: BTreeMap::from([("mass".to_owned(), 1.0)]), ..PhysicalSettings::default() };
     assert!(matches!(physical(&prepared, &estimate, &unknown), Err(PhysicalError::Unknown { .. })));
-    let mut empty = PhysicalSettings::default();
-    empty.bounds = BTreeMap::from([("m2".to_owned(), (2.0, 1.0))]);
+    let empty =
+        PhysicalSettings { bounds: BTreeMap::from([("m2".to_owned(), (2.0, 1.0))]), ..PhysicalSettings::default() };
     assert!(matches!(physical(&prepared, &estimate, &empty), Err(PhysicalError::EmptyBounds { .. })));
 }

@@ -121,11 +121,11 @@ fn the_simulated_machine_is_one_more_bench() {
 #[test]
 fn a_machine_that_fails_ends_the_campaign_with_its_own_words() {
     struct Broken;
-    impl tpm_runtime::run::Bench for Broken {
+    impl tpm_runtime::motion::Bench for Broken {
         fn play(
             &mut self,
-            _: &tpm_runtime::run::Trial,
-        ) -> Result<tpm_runtime::run::Record, tpm_runtime::run::BenchError> {
+            _: &tpm_runtime::motion::Trial,
+        ) -> Result<tpm_runtime::motion::Record, tpm_runtime::motion::BenchError> {
             Err("the drive does not answer".into())
         }
     }
@@ -153,6 +153,6 @@ fn a_reference_beyond_a_limit_of_position_or_velocity_is_refused_before_anything
     tight.limits.positions.insert("x".to_owned(), [-1.0, peak + 1e-4]);
     tight.schedule.stages.truncate(1);
     let backed = session::on_simulated_plant(&tpm_models::MassSpringDrag, tight).expect("runs");
-    assert_eq!(backed.runs[0].ending, tpm_runtime::run::RunEnding::PositionBound);
+    assert_eq!(backed.runs[0].ending, tpm_runtime::motion::RunEnding::PositionBound);
     assert!(backed.runs[1].amplitudes[0].1 < backed.runs[0].amplitudes[0].1, "{:?}", backed.runs);
 }

@@ -11,8 +11,8 @@ use std::f64::consts::PI;
 use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::generate::{Language, Options, generate};
 use tpm_codegen::{Source, parse_model};
-use tpm_runtime::run::stroke::{Stroke, repeated};
-use tpm_runtime::run::trajectory::{HarmonicSeries, Line, Trajectory};
+use tpm_runtime::motion::stroke::{Stroke, repeated};
+use tpm_runtime::motion::trajectory::{HarmonicSeries, Line, Trajectory};
 
 const COMMAND: &str = "tpm generate mass_spring_drag.tpm --lang rust --strokes";
 

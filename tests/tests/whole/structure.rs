@@ -1,13 +1,15 @@
-//! The order of folders, and circles of files, as `ARCHITECTURE.md` states them. The document is what the sources are compared
-//! with, so that the two cannot disagree.
+//! The order of crates and folders, and circles of files, as `ARCHITECTURE.md` states them. The document is what manifests and sources
+//! are compared with, so that the two cannot disagree.
 
 mod imports;
 
 use crate::support::root;
 use imports::{Crate, Module, Sources};
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// What a folder may import from.
 type Allowed = BTreeMap<String, BTreeSet<String>>;
@@ -128,11 +130,66 @@ fn sources(folder: &Path) -> Sources {
     sources
 }
 
-/// The members of the workspace.
-fn members() -> Vec<String> {
-    let manifest = std::fs::read_to_string(root().join("Cargo.toml")).expect("the workspace's manifest");
-    let list = manifest.split_once("members = [").and_then(|(_, rest)| rest.split_once(']')).expect("a list").0;
-    list.split('"').skip(1).step_by(2).map(str::to_owned).collect()
+/// A member of the workspace: its folder below the workspace's, and the crates of the workspace that it is built on, without their
+/// common prefix.
+struct Member {
+    name: String,
+    folder: PathBuf,
+    needs: BTreeSet<String>,
+}
+
+fn members() -> Vec<Member> {
+    let arguments = ["metadata", "--format-version", "1", "--no-deps", "--offline", "--locked"];
+    let output = Command::new(env!("CARGO")).args(arguments).current_dir(root()).output().expect("cargo runs");
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
+    let short = |name: &Value| name.as_str().and_then(|name| name.strip_prefix("tpm-")).map(str::to_owned);
+    let packages = metadata["packages"].as_array().expect("a list of packages");
+    let own: BTreeSet<String> = packages.iter().filter_map(|package| short(&package["name"])).collect();
+    let member = |package: &Value| {
+        let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
+        let folder = manifest.parent().and_then(|folder| folder.strip_prefix(root()).ok()).expect("in the workspace");
+        let dependencies = package["dependencies"].as_array().expect("a list").iter();
+        let needs = dependencies.filter(|needed| needed["kind"].is_null()).filter_map(|needed| short(&needed["name"]));
+        Member {
+            name: short(&package["name"]).expect("named like the others"),
+            folder: folder.to_owned(),
+            needs: needs.filter(|name| own.contains(name)).collect(),
+        }
+    };
+    packages.iter().map(member).collect()
+}
+
+/// Crates whose only purpose is to test or to show the others.
+const BESIDE: [&str; 4] = ["benches", "models", "test-support", "tests"];
+
+/// Pairs of a crate and one that it is built on, without those that follow from others.
+fn needed_directly(members: &[Member]) -> BTreeSet<(String, String)> {
+    let needs: BTreeMap<&str, &BTreeSet<String>> = members.iter().map(|m| (m.name.as_str(), &m.needs)).collect();
+    fn reaches(needs: &BTreeMap<&str, &BTreeSet<String>>, from: &str, to: &str) -> bool {
+        needs[from].iter().any(|next| next == to || reaches(needs, next, to))
+    }
+    let mut found = BTreeSet::new();
+    for member in members.iter().filter(|member| !BESIDE.contains(&member.name.as_str())) {
+        for to in &member.needs {
+            if !member.needs.iter().any(|other| reaches(&needs, other, to)) {
+                found.insert((member.name.clone(), to.clone()));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn crates_are_built_on_each_other_as_drawn() {
+    let document = document();
+    let drawing = document.split_once("```mermaid\n").and_then(|(_, rest)| rest.split_once("```"));
+    let (drawing, _) = drawing.expect("ARCHITECTURE.md has a drawing of the crates");
+    let arrows = drawing.lines().filter_map(|line| line.trim().split_once(" --> "));
+    let drawn: BTreeSet<(String, String)> = arrows.map(|(from, to)| (from.to_owned(), to.to_owned())).collect();
+    let present = needed_directly(&members());
+    let missing: Vec<_> = present.difference(&drawn).collect();
+    let gone: Vec<_> = drawn.difference(&present).collect();
+    assert!(missing.is_empty() && gone.is_empty(), "not drawn: {missing:?}; drawn, but not there: {gone:?}");
 }
 
 fn document() -> String {
@@ -142,7 +199,7 @@ fn document() -> String {
 #[test]
 fn folders_import_from_those_below_them() {
     let mut found = String::new();
-    for name in ["tpm-symbolic", "tpm-runtime"] {
+    for name in ["tpm-symbolic"] {
         let sources = sources(&root().join(name).join("src"));
         let (of, order) = (Crate::read("lib.rs", &sources), order(&document(), name));
         let named: BTreeSet<&str> = order.keys().map(String::as_str).collect();
@@ -159,8 +216,9 @@ fn files_import_each_other_in_no_circle() {
     let harmless = harmless(&document());
     let mut present = BTreeSet::new();
     let mut found = String::new();
-    for name in members() {
-        let sources = sources(&root().join(&name).join("src"));
+    for member in members() {
+        let name = member.folder.display().to_string();
+        let sources = sources(&root().join(&member.folder).join("src"));
         let is_root = |file: &&String| ["lib.rs", "main.rs"].contains(&file.as_str()) || file.starts_with("bin/");
         for file in sources.keys().filter(is_root) {
             for (circle, shown) in circles(&Crate::read(file, &sources)) {

@@ -10,11 +10,11 @@ use super::markdown::{percent, table};
 use super::patterns::Identified;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
-use tpm_runtime::machine::simulated::{Regulated, Regulation, Sensor, regulate};
+use tpm_runtime::motion::Ending;
+use tpm_runtime::plant::regulator::{Regulator, RegulatorWeights};
+use tpm_runtime::plant::simulated::{Regulated, Regulation, Sensor, regulate};
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::report::number;
-use tpm_runtime::run::Ending;
 
 /// Sample time, s.
 const SAMPLE_TIME: f64 = 1e-3;
@@ -48,7 +48,7 @@ pub(super) fn chapter(
 ) -> Result<(Chapter, usize), Failure> {
     let weights = weights();
     let regulator = |values: &BTreeMap<String, f64>| {
-        Regulator::of_linear(&upright.state_space(values), SAMPLE_TIME, &weights)
+        tpm_runtime::physical::linear_regulator(&upright.state_space(values), SAMPLE_TIME, &weights)
             .map_err(|error| Failure::Input(format!("regulator: {error}")))
     };
     let ideal = regulator(&BTreeMap::new())?;
@@ -106,7 +106,7 @@ pub(super) fn chapter(
     text.push_str(&format!(
         "\n{} of {count} balance; over the last fifth the pendulum stays within {:.2} degrees. The gains differ by {} at most, the mean cost by \
          {}. The least cost on the linear model, with the state known and no limit, is {}; the rest is the price of the derivative \
-         filter, the encoders and the limit.\n\n![Balance](balance.png)\n",
+         filter, the encoders and the limit.\n\n![Balance](balance.svg)\n",
         count - failed,
         late.to_degrees(),
         percent(largest_gain),

@@ -23,7 +23,7 @@ use simulation::Simulation;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use tpm_runtime::plot::Figure;
+use tpm_runtime::plot::{DRAWS_PNG, Figure};
 
 /// Pixels of a PNG per pixel of the figure.
 const ZOOM: f32 = 1.5;
@@ -136,7 +136,9 @@ fn report(folder: &Path, chapters: [Chapter; 4]) -> Result<(), Failure> {
         for (name, figure) in chapter.figures {
             let drawn = |error: tpm_runtime::plot::PlotError| Failure::Input(format!("{name}: {error}"));
             write(&format!("{name}.svg"), figure.svg().map_err(drawn)?.as_bytes())?;
-            write(&format!("{name}.png"), &figure.png(ZOOM).map_err(drawn)?)?;
+            if DRAWS_PNG {
+                write(&format!("{name}.png"), &figure.png(ZOOM).map_err(drawn)?)?;
+            }
         }
     }
     text.push_str("\n## What agrees with the paper, and what does not\n\n");

@@ -7,7 +7,7 @@ use super::Chapter;
 use super::machine::Machine;
 use super::markdown::{percent, table};
 use std::collections::BTreeMap;
-use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
+use tpm_runtime::physical::{PhysicalSettings, physical};
 use tpm_runtime::report::number;
 use tpm_runtime::session::Identification;
 

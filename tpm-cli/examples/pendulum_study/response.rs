@@ -8,12 +8,13 @@ use super::machine::Machine;
 use super::markdown::{percent, polynomial, roots, table};
 use std::f64::consts::TAU;
 use tpm_runtime::frequency::{
-    BodeSettings, Complex, Excitation, FrequencyResponse, LinearizedResponse, OrderComparison, RationalFit,
-    RationalSettings, StructuredFit, StructuredSettings, TransferFunction, Welch, bode, compare_orders, fit_rational,
-    fit_record, fit_structured,
+    BodeSettings, Complex, Excitation, FrequencyResponse, OrderComparison, RationalFit, RationalSettings,
+    StructuredFit, StructuredSettings, TransferFunction, Welch, bode, compare_orders, fit_rational, fit_record,
+    fit_structured,
 };
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::machine::simulated::{Sensor, drive};
+use tpm_runtime::physical::LinearizedResponse;
+use tpm_runtime::plant::simulated::{Sensor, drive};
 use tpm_runtime::plot::Figure;
 use tpm_runtime::report::number;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
@@ -96,7 +97,7 @@ pub(super) fn chapter(down: &Machine, duration: f64) -> Result<Chapter, Failure>
         number(100.0 * (OFF - 1.0))
     ));
     text.push_str(&physical(down, &fine, &coarse));
-    text.push_str("\n![Bode plot, 2000 counts](bode.png)\n\n![Bode plot, 500 counts](bode500.png)\n\n![Eqn 29 beside Eqn 28](eqn29.png)\n");
+    text.push_str("\n![Bode plot, 2000 counts](bode.svg)\n\n![Bode plot, 500 counts](bode500.svg)\n\n![Eqn 29 beside Eqn 28](eqn29.svg)\n");
     let printed = eqn_29()?;
     let parametric = &fine.fit.function;
     let figures = vec![

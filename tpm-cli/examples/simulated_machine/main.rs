@@ -13,9 +13,9 @@ use std::collections::BTreeMap;
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
-use tpm_runtime::machine::process::{FromMachine, PROTOCOL, Plays, ToMachine};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::run::{Ending, Record, Trial};
+use tpm_runtime::motion::{Ending, Record, Trial};
+use tpm_runtime::plant::process::{FromMachine, PROTOCOL, Plays, ToMachine};
 use tpm_runtime::session::{DeclaredModel, ExperimentRequest, Session};
 
 type Fault = Box<dyn std::error::Error>;

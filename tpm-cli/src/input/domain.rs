@@ -1,7 +1,7 @@
 //! How the samples of a log are used.
 
 use clap::ValueEnum;
-use tpm_runtime::log::Domain;
+use tpm_runtime::estimate::Domain;
 
 /// How the samples of a log become equations.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

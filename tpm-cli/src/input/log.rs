@@ -6,9 +6,9 @@ use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::machine::actuator::MotorFile;
 use tpm_runtime::model::Model;
-use tpm_runtime::run::{Dynamics, LowPass};
+use tpm_runtime::motion::{Dynamics, LowPass};
+use tpm_runtime::plant::actuator::MotorFile;
 use tpm_runtime::session::LogRequest;
 
 /// What an input does between samples.

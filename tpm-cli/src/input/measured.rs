@@ -9,8 +9,9 @@ use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{BodeSettings, FrequencyResponse, NamedModel, ResponseEstimator, Welch, bode};
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::log::{Assumption, Log, LogError, LogOptions};
-use tpm_runtime::run::Window;
+use tpm_runtime::log::ReadingSettings;
+use tpm_runtime::log::{Assumption, Log, LogError};
+use tpm_runtime::motion::Window;
 
 /// Number of half-overlapping segments in a record when no segment length is given.
 const SEGMENTS: f64 = 8.0;
@@ -108,10 +109,10 @@ impl Measured {
                 args.input
             )));
         }
-        let options = LogOptions {
+        let options = ReadingSettings {
             map: once("--map", &args.map)?,
             scale: once("--scale", &args.scale)?,
-            ..LogOptions::default()
+            ..ReadingSettings::default()
         };
         let (log, assumptions) =
             Log::open_signals_with(&args.log, &signals, &options).map_err(|error| match error {

@@ -3,10 +3,13 @@
 use crate::failure::Failure;
 use crate::output::file;
 use std::path::Path;
-use tpm_runtime::plot::Figure;
+use tpm_runtime::plot::{DRAWS_PNG, Figure};
 
 /// Pixels of a PNG per pixel of the figure.
 const ZOOM: f32 = 2.0;
+
+/// Endings of the pictures of a report: PNG stands beside SVG where the program draws it.
+pub(crate) const KINDS: &[&str] = if DRAWS_PNG { &["svg", "png"] } else { &["svg"] };
 
 /// The kind of picture that a file's name asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,8 +9,8 @@ use tpm_runtime::campaign::RunReport;
 use tpm_runtime::document::{Document, PlayedRun};
 use tpm_runtime::estimate::ParameterReport;
 use tpm_runtime::model::Model as _;
+use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::report::{cells, combination, number};
-use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{Identification, Machine, Session};
 
 /// The first and the last run of a campaign that settled.

@@ -1,7 +1,7 @@
 //! Remedies and settings of the libraries as flags of this command line.
 
 use tpm_runtime::log::LogError;
-use tpm_runtime::machine::actuator::FileFault;
+use tpm_runtime::plant::actuator::FileFault;
 use tpm_runtime::report::{Remedy, number};
 use tpm_runtime::session::{Given, SessionError, Setting, Spelling};
 

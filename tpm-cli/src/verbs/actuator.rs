@@ -11,11 +11,11 @@ use crate::verbs::split::motions;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::machine::actuator::{
-    Bound, Limit, Motor, MotorFile, MotorizedMachine, MotorizedMachineError, Requirement, bound, requirements, scaled,
-    torque_speed,
-};
 use tpm_runtime::model::Model as _;
+use tpm_runtime::physical::{MotorizedMachine, MotorizedMachineError};
+use tpm_runtime::plant::actuator::{
+    Bound, Limit, Motor, MotorFile, Requirement, bound, requirements, scaled, torque_speed,
+};
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -144,7 +144,7 @@ impl MachineArgs {
 /// Both parts of every input, at the motions that are needed.
 fn inputs(machine: &MotorizedMachine, amplitudes: &[f64], frequency: f64, needed: Use) -> Result<Vec<Output>, Failure> {
     let (demand, model) = (machine.demand(), machine.model());
-    let failed = |error: tpm_runtime::run::TrialError| Failure::Input(error.to_string());
+    let failed = |error: tpm_runtime::motion::TrialError| Failure::Input(error.to_string());
     let mut found = Vec::new();
     match needed {
         Use::Pattern => {
@@ -243,7 +243,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let demand = moved.machine.demand();
     let trajectory = moved.machine.trajectory(&moved.amplitudes, moved.frequency);
     let samples = SAMPLES.max(64 * (trajectory.highest_harmonic() as usize).next_power_of_two());
-    let failed = |error: tpm_runtime::run::TrialError| Failure::Input(error.to_string());
+    let failed = |error: tpm_runtime::motion::TrialError| Failure::Input(error.to_string());
     let found = requirements(&demand, &motors, &trajectory, samples).map_err(failed)?;
     let motion = |factor: f64, w: f64| Ok(moved.machine.trajectory(&scaled(&moved.amplitudes, factor), w));
     let mut frequencies = Vec::new();

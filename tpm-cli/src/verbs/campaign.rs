@@ -15,8 +15,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tpm_runtime::campaign::RunReport;
+use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::report::{number, plus_minus};
-use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{CampaignFolder, NextStep, SessionError, Submission};
 
 /// Options of `tpm campaign`.

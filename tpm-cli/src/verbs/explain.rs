@@ -6,9 +6,9 @@ use clap::ValueEnum;
 use serde_json::Value;
 use std::path::PathBuf;
 use tpm_runtime::experiment::Experiment;
-use tpm_runtime::machine::actuator::motor_schema;
+use tpm_runtime::motion::RunFile;
+use tpm_runtime::plant::actuator::motor_schema;
 use tpm_runtime::report::{Align, FieldText, TextTable, fields};
-use tpm_runtime::run::RunFile;
 
 /// Options of `tpm explain`.
 #[derive(clap::Args)]

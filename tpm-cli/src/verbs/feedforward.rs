@@ -6,12 +6,12 @@ use crate::verbs::actuator::{MachineArgs, Moved, Use};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_runtime::machine::actuator::{
+use tpm_runtime::model::Model as _;
+use tpm_runtime::motion::trajectory::Trajectory;
+use tpm_runtime::plant::actuator::{
     Drive, DriveError, FileFault, Limit, LoopFile, LoopPoles, Motor, Tracking, tracking_errors,
 };
-use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number};
-use tpm_runtime::run::trajectory::Trajectory;
 
 /// Number of configurations along the reference at which the loop is linearised.
 const CONFIGURATIONS: usize = 16;

@@ -10,9 +10,10 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{
-    Complex, Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel,
-    Root, StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
+    Complex, Delay, FitWarning, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root, StructuredFit,
+    StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
+use tpm_runtime::physical::LinearizedResponse;
 use tpm_runtime::report::{Align, TextTable, beside, cells, number, or_dash, plus_minus};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};

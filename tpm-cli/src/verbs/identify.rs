@@ -16,8 +16,8 @@ use std::path::PathBuf;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::document::Document;
 use tpm_runtime::estimate::Weights;
-use tpm_runtime::log::{Domain, Refine};
-use tpm_runtime::run::{Record, Trial};
+use tpm_runtime::estimate::{Domain, Refine};
+use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
     CampaignFolder, Identifiable as _, LogRequest, SessionError, Validation, from_logs, validate,
 };

@@ -67,5 +67,5 @@ fn write(folder: &Path, found: &Inspection) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
     file::write_file(&folder.join("inspection.json"), file::json(found)?.as_bytes())?;
     let Some(figure) = found.figure() else { return Ok(()) };
-    ["svg", "png"].into_iter().try_for_each(|kind| picture::draw(&folder.join(format!("inspection.{kind}")), &figure))
+    picture::KINDS.iter().try_for_each(|kind| picture::draw(&folder.join(format!("inspection.{kind}")), &figure))
 }

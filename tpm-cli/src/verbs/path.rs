@@ -5,7 +5,8 @@ use crate::input::load::Loaded;
 use crate::output::file;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::log::{Log, LogOptions};
+use tpm_runtime::log::Log;
+use tpm_runtime::log::ReadingSettings;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::study::{FittedCoordinate, FittedPath, PathSettings, fit_path};
@@ -61,7 +62,7 @@ impl PathArgs {
         let moves = |c: usize| model.patterns.first().is_none_or(|pattern| pattern.motions[c].is_some());
         let moved: Vec<usize> = (0..model.coordinates.len()).filter(|&c| moves(c)).collect();
         let names: Vec<String> = moved.iter().map(|&c| model.coordinates[c].name.to_string()).collect();
-        let log = Log::open_signals(path, &names, &LogOptions::default())
+        let log = Log::open_signals(path, &names, &ReadingSettings::default())
             .map_err(|error| Failure::Input(error.to_string()))?;
         let settings = PathSettings { harmonics: self.highest, rest: self.rest_order, closed: self.closed };
         let signals: Vec<(String, Vec<f64>)> = names.into_iter().zip(log.channels).collect();

@@ -6,7 +6,7 @@ use crate::output::file;
 use std::path::PathBuf;
 use tpm_runtime::campaign::{read_trial, samples_text};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::run::Ending;
+use tpm_runtime::motion::Ending;
 use tpm_runtime::session::SessionError;
 
 /// Options of `tpm simulate`.

@@ -9,7 +9,7 @@ use crate::output::{file, report, writable};
 use crate::render::flags;
 use std::path::PathBuf;
 use tpm_runtime::document::Document;
-use tpm_runtime::log::Domain;
+use tpm_runtime::estimate::Domain;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::session::{
     CorrelationTest, Fit, Identifiable as _, LAGS, SessionError, Simulation, Validation, validate,

@@ -1,7 +1,7 @@
 //! `tpm split`, `tpm actuator` and `tpm feedforward` as a user runs them: the example of Feng, section 6.3, and faults with
 //! their remedies.
 
-use crate::support::{fails, tpm};
+use crate::support::{drawn, fails, tpm};
 use serde_json::Value;
 
 const MODEL: &str = "models/cart_pendulum.tpm";
@@ -110,7 +110,7 @@ fn faults_of_motor_files_are_at_their_place() {
 #[test]
 fn figure_6_5_is_reproduced_and_an_unstable_loop_is_not_run() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    for name in ["figure.svg", "figure.png"] {
+    for name in drawn(&["figure.svg", "figure.png"]) {
         let plot = folder.path().join(name).display().to_string();
         let found = json(&["feedforward", MODEL, "--loop", LOOP, "--params", EXAMPLE, "--plot", &plot, "--json"], 0);
         let error =

@@ -1,6 +1,6 @@
 //! What a log holds, before anything is identified.
 
-use crate::support::{fails, printed_in, root, tpm_in};
+use crate::support::{drawn, fails, printed_in, root, tpm_in};
 use serde_json::Value;
 use std::f64::consts::PI;
 use std::path::Path;
@@ -57,7 +57,7 @@ fn a_log_is_looked_at_with_and_without_a_model() {
     let delay = finding(&json, "inputs")["measured"]["delay"].as_f64().expect("a delay");
     assert!((delay - 3e-3).abs() < 2e-4, "{delay}");
     assert_eq!(finding(&json, "gaps")["measured"]["left_out"], 0);
-    for file in ["inspection.svg", "inspection.png", "inspection.json"] {
+    for file in drawn(&["inspection.svg", "inspection.png", "inspection.json"]) {
         assert!(folder.path().join("seen").join(file).is_file(), "{file}");
     }
     // What is done about the delay leaves none.

@@ -3,7 +3,7 @@
 use crate::support::{fails, printed, printed_in, root};
 use serde_json::Value;
 use std::f64::consts::PI;
-use tpm_runtime::machine::simulated::{ArmGeometry, ClosedLoopArm};
+use tpm_runtime::plant::simulated::{ArmGeometry, ClosedLoopArm};
 
 const LINKS: &str = "models/linkages/closed_loop_arm_links.tpm";
 const QUADRATICS: &str = "models/closed_loop_arm.tpm";

@@ -7,7 +7,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use tpm_runtime::control::Differentiator;
-use tpm_runtime::machine::simulated::Plant;
+use tpm_runtime::motion::Plant;
 use tpm_runtime::session::{DeclaredModel, Identifiable as _};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 

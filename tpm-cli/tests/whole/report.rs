@@ -1,6 +1,6 @@
 //! Reports as pages for a browser: well-formed, without anything from outside, with every parameter, number and warning of the result.
 
-use crate::support::{names, root, tpm_in};
+use crate::support::{drawn, names, root, tpm_in};
 use roxmltree::{Document, ParsingOptions};
 use serde_json::Value;
 use std::path::Path;
@@ -62,7 +62,8 @@ fn reports_say_what_the_results_say() {
     {
         assert!(said.contains(part), "{part}");
     }
-    let files = ["error.png", "error.svg", "force.svg", "harmonics.svg", "input.svg", "report.html", "table.md"];
+    let files =
+        drawn(&["error.png", "error.svg", "force.svg", "harmonics.svg", "input.svg", "report.html", "table.md"]);
     let written = names(&at.join("campaign"));
     assert!(files.iter().all(|file| written.iter().any(|own| own == file)), "{written:?}");
     run(&["campaign", "result", "runs", "--json", "-o", "folder.json", "--report", "folder"]);

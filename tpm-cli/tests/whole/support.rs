@@ -7,6 +7,12 @@ pub(crate) use skipped::skipped;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+/// These names of figures, without those of PNG where the tool was built without it.
+pub(crate) fn drawn<'a>(names: &[&'a str]) -> Vec<&'a str> {
+    let png = tpm_runtime::plot::DRAWS_PNG;
+    names.iter().copied().filter(|name| png || !name.ends_with(".png")).collect()
+}
+
 /// The workspace's folder.
 pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()

@@ -1,7 +1,7 @@
 //! Prediction of a second log: simulated, and EMPS with and without pulses where the data are at hand; its motion simulated from its
 //! inputs, also where the parameters are known as combinations only, and where no model can follow.
 
-use crate::support::{root, skipped, tpm, tpm_in};
+use crate::support::{drawn, root, skipped, tpm, tpm_in};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -34,7 +34,7 @@ fn a_second_run_is_predicted() {
     let text = String::from_utf8(tpm_in(at, &figures).stdout).expect("text");
     assert!(text.contains("nothing is fitted") && text.contains("prediction error"), "{text}");
     assert!(text.contains("free run, rms") && text.contains("low pass at"), "{text}");
-    assert!(["motion.svg", "motion.png"].iter().all(|name| at.join("figures").join(name).exists()));
+    assert!(drawn(&["motion.svg", "motion.png"]).iter().all(|name| at.join("figures").join(name).exists()));
 }
 
 #[test]

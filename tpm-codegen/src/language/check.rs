@@ -15,8 +15,8 @@ pub(crate) use symbols::{SymbolKind, Symbols};
 use crate::diagnostic::Diagnostics;
 use crate::language::ast::ModelDeclaration;
 use crate::language::parse::Syntax;
-use crate::language::unit::Unit;
 use crate::source::Source;
+use tpm_units::Unit;
 
 /// What the checks found out and lowering needs.
 pub(crate) struct Checked<'a> {

@@ -26,8 +26,8 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{self, Declaration, Item, PatternItem, Role, UnitExpr};
 use crate::language::check::{Checked, SymbolKind};
 use crate::language::lower::expression::{Environment, Lower};
-use crate::language::unit::Unit;
 use crate::source::Span;
+use tpm_units::Unit;
 
 /// Places of the source terms, by their [`TermId`]s.
 #[derive(Clone, Debug, Default)]

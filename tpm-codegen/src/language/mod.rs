@@ -13,7 +13,6 @@ mod print;
 pub mod stream;
 mod suggest;
 mod token;
-pub mod unit;
 
 pub use format::format;
 pub use lower::{HIGHEST_ORDER, Taylor, Terms};

@@ -10,8 +10,8 @@ use crate::language::keywords::KEYWORDS;
 use crate::language::lex::lex;
 use crate::language::parse;
 use crate::language::token::{Token, TokenKind};
-use crate::language::unit::Unit;
 use crate::source::{Source, Span};
+use tpm_units::Unit;
 
 /// What kind of thing a word stands for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]

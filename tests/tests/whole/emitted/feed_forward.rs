@@ -56,7 +56,7 @@ fn the_parts_of_the_feed_forward_add_up_and_are_those_of_the_rows() {
                 }
             };
             // The parts once more from the rows alone, with the driven coordinate standing still.
-            let demand = tpm_runtime::machine::actuator::Demand::new(model, &theta, &constants, &driven);
+            let demand = tpm_runtime::plant::actuator::Demand::new(model, &theta, &constants, &driven);
             let parts = demand.at(motion.clone()).expect("every input has its row");
             let size = 1.0 + theta.iter().chain(&motion).map(|v| v.abs()).fold(0.0, f64::max).powi(5);
             for i in 0..dims.inputs {

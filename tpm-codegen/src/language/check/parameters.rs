@@ -7,7 +7,7 @@ use tpm_symbolic::mechanics::tree::mechanism::inertia_unit;
 
 use crate::language::ast::mechanism::{DriveDeclaration, InertiaDeclaration, JointMotion, MechanismDeclaration};
 use crate::language::ast::{ExprKind, Ident};
-use crate::language::unit::Unit;
+use tpm_units::Unit;
 
 /// The parameters, each once, with their units.
 pub(super) fn parameters(mechanism: &MechanismDeclaration) -> Vec<(&Ident, Option<Unit>)> {

@@ -13,8 +13,8 @@ use crate::language::ast::{
 use crate::language::check::parameters::parameters;
 use crate::language::function::Function;
 use crate::language::suggest::nearest;
-use crate::language::unit::{self, Unit};
 use crate::source::Span;
+use tpm_units::Unit;
 
 /// What a name stands for.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -233,7 +233,7 @@ fn unknown_unit(name: &Ident) -> Diagnostic {
         "radian" | "radians" => return error.help("write `rad`"),
         _ => {}
     }
-    match nearest(text, unit::names()) {
+    match nearest(text, tpm_units::names()) {
         Some(near) => error.help(format!("did you mean `{near}`?")),
         None => error
             .help("units are SI units with prefixes, such as kg, mm, s, A, N, J, W, V, ohm, mH, Pa, Hz, rad, deg, rpm"),

@@ -18,8 +18,8 @@ use crate::language::check::parameters::turns;
 use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols, resolve};
 use crate::language::function::{Clause, Function};
 use crate::language::lex::shorten;
-use crate::language::unit::{Exponent, Unit};
 use crate::source::{Source, Span};
+use tpm_units::{Exponent, Unit};
 
 pub(super) fn check(
     model: &ModelDeclaration,

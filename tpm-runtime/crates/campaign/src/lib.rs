@@ -1,0 +1,33 @@
+//! The five-step procedure (Feng, chapter 3): what to play, how it settled, what it taught, what comes next, and what is kept.
+//!
+//! ```text
+//! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial
+//! ```
+
+mod harmonics;
+mod lock;
+mod modes;
+mod procedure;
+mod refinement;
+mod settling;
+mod steady;
+mod store;
+#[cfg(test)]
+mod system_a;
+mod wire;
+
+pub use harmonics::{Lines, RunHarmonics};
+pub use lock::Lock;
+pub use modes::NearMode;
+pub use modes::near_mode;
+pub use procedure::{
+    Campaign, CampaignError, Contradiction, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
+    StageStroke,
+};
+pub use refinement::Refinement;
+pub use settling::settled_from;
+pub use steady::SteadyRun;
+pub use store::{LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
+pub use store::{read_json, write_json};
+pub use tpm_motion::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
+pub use wire::{WireError, read_trial, trial_columns, trial_samples};

@@ -1,0 +1,1081 @@
+//! The campaign: a state machine that says what to play next and learns from what comes back.
+//!
+//! Invariant: [`Campaign::next`] depends on the settings and on the records submitted so far, in their order, and on nothing
+//! else; whoever submits the same records gets the same trials and the same estimates, whether they come from a simulation or
+//! from a machine. Estimates only change by a record that was accepted.
+//!
+//! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
+//! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
+
+use crate::harmonics::RunHarmonics;
+use crate::modes::{NearMode, near_mode};
+use crate::refinement::{OneRun, Refinement};
+use crate::settling::settled_from;
+use crate::steady::SteadyRun;
+use num_complex::Complex;
+use serde::Serialize;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Dims, Model};
+use tpm_estimate::{Alone, Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use tpm_motion::held;
+use tpm_motion::stroke::{Stroke, repeated};
+use tpm_motion::trajectory::{ReferencePattern, Trajectory};
+use tpm_motion::{Ending, Record, RecordError, RunEnding};
+use tpm_motion::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
+use tpm_motion::{Spectra, SpectrumError};
+use tpm_numerics::fourier::analyse;
+use tpm_plant::actuator::{Demand, LimitUse, Limited, Mounted, requirements, strongest};
+
+/// Fewest whole periods that a run measures. A window needs them, and so does the estimate of the noise between the
+/// harmonics.
+pub const LEAST_PERIODS: usize = 4;
+/// Largest change of an estimate, in standard deviations, that counts as no change.
+const INSIGNIFICANT: f64 = 3.0;
+/// Fewest samples per period on which the demand on the motors is computed.
+const PLANNED_SAMPLES: usize = 256;
+/// Highest harmonic up to which a run's demand on the motors is read, as a multiple of the reference's highest
+/// harmonic.
+const MOTOR_REACH: usize = 4;
+/// Factors on the frequency of a stage, tried in this order where its harmonics lie near a natural mode. A slower run keeps the
+/// limits that the stage keeps.
+const DETOURS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
+/// Most times that the settling time of a trial is doubled.
+const EXTENSIONS: usize = 3;
+
+/// One amplitude and frequency of the schedule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// Pattern of the stage; the campaign's pattern where none is given.
+    pub pattern: Option<ReferencePattern>,
+    /// Amplitudes, in the order of the pattern.
+    pub amplitudes: Vec<f64>,
+    /// Fundamental angular frequency asked for, rad/s.
+    pub frequency: f64,
+    /// Multiple of the frequency at which each coordinate plays its pattern; one for all when empty.
+    pub multiples: Vec<u32>,
+    /// Factor on all gains of the feedback.
+    pub gain: f64,
+    /// Strokes that are played one after the other; the pattern itself, over and over, when empty.
+    pub strokes: Vec<StageStroke>,
+}
+
+/// One stroke of a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageStroke {
+    /// Pattern of the stroke with the amplitudes of the stage; the pattern of the stage where none is given.
+    pub pattern: Option<ReferencePattern>,
+    /// Phases of the pattern between which it is played, rad.
+    pub phases: (f64, f64),
+    /// Rest after the stroke, s.
+    pub dwell: f64,
+}
+
+impl Stage {
+    /// The stage's own pattern, or the pattern of the campaign where the stage has none.
+    #[must_use]
+    pub fn pattern<'p>(&'p self, campaign: &'p ReferencePattern) -> &'p ReferencePattern {
+        self.pattern.as_ref().unwrap_or(campaign)
+    }
+
+    /// The reference of the stage with its amplitudes times `scale`. A stage without a pattern plays that of the
+    /// campaign. The frequency is that with which the reference repeats, rests included.
+    #[must_use]
+    pub fn trajectory(&self, campaign: &ReferencePattern, scale: f64) -> Trajectory {
+        if self.strokes.is_empty() {
+            return self.along(self.pattern(campaign), scale);
+        }
+        repeated(&self.played_strokes(campaign, scale))
+    }
+
+    /// The strokes of the stage with its amplitudes times `scale`.
+    #[must_use]
+    pub fn played_strokes(&self, campaign: &ReferencePattern, scale: f64) -> Vec<Stroke> {
+        let stroke = |stroke: &StageStroke| {
+            let pattern = stroke.pattern.as_ref().unwrap_or_else(|| self.pattern(campaign));
+            Stroke { trajectory: self.along(pattern, scale), phases: stroke.phases, dwell: stroke.dwell }
+        };
+        self.strokes.iter().map(stroke).collect()
+    }
+
+    /// Whether the motion rests between strokes.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        self.strokes.iter().any(|stroke| stroke.dwell > 0.0)
+    }
+
+    /// A pattern with the amplitudes of the stage times `scale`, at its frequency and multiples.
+    fn along(&self, pattern: &ReferencePattern, scale: f64) -> Trajectory {
+        let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
+        let mut trajectory = pattern.trajectory(&amplitudes, self.frequency);
+        for (series, &multiple) in trajectory.coordinates.iter_mut().zip(&self.multiples) {
+            for line in &mut series.lines {
+                line.harmonic *= multiple;
+            }
+        }
+        trajectory
+    }
+}
+
+/// Schedule, limits and stopping rules of a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Procedure {
+    /// The stages, growing.
+    pub stages: Vec<Stage>,
+    /// Fewest periods that pass before anything is measured.
+    pub settle_periods: usize,
+    /// Time that is measured in every run, s; rounded up to whole periods, at least [`LEAST_PERIODS`].
+    pub measure_time: f64,
+    /// Most updates in one stage.
+    pub updates_per_stage: usize,
+    /// Most runs in the whole campaign.
+    pub max_runs: usize,
+    /// A stage is done when no parameter changed by more than this share (or insignificantly).
+    pub tolerance: f64,
+    /// A stage is also done when no harmonic of the tracking error exceeds its coordinate's limit; zero leaves a
+    /// coordinate out.
+    pub error_limits: Vec<f64>,
+    /// Largest tracking error per coordinate; a run that passes it is aborted.
+    pub tracking_bounds: Vec<f64>,
+    /// Largest magnitude of each input; infinite for an input without a limit.
+    pub input_limits: Vec<f64>,
+    /// Least and largest position per coordinate, beyond which a run is aborted; coordinates past the end of the list
+    /// are unbounded.
+    pub position_bounds: Vec<(f64, f64)>,
+    /// Largest magnitude of the velocity per coordinate, beyond which a run is aborted; coordinates past the end of the
+    /// list are unbounded.
+    pub velocity_bounds: Vec<f64>,
+    /// Motor of each input, whose limits count beside the limit of the input; empty when there is no motor.
+    pub motors: Vec<Option<Mounted>>,
+    /// Limits of the actuator of each input, of whatever kind it is; empty when there are none.
+    pub limited: Vec<Option<Limited>>,
+    /// Share of an input's limit at which the campaign ends.
+    pub effort_share: f64,
+    /// Factor on the amplitudes after an aborted run.
+    pub back_off: f64,
+    /// Most aborted runs in succession.
+    pub max_aborts: usize,
+    /// What the recorded inputs do between samples.
+    pub hold: Hold,
+    /// Whether a run whose harmonics lie near a natural mode of the estimates is played at a lower frequency, down to
+    /// three quarters. A stage for which there is none is played as it is.
+    pub avoid_modes: bool,
+}
+
+/// Everything that a campaign starts from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// Pattern of the reference.
+    pub pattern: ReferencePattern,
+    /// Constants of the model.
+    pub constants: Vec<f64>,
+    /// Estimates before the first run; zero where none was stated.
+    pub prior: Vec<f64>,
+    /// Whether the estimate of a parameter was stated; those past the end of the list were.
+    pub stated: Vec<bool>,
+    /// Feedback and sampling.
+    pub control: Loop,
+    /// The schedule.
+    pub procedure: Procedure,
+    /// The estimator.
+    pub method: Method,
+    /// Settings of the estimator.
+    pub estimation: Settings,
+}
+
+impl Setup {
+    /// The estimates before the first run that were stated.
+    #[must_use]
+    pub fn stated_prior(&self) -> Vec<Option<f64>> {
+        let stated = |(j, value): (usize, &f64)| self.stated.get(j).copied().unwrap_or(true).then_some(*value);
+        self.prior.iter().enumerate().map(stated).collect()
+    }
+}
+
+/// Why a campaign ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The last stage converged.
+    Converged,
+    /// An input reached the stated share of its limit: the campaign went as far as it was asked to go.
+    EffortShare,
+    /// All runs were used before the last stage converged.
+    RunsUsed,
+    /// An input was cut at its limit.
+    InputLimit,
+    /// Run after run passed a bound, was stopped, or diverged.
+    Aborted,
+    /// The motion did not settle.
+    NotSettled,
+    /// A sensor gave no value.
+    SensorLost,
+    /// All runs were used to follow parameters that drift.
+    Followed,
+}
+
+impl Outcome {
+    /// Whether the campaign ended as planned.
+    #[must_use]
+    pub const fn is_normal(self) -> bool {
+        matches!(self, Outcome::Converged | Outcome::EffortShare | Outcome::Followed)
+    }
+
+    /// The ending in words, for a report.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Outcome::Converged => "converged",
+            Outcome::EffortShare => "an input reached the stated share of its limit",
+            Outcome::RunsUsed => "all runs were used before the estimates converged",
+            Outcome::InputLimit => "an input was cut at its limit",
+            Outcome::Aborted => "run after run passed a bound, or was stopped",
+            Outcome::NotSettled => "the motion did not settle",
+            Outcome::SensorLost => {
+                "a sensor gave no value in the middle of a run; mend it, and go on from the runs that are finished"
+            }
+            Outcome::Followed => "all runs were used to follow the parameters",
+        }
+    }
+}
+
+/// How a run contradicts the runs that are pooled.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Contradiction {
+    /// The parameter that differs most.
+    pub parameter: String,
+    /// Its difference, in standard deviations of the difference.
+    pub deviations: f64,
+}
+
+/// One parameter's value in a run's report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunParameter {
+    /// Name of the parameter.
+    pub name: String,
+    /// Estimate after the run; nothing when the parameter is unobservable.
+    pub value: Option<f64>,
+    /// Standard deviation of the estimate; nothing when the parameter is unobservable.
+    pub std: Option<f64>,
+}
+
+/// Report of one run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunReport {
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// Stage of the schedule, from 1.
+    pub stage: usize,
+    /// Name of the stage's pattern, where the stage has its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// Names and values of the amplitudes.
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental angular frequency that was played, rad/s.
+    pub frequency: f64,
+    /// Samples in a period.
+    pub samples_per_period: usize,
+    /// Period from which the motion had settled.
+    pub settled_after: Option<usize>,
+    /// Whole periods that were measured.
+    pub periods: usize,
+    /// Parameters with which the feed-forward was computed, in the model's order.
+    #[serde(skip)]
+    pub played: Vec<f64>,
+    /// Root-mean-square tracking error per coordinate, over the measured periods or over the whole of an aborted run.
+    pub tracking_rms: Vec<f64>,
+    /// Largest share of a limit that an input or its motor took; nothing without limits.
+    pub effort_share: Option<f64>,
+    /// The limit of which the largest share was taken, and where in the period.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<LimitUse>,
+    /// How the run ended.
+    pub ending: RunEnding,
+    /// A harmonic of the reference or of the feed-forward that lies near a natural mode. The modes are computed with
+    /// the parameters of the feed-forward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_mode: Option<NearMode>,
+    /// Whether the run belonged to an update when it came in. A perturbed run of the estimator `numerical` belongs to one together
+    /// with later runs.
+    pub updated: bool,
+    /// How the run contradicts the others, so that it is not pooled; nothing for a run that is. Later runs may change it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contradicts: Option<Contradiction>,
+    /// Estimates after the run.
+    pub parameters: Vec<RunParameter>,
+    /// Rank of all equations so far.
+    pub rank: Option<usize>,
+    /// Condition number of all equations so far.
+    pub condition: Option<f64>,
+    /// Residual as a share of the force.
+    pub residual: Option<f64>,
+    /// Highest harmonic used by the estimator.
+    pub harmonics: Option<usize>,
+}
+
+impl RunReport {
+    /// Whether the estimates contain the run: it was played whole, had settled, and agrees with the others.
+    #[must_use]
+    pub const fn is_pooled(&self) -> bool {
+        self.settled_after.is_some() && self.contradicts.is_none()
+    }
+}
+
+/// Why a campaign cannot go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CampaignError {
+    /// The schedule is empty.
+    #[error("the schedule has no stage")]
+    NoStage,
+    /// A record came although the campaign had ended.
+    #[error("the campaign has ended; no record is expected")]
+    Ended,
+    /// The record does not have the dimensions of the trial.
+    #[error("the record has {given} {what}, the trial has {needed}")]
+    Mismatch {
+        /// The dimension that differs.
+        what: &'static str,
+        /// Its value in the trial.
+        needed: usize,
+        /// Its value in the record.
+        given: usize,
+    },
+    /// The samples that came back do not form a record of the trial.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// The record holds a value that is not finite.
+    #[error("sample {sample} of the record is not finite; was a sensor disconnected?")]
+    NotFinite {
+        /// Index of the sample.
+        sample: usize,
+    },
+    /// The next trial cannot be computed.
+    #[error("run {run}: {source}")]
+    Trial {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The fault of the trial.
+        source: TrialError,
+    },
+    /// The actuator cannot follow the reference, whatever the parameters are.
+    #[error("run {run} cannot work: {limit}")]
+    Unreachable {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The limit that the run would pass.
+        limit: Box<LimitUse>,
+    },
+    /// The harmonics of the record cannot be computed.
+    #[error("run {run}: {source}")]
+    Spectrum {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The fault of the harmonics.
+        source: SpectrumError,
+    },
+    /// The estimator refused the run.
+    #[error("run {run}: {source}")]
+    Estimate {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The fault of the estimate.
+        source: EstimateError,
+    },
+}
+
+/// A campaign of runs on one machine.
+pub struct Campaign<'m> {
+    model: &'m dyn Model<f64>,
+    setup: Setup,
+    estimator: Box<dyn Estimator>,
+    current: Vec<f64>,
+    estimate: Option<Estimate>,
+    /// Refines estimates before runs and updates are judged by them; nothing where harmonics tell all.
+    refinement: Option<Box<dyn Refinement + 'm>>,
+    /// The last estimate, refined; nothing where it was not.
+    refined: Option<Estimate>,
+    reports: Vec<RunReport>,
+    /// Index among the reports of every run that the estimator has taken in.
+    taken: Vec<usize>,
+    /// The settled part of every run that the estimator has taken in.
+    steady: Vec<SteadyRun>,
+    /// The harmonics of every run that the estimator has taken in.
+    harmonics: Vec<RunHarmonics>,
+    stage: usize,
+    updates_in_stage: usize,
+    /// Factor on the amplitudes of the present stage.
+    scale: f64,
+    aborts: usize,
+    extensions: usize,
+    pending: Option<Trial>,
+    outcome: Option<Outcome>,
+    stop: Option<LimitUse>,
+}
+
+impl std::fmt::Debug for Campaign<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Campaign")
+            .field("model", &self.model.name())
+            .field("estimator", &self.estimator.name())
+            .field("runs", &self.reports.len())
+            .field("current", &self.current)
+            .field("outcome", &self.outcome)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'m> Campaign<'m> {
+    /// A campaign before its first run.
+    ///
+    /// # Errors
+    /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
+    /// computed, [`CampaignError::Estimate`] when the estimator has no meaning for the model.
+    pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
+        let estimator = setup.method.estimator(&setup.estimation);
+        Self::with_estimator(model, setup, estimator)
+    }
+
+    /// A campaign before its first run, with an estimator of the caller, which estimates the model's parameters.
+    ///
+    /// # Errors
+    /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
+    /// computed, [`CampaignError::Estimate`] when the estimator has no meaning for the model.
+    pub fn with_estimator(
+        model: &'m dyn Model<f64>,
+        setup: Setup,
+        estimator: Box<dyn Estimator>,
+    ) -> Result<Self, CampaignError> {
+        if setup.procedure.stages.is_empty() {
+            return Err(CampaignError::NoStage);
+        }
+        let mut current = setup.prior.clone();
+        current.resize(model.dims().parameters, 0.0);
+        for frozen in &setup.estimation.frozen {
+            if let Some(value) = current.get_mut(frozen.parameter) {
+                *value = frozen.value;
+            }
+        }
+        let mut campaign = Campaign {
+            model,
+            setup,
+            estimator,
+            current,
+            estimate: None,
+            refinement: None,
+            refined: None,
+            reports: Vec::new(),
+            taken: Vec::new(),
+            steady: Vec::new(),
+            harmonics: Vec::new(),
+            stage: 0,
+            updates_in_stage: 0,
+            scale: 1.0,
+            aborts: 0,
+            extensions: 0,
+            pending: None,
+            outcome: None,
+            stop: None,
+        };
+        campaign.prepare()?;
+        if let Some(first) = &campaign.pending {
+            let runs = campaign.setup.procedure.max_runs;
+            let checked = campaign.estimator.check(model, first, runs);
+            checked.map_err(|source| CampaignError::Estimate { run: 1, source })?;
+        }
+        Ok(campaign)
+    }
+
+    /// The campaign with a refinement of the estimates by which it judges whether runs agree and whether an update has converged. The
+    /// next run is played with the estimates of the harmonics.
+    pub fn refining(mut self, refinement: impl Refinement + 'm) -> Self {
+        self.refinement = Some(Box::new(refinement));
+        self
+    }
+
+    /// What to play next; nothing when the campaign has ended.
+    #[must_use]
+    pub const fn next(&self) -> Option<&Trial> {
+        self.pending.as_ref()
+    }
+
+    /// Why the campaign ended; nothing while it goes on.
+    #[must_use]
+    pub const fn outcome(&self) -> Option<Outcome> {
+        self.outcome
+    }
+
+    /// The limit that ended the campaign; nothing when something else did.
+    #[must_use]
+    pub const fn stop(&self) -> Option<&LimitUse> {
+        self.stop.as_ref()
+    }
+
+    /// The parameters with which the next run's feed-forward is computed.
+    #[must_use]
+    pub fn current(&self) -> &[f64] {
+        &self.current
+    }
+
+    /// The harmonic of the next run that lies near a natural mode of the estimates, before the run is played; nothing where no
+    /// harmonic does, or the campaign has ended.
+    #[must_use]
+    pub fn next_near_mode(&self) -> Option<NearMode> {
+        near_mode(self.model, self.pending.as_ref()?)
+    }
+
+    /// The last estimate with its uncertainty; nothing before the first update.
+    #[must_use]
+    pub const fn estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// How far the estimate of a campaign that ended before it had settled is from the parameters about which it is linear; nothing for
+    /// estimators whose deviations contain what a linearisation leaves out.
+    pub fn unsettled(&self) -> Option<Vec<f64>> {
+        let ended = self.outcome.is_some_and(|outcome| outcome != Outcome::Converged);
+        let about = self.estimator.linear_about().filter(|_| ended)?;
+        Some(self.estimate.as_ref()?.values.iter().zip(about).map(|(now, before)| now - before).collect())
+    }
+
+    /// The estimator that is at work, with what it reports beside the estimate.
+    #[must_use]
+    pub fn estimator(&self) -> &dyn Estimator {
+        self.estimator.as_ref()
+    }
+
+    /// The model of the machine.
+    #[must_use]
+    pub fn model(&self) -> &dyn Model<f64> {
+        self.model
+    }
+
+    /// Reports of the runs so far.
+    #[must_use]
+    pub fn runs(&self) -> &[RunReport] {
+        &self.reports
+    }
+
+    /// The settled parts of the runs that are pooled, in their order.
+    pub fn steady(&self) -> impl Iterator<Item = &SteadyRun> {
+        self.steady.iter().filter(|steady| self.reports[steady.run].is_pooled())
+    }
+
+    /// The harmonics of the runs that the estimator has taken in, in their order.
+    pub fn harmonics(&self) -> &[RunHarmonics] {
+        &self.harmonics
+    }
+
+    /// What the campaign started from.
+    #[must_use]
+    pub const fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Takes in the record of the trial that [`next`](Self::next) gave, updates the estimates and computes the next
+    /// trial.
+    ///
+    /// # Errors
+    /// [`CampaignError`] when the campaign has ended, when the record does not fit the trial, or when harmonics,
+    /// estimates or the next trial cannot be computed. The campaign is then as it was before, and expects another
+    /// record of the same trial.
+    pub fn submit(&mut self, record: &Record) -> Result<&RunReport, CampaignError> {
+        let Some(trial) = self.pending.clone() else { return Err(CampaignError::Ended) };
+        let dims = self.model.dims();
+        for (what, needed, given) in
+            [("coordinates", dims.coordinates, record.coordinates.len()), ("inputs", dims.inputs, record.inputs.len())]
+        {
+            if needed != given {
+                return Err(CampaignError::Mismatch { what, needed, given });
+            }
+        }
+        let mut report = self.report(&trial, record);
+        if matches!(record.ending, Ending::SensorLost { .. }) {
+            self.outcome = Some(Outcome::SensorLost);
+            return self.finish(report);
+        }
+        if record.ending != Ending::Complete {
+            self.aborts += 1;
+            self.scale *= self.setup.procedure.back_off;
+            self.estimator.take_back();
+            if self.aborts > self.setup.procedure.max_aborts {
+                self.outcome = Some(Outcome::Aborted);
+            }
+            return self.finish(report);
+        }
+        if record.len() < trial.samples() {
+            return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given: record.len() });
+        }
+        let not_finite = |channel: &Vec<f64>| channel.iter().position(|x| !x.is_finite());
+        let rates = || record.rates.iter().flatten();
+        if let Some(sample) = record.coordinates.iter().chain(&record.inputs).chain(rates()).find_map(not_finite) {
+            return Err(CampaignError::NotFinite { sample });
+        }
+        if let Some(short) = rates().map(Vec::len).find(|length| *length < trial.samples()) {
+            return Err(CampaignError::Mismatch { what: "samples of a rate", needed: trial.samples(), given: short });
+        }
+        let samples = trial.samples_per_period;
+        let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
+            .filter(|from| from + LEAST_PERIODS <= trial.periods);
+        let Some(from) = settled else {
+            report.ending = RunEnding::Unsettled;
+            self.extensions += 1;
+            if self.extensions > EXTENSIONS {
+                self.outcome = Some(Outcome::NotSettled);
+            }
+            return self.finish(report);
+        };
+        let run = self.reports.len() + 1;
+        let channels: Vec<&[f64]> = record
+            .coordinates
+            .iter()
+            .chain(&record.inputs)
+            .chain(rates())
+            .map(|c| &c[from * samples..trial.samples()])
+            .collect();
+        let periods = trial.periods - from;
+        let mut spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
+            .map_err(|source| CampaignError::Spectrum { run, source })?;
+        correct_actuators(&mut spectra, dims.coordinates, &trial.control.actuators);
+        if self.setup.procedure.stages[self.stage].rests() {
+            spectra.rests[..dims.coordinates].fill(true);
+        }
+        let rates = integrated_rates(&spectra, &record.rates, dims);
+        if rates.is_some() {
+            let own: Vec<usize> = (0..dims.coordinates + dims.inputs).collect();
+            spectra = spectra.select(&own);
+        }
+        let hold = self.setup.procedure.hold;
+        let own = &channels[..dims.coordinates + dims.inputs];
+        let steady = SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra);
+        let alone = self.refinement.as_deref().map(|refinement| OneRun { refinement, run: &steady });
+        let alone = alone.as_ref().map(|run| run as &dyn Alone);
+        let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold, alone };
+        let update =
+            self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
+        self.aborts = 0;
+        self.taken.push(self.reports.len());
+        self.steady.push(steady);
+        report.settled_after = Some(from);
+        report.periods = periods;
+        report.tracking_rms = tracking_rms(&trial, record, from * samples);
+        report.harmonics = Some(self.estimator.harmonics());
+        let used = self.motor_use(&trial, &spectra).into_iter().chain(self.limited_use(&trial, &spectra));
+        if let Some(used) = used.fold(None, most_used) {
+            report.limit = most_used(report.limit.take(), used);
+            report.effort_share = report.limit.as_ref().map(|limit| limit.share);
+        }
+        report.contradicts = self.contradictions();
+        if let Some(estimate) = update {
+            // A run that is left out changes nothing, which is no convergence: its stage is played again.
+            let pooled = report.contradicts.is_none();
+            let refined = self.refine(&estimate, pooled);
+            let judged = refined.as_ref().unwrap_or(&estimate);
+            let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, &spectra));
+            self.current.clone_from(&estimate.values);
+            self.refined = refined;
+            report.updated = pooled;
+            self.estimate = Some(estimate);
+            self.updates_in_stage += usize::from(pooled);
+            self.decide(&trial, record, &report, converged);
+        }
+        let highest = self.estimator.harmonics();
+        let after = self.current.clone();
+        let of = (dims.coordinates, dims.inputs);
+        self.harmonics.push(RunHarmonics::of(self.reports.len(), &trial, &spectra, of, highest, after));
+        self.finish(report)
+    }
+
+    /// Says in the report of every run whether the runs that are pooled contradict it. Gives what is to be said of the last run,
+    /// whose report is not filed yet.
+    fn contradictions(&mut self) -> Option<Contradiction> {
+        let mut last = None;
+        for (run, &at) in self.taken.iter().enumerate() {
+            let left_out = self.estimator.left_out().iter().find(|left_out| left_out.run == run);
+            let said = left_out.map(|left_out| Contradiction {
+                parameter: self.model.parameter(left_out.parameter).name.into(),
+                deviations: left_out.deviations,
+            });
+            match self.reports.get_mut(at) {
+                Some(report) => report.contradicts = said,
+                None => last = said,
+            }
+        }
+        last
+    }
+
+    /// After an update: repeats the stage, moves on to the next one, or ends the campaign.
+    fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
+        let procedure = &self.setup.procedure;
+        let share = report.effort_share.unwrap_or(0.0);
+        let is_limited = trial.input_limits.iter().any(|limit| limit.is_finite()) || self.limited().next().is_some();
+        if record.saturated > 0 && is_limited || share > 1.0 {
+            self.outcome = Some(Outcome::InputLimit);
+            self.stop.clone_from(&report.limit);
+        } else if report.effort_share.is_some() && share >= procedure.effort_share {
+            self.outcome = Some(Outcome::EffortShare);
+            self.stop.clone_from(&report.limit);
+        } else if converged || self.updates_in_stage >= procedure.updates_per_stage {
+            let last = self.stage + 1 == procedure.stages.len();
+            if last && self.setup.estimation.forgets() {
+                self.updates_in_stage = 0;
+            } else if last && converged {
+                self.outcome = Some(Outcome::Converged);
+            } else if last {
+                self.outcome = Some(Outcome::RunsUsed);
+            } else {
+                self.stage += 1;
+                self.updates_in_stage = 0;
+                self.scale = 1.0;
+                self.extensions = 0;
+            }
+        }
+    }
+
+    /// Files the report and computes the next trial.
+    fn finish(&mut self, mut report: RunReport) -> Result<&RunReport, CampaignError> {
+        report.parameters = self.run_parameters();
+        report.rank = self.estimate.as_ref().map(|e| e.rank);
+        report.condition = self.estimate.as_ref().map(|e| e.condition).filter(|c| c.is_finite());
+        report.residual = self.estimate.as_ref().map(|e| e.residual);
+        self.reports.push(report);
+        self.pending = None;
+        if self.outcome.is_none() && self.reports.len() >= self.setup.procedure.max_runs {
+            let there = self.stage + 1 == self.setup.procedure.stages.len() && self.estimate.is_some();
+            let followed = there && self.setup.estimation.forgets();
+            self.outcome = Some(if followed { Outcome::Followed } else { Outcome::RunsUsed });
+        }
+        if self.outcome.is_none() {
+            self.prepare()?;
+        }
+        Ok(self.reports.last().expect("invariant: a report was just filed"))
+    }
+
+    /// The next trial of the present stage, its frequency times a factor.
+    fn trial(&self, factor: f64) -> Result<Trial, CampaignError> {
+        let procedure = &self.setup.procedure;
+        let asked = &procedure.stages[self.stage];
+        let stage = &Stage { frequency: factor * asked.frequency, ..asked.clone() };
+        let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * self.scale).collect();
+        let trajectory = stage.trajectory(&self.setup.pattern, self.scale);
+        let period = 2.0 * std::f64::consts::PI / trajectory.frequency;
+        // The margin keeps rounding from adding a period when whole periods fill the measured time exactly.
+        let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
+        let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
+        let settings = TrialSettings {
+            run: self.reports.len(),
+            trajectory,
+            open: &stage.pattern(&self.setup.pattern).open(),
+            pattern: stage.pattern.as_ref().and_then(|pattern| pattern.name.clone()),
+            amplitudes,
+            periods: settle + measured,
+            control: &self.setup.control.scaled(stage.gain),
+            parameters: &self.estimator.play(&self.current),
+            constants: &self.setup.constants,
+            tracking_bounds: &procedure.tracking_bounds,
+            input_limits: &procedure.input_limits,
+            position_bounds: &procedure.position_bounds,
+            velocity_bounds: &procedure.velocity_bounds,
+        };
+        let run = self.reports.len() + 1;
+        Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })
+    }
+
+    fn prepare(&mut self) -> Result<(), CampaignError> {
+        let mut trial = loop {
+            match self.trial(1.0) {
+                // An update may go so far that the open coordinates have no periodic motion.
+                Err(CampaignError::Trial { source: TrialError::Open { .. }, .. }) if self.estimator.take_back() => {}
+                trial => break trial?,
+            }
+        };
+        if self.setup.procedure.avoid_modes && near_mode(self.model, &trial).is_some() {
+            let moved = DETOURS.iter().filter_map(|factor| self.trial(*factor).ok());
+            trial = moved.into_iter().find(|moved| near_mode(self.model, moved).is_none()).unwrap_or(trial);
+        }
+        let procedure = &self.setup.procedure;
+        let run = self.reports.len() + 1;
+        let share = procedure.effort_share;
+        let limited = self.limited_plan(&trial);
+        // Speed and bandwidth are those of the reference; a force and a power are the prior's as long as nothing is known.
+        if let Some(limit) = &limited
+            && limit.share > 1.0
+            && matches!(limit.limit, "speed" | "bandwidth")
+            && self.estimate.is_none()
+        {
+            return Err(CampaignError::Unreachable { run, limit: Box::new(limit.clone()) });
+        }
+        let planned = if self.estimate.is_some() {
+            let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
+            let inputs = trial.input_limits.len();
+            let column = |i: usize| trial.feed_forward.iter().skip(i).step_by(inputs).copied().collect();
+            let command = self.command_use(&trial, &(0..inputs).map(column).collect::<Vec<Vec<f64>>>());
+            motor.into_iter().chain(limited).fold(command, most_used)
+        } else {
+            None
+        };
+        if planned.as_ref().is_some_and(|planned| planned.share >= share) {
+            // The feed-forward alone would pass the share, so the trial is not played.
+            self.outcome = Some(Outcome::EffortShare);
+            self.stop = planned;
+        } else {
+            self.pending = Some(trial);
+        }
+        Ok(())
+    }
+
+    /// The input that takes the largest share of its limit. `columns` are samples of the inputs from the start of a
+    /// period.
+    fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
+        let samples = trial.samples_per_period;
+        let mut most = None;
+        for (i, (column, &limit)) in columns.iter().zip(&trial.input_limits).enumerate() {
+            if !limit.is_finite() {
+                continue;
+            }
+            let sizes = column.iter().map(|value| value.abs()).enumerate();
+            let (at, value) = sizes.fold((0, 0.0), |most, now| if now.1 > most.1 { now } else { most });
+            let label = self.model.input(i);
+            // Where the motor's largest current limits the input, the current is reported instead of the command.
+            let motor = self.setup.procedure.motors.get(i).copied().flatten().map(|mounted| mounted.motor);
+            let by_current = motor.filter(|motor| motor.force(motor.limits.current) <= limit);
+            let per_unit = by_current.map_or(1.0, |motor| 1.0 / motor.force(1.0));
+            let (name, unit) = match by_current {
+                Some(_) => ("current", Some("A".into())),
+                None => ("command", label.unit.map(Into::into)),
+            };
+            let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+            let harmonic = strongest(last_period(column, samples, reach).into_iter().enumerate());
+            let used = LimitUse {
+                input: label.name.into(),
+                limit: name,
+                unit,
+                value: value * per_unit,
+                available: limit * per_unit,
+                share: value / limit,
+                sample: at % samples,
+                time: (at % samples) as f64 * trial.control.sample_time,
+                harmonic: harmonic.map(|(k, size)| (k, size * per_unit)),
+                remedy: None,
+            };
+            most = most_used(most, used);
+        }
+        most
+    }
+
+    /// The largest share of a motor's limit that the feed-forward of a trial would take.
+    fn motor_plan(&self, trial: &Trial) -> Result<Option<LimitUse>, TrialError> {
+        let mounted = &self.setup.procedure.motors;
+        if mounted.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let driven: Vec<Vec<usize>> =
+            mounted.iter().map(|mounted| mounted.iter().map(|mounted| mounted.coordinate).collect()).collect();
+        let motors: Vec<_> = mounted.iter().map(|mounted| mounted.map(|mounted| mounted.bare())).collect();
+        let demand = Demand::new(self.model, &trial.parameters, &trial.constants, &driven);
+        let least = 8 * trial.trajectory.highest_harmonic() as usize;
+        let samples = least.next_power_of_two().max(PLANNED_SAMPLES);
+        let found = requirements(&demand, &motors, &trial.trajectory, samples)?;
+        let uses = found.iter().filter_map(|requirement| {
+            let mounted = mounted.get(requirement.input).copied().flatten()?;
+            Some(mounted.planned(self.model, requirement, trial.samples_per_period))
+        });
+        Ok(uses.fold(None, most_used))
+    }
+
+    /// The largest share of an actuator's limit that the feed-forward of a trial would take.
+    fn limited_plan(&self, trial: &Trial) -> Option<LimitUse> {
+        let Dims { inputs, .. } = self.model.dims();
+        let width = self.model.dims().motion_len();
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(trial.samples_per_period / 2);
+        let of = |(i, limited): (usize, &Limited)| {
+            let force = analyse(&trial.feed_forward, i, inputs, reach);
+            let motion = analyse(&trial.reference, limited.coordinate, width, reach);
+            let fundamental = trial.trajectory.frequency;
+            limited.used(self.model, i, (&force, &motion), fundamental, trial.samples_per_period)
+        };
+        self.limited().map(of).fold(None, most_used)
+    }
+
+    /// The largest share of an actuator's limit that a measured run took.
+    fn limited_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
+        let coordinates = self.model.dims().coordinates;
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(spectra.highest());
+        let of = |(i, limited): (usize, &Limited)| {
+            let force = &spectra.lines[coordinates + i][..=reach];
+            let motion = &spectra.lines[limited.coordinate][..=reach];
+            limited.used(self.model, i, (force, motion), spectra.fundamental, trial.samples_per_period)
+        };
+        self.limited().map(of).fold(None, most_used)
+    }
+
+    /// The inputs whose actuators are limited.
+    fn limited(&self) -> impl Iterator<Item = (usize, &Limited)> {
+        let all = self.setup.procedure.limited.iter().enumerate();
+        all.filter_map(|(i, limited)| Some((i, limited.as_ref()?)))
+    }
+
+    /// The largest share of a motor's limit that a measured run took.
+    fn motor_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
+        let coordinates = self.model.dims().coordinates;
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(spectra.highest());
+        let mut most = None;
+        for (i, mounted) in self.setup.procedure.motors.iter().enumerate() {
+            let Some(mounted) = mounted else { continue };
+            let hold = |k: usize| held(self.setup.procedure.hold, k as f64 * spectra.fundamental * spectra.sample_time);
+            let force: Vec<_> = (0..=reach).map(|k| spectra.lines[coordinates + i][k] * hold(k)).collect();
+            let motion = &spectra.lines[mounted.coordinate][..=reach];
+            let name = self.model.input(i).name;
+            let used = mounted.measured(name, &force, motion, spectra.fundamental, trial.samples_per_period);
+            most = most_used(most, used);
+        }
+        most
+    }
+
+    /// The estimate refined by the samples of the pooled runs, to which the last run, whose report is not filed yet, belongs or not.
+    fn refine(&self, estimate: &Estimate, last: bool) -> Option<Estimate> {
+        let is_pooled = |steady: &&SteadyRun| self.reports.get(steady.run).map_or(last, RunReport::is_pooled);
+        let pooled: Vec<&SteadyRun> = self.steady.iter().filter(is_pooled).collect();
+        self.refinement.as_ref()?.refined(&pooled, estimate)
+    }
+
+    fn converged(&self, estimate: &Estimate) -> bool {
+        if self.estimate.is_none() {
+            return false;
+        }
+        let known = self.refined.as_ref().map_or(&self.current, |refined| &refined.values);
+        // A change within deviations that are not those of noise is no sign that the next change is none.
+        let last = self.estimator.is_final();
+        let insignificant = if last { INSIGNIFICANT } else { 0.0 };
+        let shown = |shown: &Combination| {
+            let before: f64 = shown.weights.iter().zip(known).map(|(weight, value)| weight * value).sum();
+            (shown.value - before).abs() <= self.setup.procedure.tolerance * shown.value.abs()
+        };
+        if !last && !estimate.combinations().iter().all(shown) {
+            return false;
+        }
+        estimate.values.iter().zip(known).zip(estimate.std.iter().zip(&estimate.status)).all(
+            |((now, before), (std, status))| {
+                let change = (now - before).abs();
+                *status == Status::Unobservable
+                    || change <= self.setup.procedure.tolerance * now.abs()
+                    || change <= insignificant * std
+            },
+        )
+    }
+
+    /// Whether there are limits on the harmonics of the tracking error and no harmonic exceeds its limit.
+    fn tracks_well(&self, trial: &Trial, spectra: &Spectra) -> bool {
+        let limits = &self.setup.procedure.error_limits;
+        if self.estimate.is_none() || !limits.iter().any(|limit| *limit > 0.0) {
+            return false;
+        }
+        let highest = self.estimator.harmonics().max(1);
+        let lines = tpm_estimate::error_lines(trial, spectra, limits.len(), highest);
+        lines.iter().zip(limits).all(|(lines, limit)| *limit <= 0.0 || lines.iter().all(|line| line.norm() <= *limit))
+    }
+
+    fn report(&self, trial: &Trial, record: &Record) -> RunReport {
+        let limit = self.command_use(trial, &record.inputs);
+        let pattern = self.setup.procedure.stages[self.stage].pattern(&self.setup.pattern);
+        RunReport {
+            run: self.reports.len() + 1,
+            stage: self.stage + 1,
+            pattern: trial.pattern.clone(),
+            amplitudes: pattern.amplitudes.iter().cloned().zip(trial.amplitudes.iter().copied()).collect(),
+            frequency: trial.trajectory.frequency,
+            samples_per_period: trial.samples_per_period,
+            settled_after: None,
+            periods: 0,
+            played: trial.parameters.clone(),
+            tracking_rms: tracking_rms(trial, record, 0),
+            effort_share: limit.as_ref().map(|limit| limit.share),
+            limit,
+            ending: record.ending.kind(),
+            near_mode: near_mode(self.model, trial),
+            updated: false,
+            contradicts: None,
+            parameters: Vec::new(),
+            rank: None,
+            condition: None,
+            residual: None,
+            harmonics: None,
+        }
+    }
+
+    fn run_parameters(&self) -> Vec<RunParameter> {
+        self.current
+            .iter()
+            .enumerate()
+            .map(|(j, &value)| {
+                let estimate = self.estimate.as_ref();
+                let hidden = estimate.is_none_or(|e| e.status[j] == Status::Unobservable);
+                RunParameter {
+                    name: self.model.parameter(j).name.into(),
+                    value: (!hidden).then_some(value),
+                    std: estimate.filter(|_| !hidden).map(|e| e.std[j]),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Spectra in which the integral of every measured rate takes the place of its coordinate. In `spectra` the measured
+/// rates stand behind coordinates and inputs.
+fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -> Option<Spectra> {
+    let own = dims.coordinates + dims.inputs;
+    let measured: Vec<usize> = (0..rates.len()).filter(|&c| rates[c].is_some()).collect();
+    let mut channels: Vec<usize> = (0..own).collect();
+    for (behind, &c) in measured.iter().enumerate() {
+        channels[c] = own + behind;
+    }
+    if measured.is_empty() {
+        return None;
+    }
+    let mut integrated = spectra.select(&channels);
+    for c in measured {
+        let zero = Complex::new(0.0, 0.0);
+        integrated.pass(c, |frequency| if frequency > 0.0 { Complex::new(0.0, -1.0 / frequency) } else { zero });
+    }
+    Some(integrated)
+}
+
+/// Of two uses of limits, the one that takes the larger share of its limit; an infinite limit does not count.
+fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
+    if !used.available.is_finite() || most.as_ref().is_some_and(|most| most.share >= used.share) {
+        return most;
+    }
+    Some(used)
+}
+
+/// Amplitudes of the mean and the harmonics of a signal in its last whole period; none when there is no such period.
+fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
+    let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
+        return Vec::new();
+    };
+    let lines = analyse(&column[from..from + samples], 0, 1, reach.min(samples / 2));
+    lines.iter().map(|line| line.norm()).collect()
+}
+
+/// Root mean square of the measured tracking error of every coordinate from a sample on.
+fn tracking_rms(trial: &Trial, record: &Record, from: usize) -> Vec<f64> {
+    let width = trial.reference.len() / trial.samples_per_period.max(1);
+    record
+        .coordinates
+        .iter()
+        .enumerate()
+        .map(|(c, channel)| {
+            let used = channel.get(from..).unwrap_or_default();
+            let power: f64 = used
+                .iter()
+                .enumerate()
+                .map(|(n, q)| {
+                    let e = q - trial.reference[(from + n) % trial.samples_per_period * width + c];
+                    e * e
+                })
+                .sum();
+            (power / used.len().max(1) as f64).sqrt()
+        })
+        .collect()
+}

@@ -1,0 +1,89 @@
+//! The settled part of a run, sample by sample.
+
+use tpm_estimate::beside_counts;
+use tpm_motion::Spectra;
+use tpm_numerics::differences::white_noise;
+
+/// A harmonic belongs to the motion when it is no smaller than this share of the largest.
+const SMALL: f64 = 1e-3;
+/// A harmonic stands out of the noise when its power is this many times that of its noise.
+const CERTAIN: f64 = 9.0;
+
+/// The end of the settled part of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SteadyRun {
+    /// Index of the run among the reports.
+    pub(crate) run: usize,
+    /// Every coordinate, then every input, sample by sample; unit of the coordinate or input.
+    pub channels: Vec<Vec<f64>>,
+    /// Samples of a period.
+    pub period: usize,
+    /// Samples of the whole settled part.
+    pub of: usize,
+    /// Highest frequency of every coordinate's motion, Hz.
+    pub highest: Vec<f64>,
+    /// Step of every coordinate's sensor; zero for a sensor without steps, and where the mean error of rounding was taken out.
+    pub steps: Vec<f64>,
+    /// Whether rounding to counts, whose error repeats with the motion, makes up the noise of a sensor.
+    pub counted: bool,
+}
+
+impl SteadyRun {
+    /// Most samples that are simulated of all runs together, so that no more of a single one are kept.
+    pub const MOST: usize = 160_000;
+
+    /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
+    pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
+        let readings = channels.iter().take(coordinates).enumerate();
+        let rounding: Vec<Option<Vec<f64>>> =
+            readings.map(|(c, own)| spectra.mean_rounding(c, *own.first()?)).collect();
+        // Readings without the mean error of their rounding are no counts.
+        let step = |(c, rounding): (usize, &Option<_>)| if rounding.is_some() { 0.0 } else { spectra.step(c) };
+        let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
+        let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
+        let kept = |(c, channel): (usize, &&[f64])| {
+            let mut readings = end(channel, Self::MOST).to_vec();
+            if let Some(Some(errors)) = rounding.get(c) {
+                let left_out = channel.len() - readings.len();
+                let errors = errors.iter().cycle().skip(left_out % period);
+                readings.iter_mut().zip(errors).for_each(|(reading, error)| *reading -= error);
+            }
+            readings
+        };
+        SteadyRun {
+            run,
+            channels: channels.iter().enumerate().map(kept).collect(),
+            period,
+            of: channels.first().map_or(0, |channel| channel.len()),
+            highest: (0..coordinates).map(|c| highest(spectra, c)).collect(),
+            counted: channels.iter().zip(&steps).any(by_counts),
+            steps,
+        }
+    }
+
+    /// Number of samples that are kept.
+    pub fn samples(&self) -> usize {
+        self.channels.first().map_or(0, Vec::len)
+    }
+
+    /// The last samples of a channel, as many as there are up to `count`.
+    pub fn last(&self, channel: usize, count: usize) -> &[f64] {
+        end(&self.channels[channel], count)
+    }
+}
+
+/// Frequency of the highest harmonic of a coordinate that stands out of the noise and is no smaller than a share of the largest, Hz.
+fn highest(spectra: &Spectra, coordinate: usize) -> f64 {
+    let lines = &spectra.lines[coordinate];
+    let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+    let belongs = |k: usize| {
+        let least = (SMALL * peak).powi(2).max(CERTAIN * spectra.variance(coordinate, k));
+        lines[k].norm_sqr() >= least
+    };
+    let harmonic = (1..lines.len()).rev().find(|&k| belongs(k)).unwrap_or(1);
+    harmonic as f64 * spectra.fundamental / (2.0 * std::f64::consts::PI)
+}
+
+fn end(samples: &[f64], count: usize) -> &[f64] {
+    &samples[samples.len().saturating_sub(count)..]
+}

@@ -1,0 +1,440 @@
+//! An identification as a page.
+
+use crate::block::{Block, Cell, Notice, SHARE_DIGITS};
+use crate::marks::Interval;
+use crate::page::Document;
+use crate::validation::remark;
+use tpm_campaign::RunReport;
+use tpm_estimate::{CombinationReport, ParameterReport, Status};
+use tpm_numerics::tail::NORMAL_95;
+use tpm_report::{Remedy, beside, cells, combination, digits, number, or_dash};
+use tpm_session::{
+    Identification, LogReport, PeriodicReport, RefinementReport, Source, Validation, Warning, Way, closed_loop,
+};
+
+/// What a front end calls a remedy, such as the name of a flag; nothing where it has no name for it.
+pub type Spell<'a> = dyn Fn(&Remedy) -> Option<String> + 'a;
+
+/// The column of tracking errors, one per coordinate.
+pub(super) const RMS: &str = "#rms error";
+/// Most parameters of which the whole matrix of correlations is shown.
+const MATRIX: usize = 16;
+/// Correlations from this size on are listed where the matrix is too large.
+const STRONG: f64 = 0.9;
+/// Most correlations that are listed.
+const LISTED: usize = 40;
+
+impl Document {
+    /// A result with what it says of the logs or runs that it comes from; `spell` gives remedies their names.
+    #[must_use]
+    pub fn of_identification(result: &Identification, evidence: &[Validation], spell: &Spell<'_>) -> Self {
+        let mut document = Document {
+            title: result.model.clone(),
+            subtitle: subtitle(result),
+            shortfall: result.shortfall(),
+            success: success(result),
+            caution: !result.warnings.is_empty(),
+            facts: facts(result),
+            sections: Vec::new(),
+            figures: Vec::new(),
+        };
+        document.warnings(result, spell);
+        document.parameters(result);
+        document.not_shown(result);
+        document.evidence(evidence);
+        document.missing(result);
+        document.correlations(result);
+        document.runs(result);
+        document.limits(result);
+        document.logs(result);
+        document.provenance(result);
+        document
+    }
+
+    fn warnings(&mut self, result: &Identification, spell: &Spell<'_>) {
+        let notice = |warning: &Warning| Notice {
+            text: warning.to_string(),
+            remedy: warning.remedy().and_then(|remedy| spell(&remedy)),
+            grave: warning.is_distrust(),
+        };
+        // What is said of single parameters stands in their table too; of an arm it would hide the rest.
+        let place = |warning: &&Warning| match warning {
+            warning if warning.is_distrust() => 0,
+            Warning::PoorlyDetermined { .. } | Warning::NotVisible { .. } | Warning::Physical { .. } => 2,
+            _ => 1,
+        };
+        let mut ordered: Vec<&Warning> = result.warnings.iter().collect();
+        ordered.sort_by_key(place);
+        let list: Vec<Notice> = ordered.into_iter().map(notice).collect();
+        let blocks = if list.is_empty() { vec![Block::text("None.")] } else { vec![Block::Notices { list }] };
+        self.section("warnings", "Warnings", blocks);
+    }
+
+    fn parameters(&mut self, result: &Identification) {
+        let mut blocks = Vec::new();
+        // Where there are physical parameters the others are means to an end.
+        let lumped =
+            if result.physical.is_empty() { "" } else { "combinations of them, in which the equations are linear" };
+        let lists = [("", &result.physical), (lumped, &result.parameters)];
+        for (caption, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
+            let rows: Vec<Estimated<'_>> = list.iter().map(Estimated::from).collect();
+            blocks.push(estimates("parameter", &rows, caption));
+        }
+        if !result.combinations.is_empty() {
+            let rows: Vec<Estimated<'_>> = result.combinations.iter().map(Estimated::from).collect();
+            blocks.push(estimates("combination", &rows, "combinations of parameters that do not show one by one"));
+        }
+        let lists = result.parameters.iter().chain(&result.physical);
+        let truth = lists.clone().any(|parameter| parameter.truth.is_some())
+            || result.combinations.iter().any(|shown| shown.truth.is_some());
+        let prior = lists.clone().any(|parameter| parameter.prior.is_some())
+            || result.combinations.iter().any(|shown| shown.prior.is_some());
+        let mut legend = String::from("The bar is the 95 % interval about the identified value");
+        if truth {
+            legend.push_str("; the diamond is the true value of the simulated machine, which only a simulation knows");
+        }
+        if prior {
+            legend.push_str("; the triangle is the prior");
+        }
+        legend.push_str(". A mark in the margin lies beyond the strip.");
+        blocks.extend((truth || prior).then(|| Block::text(legend)));
+        self.section("parameters", "Parameters", blocks);
+    }
+
+    fn not_shown(&mut self, result: &Identification) {
+        let hidden: Vec<String> = result.unobservable.iter().map(combination).collect();
+        let mut blocks = if hidden.is_empty() {
+            vec![Block::text("Nothing: the data show every parameter by itself.")]
+        } else {
+            let list =
+                hidden.into_iter().map(|direction| remark(format!("the data do not show the direction {direction}")));
+            vec![
+                Block::Notices { list: list.collect() },
+                Block::text(
+                    "Along these directions every value explains the data alike. A parameter that takes part in one has no value of its own; \
+                     combinations that the data do show stand in the table above.",
+                ),
+            ]
+        };
+        let untested = result.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
+        blocks.extend(untested.map(|text| Block::Notices { list: vec![remark(text)] }));
+        self.section("not-shown", "What the data do not show", blocks);
+    }
+
+    fn missing(&mut self, result: &Identification) {
+        let mut blocks = Vec::new();
+        for (path, refinement) in refinements(result) {
+            if refinement.missing.is_empty() {
+                continue;
+            }
+            let rows = refinement.missing.iter().map(|term| {
+                let [value, std] = cells(Some(term.value), Some(term.std));
+                vec![
+                    Cell::text(term.term.clone()),
+                    Cell::text(term.row.clone().unwrap_or_else(|| "a reading".to_owned())),
+                    Cell::shown(value, Some(term.value)),
+                    Cell::shown(std, Some(term.std)),
+                    Cell::percent(Some(term.gain)),
+                    Cell::text(term.meaning.clone()),
+                ]
+            });
+            let caption = format!("terms that would take what the model leaves unexplained{path}");
+            let columns = ["term", "acts on", "#factor", "#std. dev.", "#of the unexplained", "meaning"];
+            blocks.push(Block::table(&columns, rows.collect(), &caption));
+        }
+        self.section("missing", "What the model lacks", blocks);
+    }
+
+    fn correlations(&mut self, result: &Identification) {
+        let mut blocks = Vec::new();
+        for (list, covariance) in
+            [(&result.physical, &result.physical_covariance), (&result.parameters, &result.covariance)]
+        {
+            let names: Vec<String> = list.iter().map(|parameter| parameter.name.clone()).collect();
+            blocks.extend(matrix(&names, covariance));
+        }
+        self.section("correlations", "Correlations", blocks);
+    }
+
+    fn runs(&mut self, result: &Identification) {
+        if result.runs.is_empty() {
+            return;
+        }
+        let rows = result.runs.iter().map(run_row).collect();
+        let frequency = format!("#{} [rad/s]", result.frequency_name);
+        let columns =
+            ["#run", "amplitudes", frequency.as_str(), "#periods", RMS, "#effort", "#condition", "#residual", "ending"];
+        self.section("runs", "Runs", vec![Block::table(&columns, rows, "what was played, in order")]);
+    }
+
+    fn limits(&mut self, result: &Identification) {
+        let mut list: Vec<Notice> = (result.runs.iter())
+            .filter_map(|run| run.limit.as_ref().map(|limit| remark(format!("run {}: {limit}", run.run))))
+            .collect();
+        list.extend(result.stop.as_ref().map(|limit| remark(format!("the campaign ended at a limit: {limit}"))));
+        if let Some(stability) = &result.stability {
+            let text = closed_loop(stability).trim().to_owned();
+            list.extend((!text.is_empty()).then(|| remark(text)));
+        }
+        let blocks = if list.is_empty() { Vec::new() } else { vec![Block::Notices { list }] };
+        self.section("limits", "Limits", blocks);
+    }
+
+    fn logs(&mut self, result: &Identification) {
+        let mut blocks = Vec::new();
+        if let Some(pool) = &result.pool {
+            let rows = pool.logs.iter().map(|part| {
+                let told = part.deviations.iter().filter_map(|(name, deviations)| Some((name, (*deviations)?)));
+                let farthest = told.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+                vec![
+                    Cell::text(part.log.path.clone()),
+                    Cell::percent(Some(part.share)),
+                    Cell::percent(Some(part.residual)),
+                    Cell::text(or_dash(farthest, |(name, deviations)| format!("{name}, {deviations:+.1} deviations"))),
+                ]
+            });
+            let columns = ["log", "#information", "#residual", "farthest from the others"];
+            blocks.push(Block::table(&columns, rows.collect(), "logs that were used together"));
+        }
+        let all = result.log.iter().chain(result.pool.iter().flat_map(|pool| pool.logs.iter().map(|part| &part.log)));
+        blocks.extend(all.flat_map(log));
+        self.section("logs", "Logs", blocks);
+    }
+
+    fn provenance(&mut self, result: &Identification) {
+        let own = &result.provenance;
+        let mut rows = vec![("program".to_owned(), own.tool.clone())];
+        rows.extend(own.model.clone().map(|hash| ("fingerprint of the model".to_owned(), hash)));
+        rows.extend(own.experiment.clone().map(|hash| ("fingerprint of the experiment".to_owned(), hash)));
+        rows.extend(own.seed.map(|seed| ("seed of the simulated noise".to_owned(), seed.to_string())));
+        rows.extend(own.logs.iter().map(|log| (log.path.clone(), log.hash.clone())));
+        rows.extend(own.options.iter().map(|(name, value)| {
+            (format!("option {name}"), value.as_str().map_or_else(|| value.to_string(), ToOwned::to_owned))
+        }));
+        self.section("provenance", "Provenance", vec![Block::Facts { rows }]);
+    }
+}
+
+fn subtitle(result: &Identification) -> String {
+    match (result.source, &result.log, &result.pool) {
+        (Source::Log, Some(log), _) => format!("identified from {}", log.path),
+        (Source::Log, None, Some(pool)) => format!("identified from {} logs together", pool.logs.len()),
+        (Source::Log, None, None) => "identified from a log".to_owned(),
+        (Source::SimulatedPlant, ..) => "identified on a simulated machine".to_owned(),
+        (Source::Machine, ..) => "identified on a machine".to_owned(),
+        (Source::Folder, ..) => "identified from the runs in a campaign's folder".to_owned(),
+    }
+}
+
+/// What is said where nothing is short, with the parameters that are known poorly.
+fn success(result: &Identification) -> String {
+    let lists = result.parameters.iter().chain(&result.physical);
+    let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
+    let poor: Vec<&str> = poor.map(|parameter| parameter.name.as_str()).collect();
+    let mut text = "The data show everything that was asked for".to_owned();
+    text.push_str(if result.warnings.iter().any(Warning::is_misfit) {
+        "; the model leaves something of what was measured unexplained"
+    } else {
+        ", and the model explains what was measured"
+    });
+    if !poor.is_empty() {
+        text.push_str(&format!("; poorly determined: {}", poor.join(", ")));
+    }
+    text.push('.');
+    text
+}
+
+fn facts(result: &Identification) -> Vec<(String, String)> {
+    let of = if result.is_refined() { "the motion or input" } else { "the force" };
+    let mut facts = vec![
+        ("unexplained".to_owned(), format!("{} % of {of}", digits(100.0 * result.residual, SHARE_DIGITS))),
+        ("rank".to_owned(), format!("{} of {}", result.rank, result.wanted())),
+        ("condition number".to_owned(), or_dash(result.condition, |condition| digits(condition, SHARE_DIGITS))),
+        ("estimator".to_owned(), result.estimator.name().to_owned()),
+        ("hold of the inputs".to_owned(), result.hold.to_string()),
+    ];
+    facts.extend(result.outcome.map(|outcome| ("campaign".to_owned(), outcome.describe().to_owned())));
+    facts
+}
+
+/// What was refined by a simulation, with the log that it belongs to where there are several.
+fn refinements(result: &Identification) -> Vec<(String, &RefinementReport)> {
+    let own = result.refinement.iter().map(|own| (String::new(), own));
+    let alone = result.log.iter().filter_map(|log| Some((String::new(), log.refinement.as_ref()?)));
+    let pooled = result.pool.iter().flat_map(|pool| &pool.logs);
+    let pooled = pooled.filter_map(|part| Some((format!(" of {}", part.log.path), part.log.refinement.as_ref()?)));
+    own.chain(alone).chain(pooled).collect()
+}
+
+/// One line of a table of estimates.
+struct Estimated<'a> {
+    name: String,
+    unit: Option<&'a str>,
+    prior: Option<f64>,
+    value: Option<f64>,
+    std: Option<f64>,
+    truth: Option<f64>,
+    remark: String,
+}
+
+impl<'a> From<&'a ParameterReport> for Estimated<'a> {
+    fn from(own: &'a ParameterReport) -> Self {
+        let status = own.status.name().replace('_', " ");
+        let remark = own
+            .with_prior
+            .map_or_else(|| status.clone(), |value| format!("{status}; {} with the prior", number(value)));
+        Estimated {
+            name: own.name.clone(),
+            unit: own.unit.as_deref(),
+            prior: own.prior,
+            value: own.value,
+            std: own.std,
+            truth: own.truth,
+            remark,
+        }
+    }
+}
+
+impl<'a> From<&'a CombinationReport> for Estimated<'a> {
+    fn from(own: &'a CombinationReport) -> Self {
+        Estimated {
+            name: combination(&own.terms),
+            unit: own.unit.as_deref(),
+            prior: own.prior,
+            value: Some(own.value),
+            std: Some(own.std),
+            truth: own.truth,
+            remark: String::new(),
+        }
+    }
+}
+
+fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Block {
+    let simulated = rows.iter().any(|row| row.truth.is_some());
+    let priors = rows.iter().any(|row| row.prior.is_some());
+    let remarks = rows.iter().any(|row| !row.remark.is_empty());
+    // An interval is drawn where there is something to hold it against.
+    let drawn = simulated || priors;
+    let mut columns = vec![of, "unit", "#identified", "#std. dev."];
+    columns.extend(if drawn { &["95 % interval", "#from", "#to"][..] } else { &["#95 % from", "#to"] });
+    columns.extend(priors.then_some("#prior"));
+    columns.extend(simulated.then_some(["#true", "#error/std"]).into_iter().flatten());
+    columns.extend(remarks.then_some("status"));
+    let line = |row: &Estimated<'_>| {
+        let [value, std] = cells(row.value, row.std);
+        let known = row.value.zip(row.std.filter(|std| std.is_finite() && *std > 0.0));
+        let end = |side: f64| {
+            let end = known.map(|(value, std)| value + side * NORMAL_95 * std);
+            Cell::shown(or_dash(end, |end| beside(end, row.value, row.std)), end)
+        };
+        let mut line = vec![
+            Cell::text(row.name.clone()),
+            Cell::text(row.unit.unwrap_or("-")),
+            Cell::shown(value, row.value),
+            Cell::shown(std, row.std),
+        ];
+        line.extend(drawn.then(|| Cell::interval(Interval::of(row.value, row.std, row.truth, row.prior))));
+        line.extend([end(-1.0), end(1.0)]);
+        line.extend(priors.then(|| Cell::number(row.prior)));
+        if simulated {
+            let error = known.zip(row.truth).map(|((value, std), truth)| (value - truth) / std);
+            line.push(Cell::shown(or_dash(row.truth, |truth| beside(truth, row.value, row.std)), row.truth));
+            line.push(Cell::shown(or_dash(error, |error| format!("{error:+.2}")), error));
+        }
+        line.extend(remarks.then(|| Cell::text(row.remark.clone())));
+        line
+    };
+    Block::table(&columns, rows.iter().map(line).collect(), caption)
+}
+
+/// Correlations from a covariance: the matrix, or a list of the strongest where the matrix is large; nothing for one parameter.
+fn matrix(names: &[String], covariance: &[Vec<Option<f64>>]) -> Option<Block> {
+    let entry = |r: usize, c: usize| covariance.get(r).and_then(|row| row.get(c)).copied().flatten();
+    let correlation = |r: usize, c: usize| {
+        let scale = (entry(r, r)? * entry(c, c)?).sqrt();
+        (scale > 0.0).then_some(entry(r, c)? / scale)
+    };
+    let shown: Vec<usize> = (0..names.len()).filter(|&j| correlation(j, j).is_some()).collect();
+    if shown.len() < 2 {
+        return None;
+    }
+    if shown.len() <= MATRIX {
+        return Some(Block::Matrix {
+            names: shown.iter().map(|&j| names[j].clone()).collect(),
+            rows: shown.iter().map(|&r| shown.iter().map(|&c| correlation(r, c)).collect()).collect(),
+        });
+    }
+    let mut pairs: Vec<(usize, usize, f64)> = Vec::new();
+    for (k, &r) in shown.iter().enumerate() {
+        pairs.extend(shown[..k].iter().filter_map(|&c| Some((c, r, correlation(r, c)?))));
+    }
+    pairs.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
+    let strong = pairs.iter().filter(|pair| pair.2.abs() >= STRONG).count();
+    let rows = pairs.iter().take(strong.clamp(1, LISTED)).map(|&(a, b, value)| {
+        vec![
+            Cell::text(names[a].clone()),
+            Cell::text(names[b].clone()),
+            Cell::shown(format!("{value:+.4}"), Some(value)),
+        ]
+    });
+    let caption = format!("the strongest of {} correlations, {strong} of which are {STRONG} or more", pairs.len());
+    Some(Block::table(&["parameter", "parameter", "#correlation"], rows.collect(), &caption))
+}
+
+fn run_row(run: &RunReport) -> Vec<Cell> {
+    let amplitudes = run.amplitudes.iter().map(|(name, value)| format!("{name}\u{a0}=\u{a0}{}", number(*value)));
+    let amplitudes: Vec<String> = run.pattern.clone().into_iter().chain(amplitudes).collect();
+    let errors: Vec<String> = run.tracking_rms.iter().map(|rms| digits(*rms, SHARE_DIGITS)).collect();
+    let pooled = if run.contradicts.is_some() { ", not pooled" } else { "" };
+    vec![
+        Cell::text(run.run.to_string()),
+        Cell::text(amplitudes.join(", ")),
+        Cell::number(Some(run.frequency)),
+        Cell::text(run.periods.to_string()),
+        Cell::text(errors.join(", ")),
+        Cell::shown(or_dash(run.effort_share, |share| format!("{:.1} %", 100.0 * share)), run.effort_share),
+        Cell::size(run.condition),
+        Cell::percent(run.residual),
+        Cell::text(format!("{}{pooled}", run.ending)),
+    ]
+}
+
+/// How one log was used, and what was assumed in reading it.
+fn log(log: &LogReport) -> Vec<Block> {
+    let mut rows = vec![
+        ("log".to_owned(), log.path.clone()),
+        ("samples".to_owned(), format!("{} every {} s", log.samples, number(log.sample_time))),
+    ];
+    match &log.way {
+        Way::Harmonics(found) => {
+            let (periods, period) = (found.periods, number(found.period));
+            rows.push((
+                "used".to_owned(),
+                format!("{periods} periods of {period} s from sample {} (line {})", found.from_sample, found.from_line),
+            ));
+            rows.push(("window".to_owned(), found.window.clone()));
+            rows.push((
+                "last two periods differ by".to_owned(),
+                format!("{} % of the motion", digits(100.0 * found.mismatch, SHARE_DIGITS)),
+            ));
+        }
+        Way::Time(found) => {
+            rows.push(("used".to_owned(), format!("{} samples in the time domain", found.samples)));
+            rows.push(("low pass".to_owned(), format!("{} Hz", number(found.cut_off))));
+        }
+    }
+    let hold = |residual: Option<f64>| or_dash(residual, |share| format!("{} %", digits(100.0 * share, SHARE_DIGITS)));
+    let holds =
+        format!("{} as recorded, {} held between samples", hold(log.hold_residuals.none), hold(log.hold_residuals.zoh));
+    rows.push(("unexplained force with either hold".to_owned(), holds));
+    if let Some(refined) = log.refinement.as_ref().filter(|refined| refined.used) {
+        rows.push((
+            "refined by a simulation of".to_owned(),
+            format!("{} of {} samples, {} steps", refined.samples, refined.of, refined.steps),
+        ));
+    }
+    let list: Vec<Notice> = log.reading.remarks().into_iter().map(remark).collect();
+    let mut blocks = vec![Block::Facts { rows }];
+    blocks.extend((!list.is_empty()).then_some(Block::Notices { list }));
+    blocks
+}

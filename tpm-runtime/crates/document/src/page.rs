@@ -1,0 +1,101 @@
+//! A page: what stands above its sections, and how it becomes text.
+
+use crate::block::{Block, Named, Section};
+use crate::error::DocumentError;
+use minijinja::{Environment, context};
+use serde::Serialize;
+use tpm_plot::Figure;
+
+const TEMPLATE: &str = include_str!("page.html");
+/// Width of a figure on a screen, and on a narrow one, pixels.
+const WIDTHS: (u32, u32) = (960, 460);
+/// A correlation below this size is shown as zero, without a sign.
+const NO_CORRELATION: f64 = 5e-4;
+/// Strength of the colour behind a correlation of one, percent.
+const MOST_TINT: f64 = 60.0;
+
+/// A result as one page for a browser, with its figures.
+#[derive(Clone, Debug)]
+pub struct Document {
+    pub(super) title: String,
+    pub(super) subtitle: String,
+    /// Why the result is not all that was asked for; nothing when it is.
+    pub(super) shortfall: Option<String>,
+    /// What is said where nothing is short.
+    pub(super) success: String,
+    /// Whether there are warnings to read before the numbers are used.
+    pub(super) caution: bool,
+    /// The few numbers that one looks for first.
+    pub(super) facts: Vec<(String, String)>,
+    pub(super) sections: Vec<Section>,
+    pub(super) figures: Vec<Named>,
+}
+
+/// A figure as drawn into the page, for wide and for narrow screens: panel by panel, so that a printed page may end between two.
+#[derive(Serialize)]
+struct Drawn {
+    wide: Vec<String>,
+    narrow: Vec<String>,
+}
+
+impl Document {
+    /// Keeps a figure and gives the block that shows it.
+    pub(super) fn figure(&mut self, name: &str, figure: Figure, caption: &str) -> Block {
+        let taken = self.figures.iter().filter(|other| other.name.split('-').next() == Some(name)).count();
+        let name = if taken == 0 { name.to_owned() } else { format!("{name}-{}", taken + 1) };
+        self.figures.push(Named { name, figure });
+        Block::Figure { number: self.figures.len() - 1, caption: caption.to_owned() }
+    }
+
+    /// Adds a section, unless it is empty.
+    pub(super) fn section(&mut self, id: &'static str, title: &'static str, blocks: Vec<Block>) {
+        if !blocks.is_empty() {
+            self.sections.push(Section { id, title, blocks });
+        }
+    }
+
+    /// The figures of the page with their names.
+    pub fn figures(&self) -> impl Iterator<Item = (&str, &Figure)> {
+        self.figures.iter().map(|named| (named.name.as_str(), &named.figure))
+    }
+
+    /// The page as HTML.
+    ///
+    /// # Errors
+    /// [`DocumentError`] where a figure cannot be drawn.
+    pub fn html(&self) -> Result<String, DocumentError> {
+        let drawn = |named: &Named| {
+            let height = named.figure.height / named.figure.panels.len().max(1) as u32;
+            let at = |width: u32| {
+                let alone = named.figure.panels.iter().map(|panel| {
+                    let own = Figure { title: String::new(), width, height, panels: vec![panel.clone()] };
+                    own.svg().map_err(|source| DocumentError::Figure { name: named.name.clone(), source })
+                });
+                alone.collect::<Result<Vec<_>, _>>()
+            };
+            Ok(Drawn { wide: at(WIDTHS.0)?, narrow: at(WIDTHS.1)? })
+        };
+        let figures: Vec<Drawn> = self.figures.iter().map(drawn).collect::<Result<_, DocumentError>>()?;
+        let refused = |error: minijinja::Error| DocumentError::Template { reason: error.to_string() };
+        let mut environment = Environment::new();
+        environment.add_filter("correlation", |value: f64| {
+            if value.abs() < NO_CORRELATION { "0.000".to_owned() } else { format!("{value:+.3}") }
+        });
+        environment.add_filter("tint", |value: f64| format!("{:.0}", MOST_TINT * value.abs()));
+        // Templates of this ending escape whatever is put into them.
+        environment.add_template("page.html", TEMPLATE).map_err(refused)?;
+        let page = environment.get_template("page.html").map_err(refused)?;
+        page.render(context! {
+            title => self.title,
+            subtitle => self.subtitle,
+            shortfall => self.shortfall,
+            success => self.success,
+            caution => self.caution,
+            facts => self.facts,
+            sections => self.sections,
+            figures => figures,
+            version => env!("CARGO_PKG_VERSION"),
+        })
+        .map_err(refused)
+    }
+}

@@ -1,0 +1,201 @@
+//! A prediction of a log as a page, and the parts of it that stand in pages of identifications.
+
+use crate::block::{Block, Cell, Notice};
+use crate::forces::{self, AROUND, PANEL};
+use crate::page::Document;
+use tpm_plot::Figure;
+use tpm_report::{digits, number};
+use tpm_session::{CorrelationTest, LAGS, Validation};
+
+impl From<&Validation> for Document {
+    /// How well given parameters predict a log.
+    fn from(found: &Validation) -> Self {
+        let mut document = Document {
+            title: found.model.clone(),
+            subtitle: format!("predicted on {}; nothing is fitted", found.log),
+            shortfall: found.shortfall(),
+            success: "Every row of the model is predicted.".to_owned(),
+            caution: false,
+            facts: facts(found),
+            sections: Vec::new(),
+            figures: Vec::new(),
+        };
+        let mut notices: Vec<Notice> = found.reading.remarks().into_iter().map(remark).collect();
+        notices.extend(found.not_simulated.iter().map(|why| remark(format!("the motion is not simulated: {why}"))));
+        if !notices.is_empty() {
+            document.section("notices", "What to know", vec![Block::Notices { list: notices }]);
+        }
+        document.evidence(std::slice::from_ref(found));
+        document
+    }
+}
+
+/// A notice that is no warning.
+pub(super) fn remark(text: String) -> Notice {
+    Notice { text, remedy: None, grave: false }
+}
+
+fn facts(found: &Validation) -> Vec<(String, String)> {
+    let mut facts = Vec::new();
+    facts.extend(
+        found
+            .prediction_error
+            .map(|share| ("largest prediction error".to_owned(), format!("{:.2} % of the force", 100.0 * share))),
+    );
+    facts.push(match found.period {
+        Some(period) => (
+            "used".to_owned(),
+            format!("{} periods of {} s, harmonics up to {}", found.periods, number(period), found.harmonics),
+        ),
+        None => {
+            ("used".to_owned(), format!("every sample, low pass at {} Hz", number(found.cut_off.unwrap_or(f64::NAN))))
+        }
+    });
+    facts.push(("hold of the inputs".to_owned(), found.hold.clone()));
+    if let Some(simulation) = &found.simulation {
+        facts.push((
+            "simulated".to_owned(),
+            format!("{} of {} samples in {} stretches", simulation.samples, simulation.of, simulation.stretches),
+        ));
+    }
+    facts
+}
+
+impl Document {
+    /// Measured against model, and residuals with their tests, of every log or run that is given.
+    pub(super) fn evidence(&mut self, all: &[Validation]) {
+        let (mut against, mut tests) = (Vec::new(), Vec::new());
+        for found in all {
+            let named = |what: &str| if all.len() > 1 { format!("{}: {what}", found.log) } else { what.to_owned() };
+            against.push(row_table(
+                found,
+                &named("forces that the measured motion asks for, at the used harmonics or behind the low pass"),
+            ));
+            for row in &found.unpredicted {
+                let text = format!(
+                    "{} is not predicted: it changes with {}, which the result leaves open",
+                    row.name, row.direction
+                );
+                against.push(Block::text(text));
+            }
+            if let Some(figure) = forces::in_time(found) {
+                against.push(self.figure("force", figure, &named("Applied force, the force that the model asks for along the measured motion, and the difference")));
+            }
+            if let Some(figure) = forces::by_harmonic(found) {
+                against.push(self.figure(
+                    "harmonics",
+                    figure,
+                    &named("Amplitude of every harmonic of the force that is used, and what the model misses of it"),
+                ));
+            }
+            let Some(simulation) = &found.simulation else {
+                against.extend(
+                    found.not_simulated.iter().map(|why| Block::text(format!("The motion is not simulated: {why}."))),
+                );
+                continue;
+            };
+            against.push(fits(
+                found,
+                &named("motion simulated from the recorded inputs, each stretch from its smoothed state"),
+            ));
+            let figure = simulation.figure(&format!("{} on {}", found.model, found.log));
+            let low = Figure { height: AROUND + PANEL * figure.panels.len() as u32, ..figure };
+            against.push(self.figure(
+                "motion",
+                low,
+                &named("Measured motion, the motion simulated from the recorded inputs, and what each misses"),
+            ));
+            if let Some(leaving) = &simulation.diverges {
+                let why = if leaving.unstable {
+                    "the motion is unstable without its loop, and the smallest error of the starting state grows to the size of the motion"
+                } else {
+                    "the simulated motion leaves the measured one"
+                };
+                against.push(Block::text(format!(
+                    "The free run diverges at t = {} s of stretch {}: {why}.",
+                    number(leaving.time),
+                    leaving.stretch + 1
+                )));
+            }
+            let table = tested(found, &named("tests of the one-step errors"));
+            let any = table.is_some();
+            tests.extend(table);
+            if let Some(figure) = forces::correlations(found) {
+                tests.push(self.figure(
+                    "correlations",
+                    figure,
+                    &named("Correlations of the one-step errors with themselves and with earlier inputs"),
+                ));
+            }
+            if any {
+                tests.push(Block::text(format!(
+                    "{} samples were tested, none around stops with dry friction. A right model fails each test with a chance of {} %, and a long record \
+                     shows the smallest misfit: how large it is, the fits above tell.",
+                    simulation.tested,
+                    100.0 * simulation.false_alarm
+                )));
+            }
+        }
+        self.section("against", "Measured against model", against);
+        self.section("residual", "Residual and its tests", tests);
+    }
+}
+
+fn row_table(found: &Validation, caption: &str) -> Block {
+    let row = |row: &tpm_session::RowPrediction| {
+        vec![
+            Cell::text(row.name.clone()),
+            Cell::text(row.unit.clone().unwrap_or_else(|| "-".to_owned())),
+            Cell::size(Some(row.force)),
+            Cell::size(Some(row.missed)),
+            Cell::percent(Some(row.share)),
+        ]
+    };
+    let rows = found.rows.iter().map(row).collect();
+    Block::table(&["row", "unit", "#applied, rms", "#missed, rms", "#share missed"], rows, caption)
+}
+
+fn fits(found: &Validation, caption: &str) -> Block {
+    let channels = found.simulation.iter().flat_map(|simulation| &simulation.channels);
+    let percent = |fit: Option<f64>| Cell::shown(fit.map_or_else(|| "-".to_owned(), |fit| format!("{fit:.2} %")), fit);
+    let rows = channels.map(|channel| {
+        let free = channel.free_run.as_ref();
+        vec![
+            Cell::text(channel.name.clone()),
+            Cell::text(channel.unit.clone().unwrap_or_else(|| "-".to_owned())),
+            Cell::size(Some(channel.one_step.rms)),
+            percent(channel.one_step.fit),
+            free.map_or_else(|| Cell::text("diverges"), |free| Cell::size(Some(free.rms))),
+            percent(free.and_then(|free| free.fit)),
+            Cell::size(Some(channel.noise)),
+        ]
+    });
+    let columns = ["coordinate", "unit", "#one step, rms", "#fit", "#free run, rms", "#fit", "#sensor noise found"];
+    Block::table(&columns, rows.collect(), caption)
+}
+
+fn tested(found: &Validation, caption: &str) -> Option<Block> {
+    let mut rows = Vec::new();
+    let mut row = |what: String, test: &CorrelationTest| {
+        let (largest, lag) = test.largest();
+        rows.push(vec![
+            Cell::text(what),
+            Cell::shown(format!("{largest:.4}"), Some(largest)),
+            Cell::text(lag.to_string()),
+            Cell::shown(format!("{:.4}", test.band), Some(test.band)),
+            Cell::text(format!("{} of {LAGS}", test.outside())),
+            Cell::shown(digits(test.chance, 2), Some(test.chance)),
+            Cell::text(if test.passed { "passed" } else { "failed" }),
+        ]);
+    };
+    for channel in found.simulation.iter().flat_map(|simulation| &simulation.channels) {
+        if let Some(white) = &channel.whiteness {
+            row(format!("{}: white", channel.name), white);
+        }
+        for own in &channel.independence {
+            row(format!("{}: independent of {}", channel.name, own.input), &own.test);
+        }
+    }
+    let columns = ["errors", "#largest correlation", "#at lag", "#band", "#beyond", "#chance", ""];
+    (!rows.is_empty()).then(|| Block::table(&columns, rows, caption))
+}

@@ -1,0 +1,81 @@
+//! Estimators: from harmonics to parameters with their uncertainty.
+//!
+//! Invariant: an estimator turns what was measured into `Equations`, complex rows linear in theta with the variance of their
+//! noise. `Information` condenses them to a square-root form without squaring their condition; runs and logs are pooled
+//! there, and solving gives rank first, then values. Nothing is estimated along a direction that the data do not show.
+//!
+//! What estimators share stands below them, and imports run one way, from right to left:
+//!
+//! ```text
+//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- stack, damping, applies, consistency, projected <- estimators <- method
+//! ```
+
+mod along;
+mod applies;
+mod bound;
+mod combination;
+mod consistency;
+mod damping;
+mod designs;
+mod equations;
+mod error;
+mod estimator;
+mod first_order;
+mod free;
+mod information;
+mod measured_motion;
+mod method;
+pub mod named;
+mod noise;
+mod numerical;
+mod output_error;
+mod pooled;
+mod prior;
+mod projected;
+mod response;
+mod result;
+mod run;
+mod select;
+mod sensor;
+mod settings;
+mod stack;
+mod table;
+mod time_domain;
+mod verdict;
+
+pub use along::Along;
+pub use bound::{RecordNoise, has_jumps, information_root};
+pub use combination::Combination;
+pub use consistency::LeftOut;
+pub use error::EstimateError;
+pub use estimator::Estimator;
+pub use first_order::feed_forward_lines;
+pub use information::{Information, reduced};
+pub use measured_motion::{
+    ASKED_ABOUT, Fitted, MeasuredMotion, Structure, Untested, estimate_measured_motion, estimate_structured,
+    refine_last,
+};
+pub use method::Method;
+pub use named::{CombinationReport, ParameterReport};
+pub use output_error::beside_counts;
+pub use output_error::reach_in;
+pub use output_error::{
+    Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Rate,
+    RateFault, RateUse, Signals, Simulated,
+};
+pub use pooled::{Contribution, Pooled, pool};
+pub use projected::{Known, Projector};
+pub use response::ErrorResponse;
+pub use result::Estimate;
+pub use run::error_lines;
+pub use run::{Alone, OwnEstimate, Run};
+pub use sensor::Sensor;
+pub use settings::{Domain, Frozen, NumericalSettings, Refine, Settings, Weights};
+pub use table::{LineTable, RowLines};
+pub use time_domain::Swiftness;
+pub use time_domain::{
+    BandReport, ForceCourse, InputShift, Missed, OneBand, Pace, Prediction, Stretch, TimeDomain, TimeRecord,
+    estimate_time_domain, input_shift, predict_in_band,
+};
+pub use verdict::no_result;
+pub use verdict::{COMPONENT, Evidence, LARGE_RESIDUAL, POOR, POOR_PHYSICAL, Status};

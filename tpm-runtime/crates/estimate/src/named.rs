@@ -1,0 +1,130 @@
+//! An estimate as it is reported: with names and units, and without a number where the data show none.
+
+use crate::result::Estimate;
+use crate::verdict::Status;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use tpm_core::model::Model;
+use tpm_numerics::DVector;
+
+/// Components of a direction below this size are rounding; its largest is one.
+const ROUNDING: f64 = 1e-9;
+
+/// One parameter of a result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterReport {
+    /// Name of the parameter in the model.
+    pub name: String,
+    /// Unit of the parameter in the model.
+    pub unit: Option<String>,
+    /// Interval in which a nonlinear parameter was looked for, in that unit; nothing for a parameter in which the model is linear.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval: Option<[f64; 2]>,
+    /// Value that was stated before the identification, in that unit; nothing where none was stated.
+    pub prior: Option<f64>,
+    /// Identified value; nothing when unobservable.
+    pub value: Option<f64>,
+    /// Standard deviation; nothing when unobservable.
+    pub std: Option<f64>,
+    /// What may be said of it.
+    pub status: Status,
+    /// Value in the simulated machine that the data come from; nothing for data of a real one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
+    /// Value of an unobservable parameter that follows from stated priors and from the combinations that the data show; nothing
+    /// where they do not determine it, and for every other parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub with_prior: Option<f64>,
+}
+
+/// A combination of parameters that do not show one by one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CombinationReport {
+    /// Weight by parameter, nine digits each; the combination has the unit of the parameter of weight one.
+    pub terms: BTreeMap<String, String>,
+    /// Unit of the combination.
+    pub unit: Option<String>,
+    /// Value before the identification; nothing where not all priors in it were stated.
+    pub prior: Option<f64>,
+    /// Identified value.
+    pub value: f64,
+    /// Standard deviation.
+    pub std: f64,
+    /// Value in the simulated machine that the data come from; nothing for data of a real one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
+}
+
+/// The part of a result that is the same for a log and for a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EstimateReport {
+    /// Every parameter of the model, in its order.
+    pub parameters: Vec<ParameterReport>,
+    /// Directions that the data do not show: parameter to weight.
+    pub unobservable: Vec<BTreeMap<String, String>>,
+    /// What the data show of the unobservable parameters.
+    pub combinations: Vec<CombinationReport>,
+    /// Covariance by row and column, with nothing for unobservable parameters.
+    pub covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of every combination with all parameters, nothing for unobservable ones, and then with all combinations.
+    pub combination_covariance: Vec<Vec<Option<f64>>>,
+}
+
+impl EstimateReport {
+    /// `prior` has the stated values, one per parameter or fewer; without an estimate every parameter is unobservable.
+    pub fn new(model: &dyn Model<f64>, prior: &[Option<f64>], estimate: Option<&Estimate>) -> Self {
+        let p = model.dims().parameters;
+        let status = |j: usize| estimate.map_or(Status::Unobservable, |e| e.status[j].in_result(e.is_explained()));
+        let seen = |j: usize| estimate.filter(|_| status(j) != Status::Unobservable);
+        let stated = |j: usize| prior.get(j).copied().flatten();
+        let with_prior = estimate.map_or_else(Vec::new, |e| e.with_prior(prior));
+        let parameters = (0..p)
+            .map(|j| ParameterReport {
+                name: model.parameter(j).name.into(),
+                unit: model.parameter(j).unit.map(String::from),
+                interval: model.parameter_interval(j),
+                prior: stated(j),
+                value: seen(j).map(|e| e.values[j]),
+                std: seen(j).map(|e| e.std[j]),
+                status: status(j),
+                truth: None,
+                with_prior: with_prior.get(j).copied().flatten(),
+            })
+            .collect();
+        let named = |direction: &[f64]| -> BTreeMap<String, String> {
+            let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > ROUNDING);
+            parts.map(|(j, part)| (model.parameter(j).name.to_string(), nine_digits(*part))).collect()
+        };
+        let unobservable = estimate.map_or_else(Vec::new, |e| e.unobservable.iter().map(|d| named(d)).collect());
+        let shown = estimate.map_or_else(Vec::new, Estimate::combinations);
+        let combinations = shown.iter().map(|shown| CombinationReport {
+            terms: named(&shown.weights),
+            unit: model.parameter(shown.lead).unit.map(String::from),
+            prior: (shown.weights.iter().enumerate().filter(|(_, weight)| weight.abs() > ROUNDING))
+                .map(|(j, weight)| Some(weight * stated(j)?))
+                .sum(),
+            value: shown.value,
+            std: shown.std,
+            truth: None,
+        });
+        let combinations = combinations.collect();
+        let entry = |r: usize, c: usize| seen(r).and(seen(c)).map(|e| e.covariance[(r, c)]);
+        let covariance = (0..p).map(|r| (0..p).map(|c| entry(r, c)).collect()).collect();
+        let combination_covariance = estimate.map_or_else(Vec::new, |e| {
+            let row = |weights: &[f64]| {
+                let with = e.covariance.dense() * DVector::from_column_slice(weights);
+                let parameters = (0..p).map(|c| seen(c).map(|_| with[c]));
+                let others = shown.iter().map(|other| Some(with.iter().zip(&other.weights).map(|(v, w)| v * w).sum()));
+                parameters.chain(others).collect()
+            };
+            shown.iter().map(|own| row(&own.weights)).collect()
+        });
+        Self { parameters, unobservable, combinations, covariance, combination_covariance }
+    }
+}
+
+/// A weight to nine digits, so that rounding of the factorisation does not show.
+fn nine_digits(value: f64) -> String {
+    let text = format!("{value:.9e}");
+    text.parse::<f64>().map_or(text, |v| v.to_string())
+}

@@ -1,0 +1,271 @@
+//! Fits of simulated records: what is stated against what comes out over many seeds, and against the Cramer-Rao bound.
+
+use crate::output_error::fit::{OutputError, strongest};
+use crate::output_error::problem::Differentiable;
+use crate::output_error::signals::{Course, Rate, Signals};
+use num_complex::Complex;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use std::sync::OnceLock;
+use tpm_core::harmonics::Hold;
+use tpm_interpret::{Interpreted, InterpretedDerivatives};
+use tpm_motion::Spectra;
+use tpm_numerics::differences::white_noise;
+use tpm_numerics::{DMatrix, root_mean_square};
+use tpm_test_support::models::differentiable;
+use tpm_test_support::rig::{MODEL, PERIOD, Recorded, Rig, SAMPLE_TIME, TRUTH};
+
+const SEEDS: u64 = 60;
+/// Fits where noise of other kinds has to be found too, which takes longer.
+const FEWER: u64 = 40;
+
+/// The band that the ratio of a spread to the true deviation keeps to with 99.8 %, for a number of fits: roots of chi-squared over its
+/// degrees of freedom (Wilson and Hilferty).
+fn band(fits: usize) -> std::ops::Range<f64> {
+    let spread = 2.0 / (9.0 * fits as f64);
+    let edge = |z: f64| (1.0 - spread + z * spread.sqrt()).powf(1.5);
+    edge(-3.09)..edge(3.09)
+}
+
+/// Parameters near the truth.
+const START: [f64; 3] = [1.04 * TRUTH[0], 0.9 * TRUTH[1], 1.02 * TRUTH[2]];
+
+fn fit(
+    machine: (&Interpreted, &InterpretedDerivatives),
+    recorded: &Recorded,
+    periods: usize,
+    start: [f64; 3],
+) -> OutputError {
+    fit_with_rate(machine, recorded, periods, start, None)
+}
+
+fn fit_with_rate(
+    (model, derivatives): (&Interpreted, &InterpretedDerivatives),
+    recorded: &Recorded,
+    periods: usize,
+    start: [f64; 3],
+    rate: Option<&[f64]>,
+) -> OutputError {
+    let channels = [recorded.position.as_slice(), recorded.force.as_slice()];
+    let spectra = Spectra::analyse(&channels, SAMPLE_TIME, PERIOD as f64, periods).expect("whole periods");
+    let lines = |channel: usize| -> Vec<Complex<f64>> {
+        let certain = |(k, line): (usize, &Complex<f64>)| {
+            let stands_out = k == 0 || line.norm_sqr() > 9.0 * spectra.variance(channel, k);
+            if stands_out { *line } else { Complex::new(0.0, 0.0) }
+        };
+        spectra.lines[channel].iter().take(20).enumerate().map(certain).collect()
+    };
+    let signals = Signals {
+        sample_time: SAMPLE_TIME,
+        hold: Hold::Zoh,
+        coordinates: vec![channels[0]],
+        rates: rate
+            .into_iter()
+            .map(|readings| Rate { coordinate: 0, readings, noise: white_noise(readings) })
+            .collect(),
+        inputs: vec![channels[1]],
+        course: Course::Periodic {
+            samples_per_period: PERIOD as f64,
+            lines: vec![lines(0)],
+            input_lines: vec![lines(1)],
+        },
+        joins: Vec::new(),
+        white: vec![white_noise(channels[0])],
+        steps: vec![0.0],
+        calm: OnceLock::new(),
+    };
+    let machine = Differentiable { model, derivatives };
+    OutputError::fit(machine, &[], &signals, &start, &[0, 1, 2], &[]).expect("settles")
+}
+
+/// All fits of a rig, by seed.
+fn fits(rig: Rig, seeds: u64) -> Vec<OutputError> {
+    let (model, derivatives) = differentiable(MODEL);
+    (0..seeds).into_par_iter().map(|seed| fit((&model, &derivatives), &rig.play(seed), rig.periods, START)).collect()
+}
+
+fn deviation(found: &OutputError, parameter: usize) -> f64 {
+    found.covariance(parameter, parameter).expect("free").sqrt()
+}
+
+/// Errors in units of the stated deviation, by parameter and fit.
+fn scores(fits: &[OutputError]) -> [Vec<f64>; 3] {
+    [0, 1, 2].map(|j| fits.iter().map(|found| (found.values[j] - TRUTH[j]) / deviation(found, j)).collect())
+}
+
+/// Checks deviations parameter by parameter, and returns the share of all values within 1.96 of them.
+fn calibrated(what: &str, fits: &[OutputError]) -> f64 {
+    let scores = scores(fits);
+    let ratios = scores.each_ref().map(|scores| root_mean_square(scores.iter().copied()));
+    assert!(ratios.iter().all(|ratio| band(fits.len()).contains(ratio)), "{what}: {ratios:?}");
+    let all: Vec<f64> = scores.concat();
+    all.iter().filter(|z| z.abs() < 1.96).count() as f64 / all.len() as f64
+}
+
+/// A and b of `[x, v]_{k+1} = A [x, v]_k + b u_k` for the linear machine under a held force, by the series of the matrix exponential.
+fn transition([m, d, k]: [f64; 3]) -> ([[f64; 2]; 2], [f64; 2]) {
+    let rate = [[0.0, 1.0, 0.0], [-k / m, -d / m, 1.0 / m], [0.0; 3]];
+    let mut term = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut sum = term;
+    for order in 1..20 {
+        let mut next = [[0.0; 3]; 3];
+        for (r, row) in next.iter_mut().enumerate() {
+            for (c, entry) in row.iter_mut().enumerate() {
+                *entry = (0..3).map(|i| term[r][i] * rate[i][c]).sum::<f64>() * SAMPLE_TIME / f64::from(order);
+            }
+        }
+        term = next;
+        for (row, add) in sum.iter_mut().zip(&term) {
+            row.iter_mut().zip(add).for_each(|(entry, add)| *entry += add);
+        }
+    }
+    ([[sum[0][0], sum[0][1]], [sum[1][0], sum[1][1]]], [sum[0][2], sum[1][2]])
+}
+
+/// Positions, then velocities of the linear machine under a held force, in units of their noise, from parameters and starting state.
+fn readings(unknown: &[f64; 5], force: &[f64], [of_position, of_velocity]: [f64; 2]) -> Vec<f64> {
+    let (a, b) = transition([unknown[0], unknown[1], unknown[2]]);
+    let [mut x, mut v] = [unknown[3], unknown[4]];
+    let step = |u: &f64| {
+        let before = (x / of_position, v / of_velocity);
+        (x, v) = (a[0][0] * x + a[0][1] * v + b[0] * u, a[1][0] * x + a[1][1] * v + b[1] * u);
+        before
+    };
+    let (mut positions, velocities): (Vec<f64>, Vec<f64>) = force.iter().map(step).unzip();
+    positions.extend(velocities);
+    positions
+}
+
+/// Least deviations of the parameters for white noise of the sensors and a force that is known, the starting state unknown.
+fn cramer_rao(force: &[f64], noise: [f64; 2]) -> [f64; 3] {
+    let at = [TRUTH[0], TRUTH[1], TRUTH[2], 0.266, 0.0];
+    let sensitivity = DMatrix::from_columns(
+        &[1e-4, 1e-4, 1e-3, 1e-4, 1e-4]
+            .iter()
+            .enumerate()
+            .map(|(j, step)| {
+                let moved = |by: f64| {
+                    let mut unknown = at;
+                    unknown[j] += by;
+                    readings(&unknown, force, noise)
+                };
+                let (after, before) = (moved(*step), moved(-step));
+                tpm_numerics::DVector::from_iterator(
+                    after.len(),
+                    after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * step)),
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+    let covariance = sensitivity.tr_mul(&sensitivity).cholesky().expect("all show").inverse();
+    [0, 1, 2].map(|j| covariance[(j, j)].sqrt())
+}
+
+#[test]
+fn white_noise_is_met_at_the_cramer_rao_bound() {
+    let rig = Rig::default();
+    let fits = fits(rig, SEEDS);
+    let covered = calibrated("white", &fits);
+    assert!((0.91..0.99).contains(&covered), "{covered}");
+    let bound = cramer_rao(&rig.play(0).force, [rig.white, f64::INFINITY]);
+    for (j, bound) in bound.iter().enumerate() {
+        let errors: Vec<f64> = fits.iter().map(|found| found.values[j] - TRUTH[j]).collect();
+        let efficiency = root_mean_square(errors) / bound;
+        assert!(efficiency < 1.2, "{j}: {efficiency}");
+        // What is stated is the bound itself, but for the noise that each record is found to have.
+        let stated = fits.iter().map(|found| deviation(found, j)).sum::<f64>() / fits.len() as f64;
+        assert!((0.97..1.03).contains(&(stated / bound)), "{j}: {}", stated / bound);
+    }
+    for found in &fits {
+        assert!((0.93..1.07).contains(&(found.sensor_noise[0] / rig.white)), "{:?}", found.sensor_noise);
+        assert_eq!((found.input_noise.as_slice(), found.colour.as_slice()), ([0.0].as_slice(), [0.0].as_slice()));
+        assert!(found.iterations.is_some_and(|steps| steps <= 8));
+    }
+}
+
+#[test]
+fn a_measured_rate_is_used_as_a_reading_with_its_own_noise() {
+    let rig = Rig::default();
+    let (model, derivatives) = differentiable(MODEL);
+    let found = |seed: u64| {
+        let recorded = rig.play(seed);
+        let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
+        let mut noisy = |v: &f64| -> f64 {
+            let random: f64 = StandardNormal.sample(&mut rng);
+            v + 5e-4 * random
+        };
+        let rate: Vec<f64> = recorded.velocity.iter().map(&mut noisy).collect();
+        fit_with_rate((&model, &derivatives), &recorded, rig.periods, START, Some(&rate))
+    };
+    let fits: Vec<OutputError> = (0..SEEDS).into_par_iter().map(found).collect();
+    let covered = calibrated("rates", &fits);
+    assert!((0.9..0.99).contains(&covered), "{covered}");
+}
+
+#[test]
+fn noise_of_the_recorded_force_is_found_and_leaves_no_bias() {
+    let rig = Rig { force_noise: 0.5, ..Rig::default() };
+    let fits = fits(rig, FEWER);
+    let covered = calibrated("force noise", &fits);
+    assert!((0.9..0.995).contains(&covered), "{covered}");
+    // Among 1000 readings few tell the size of this noise, so that single logs scatter.
+    let sizes: Vec<f64> = fits.iter().map(|found| found.input_noise[0] / 0.5).collect();
+    assert!(sizes.iter().all(|size| (0.4..2.5).contains(size)), "{sizes:?}");
+    let mean = sizes.iter().map(|size| size.ln()).sum::<f64>() / sizes.len() as f64;
+    assert!(mean.abs() < 0.15, "{sizes:?}");
+    for (j, scores) in scores(&fits).iter().enumerate() {
+        let mean = scores.iter().sum::<f64>() / (FEWER as f64).sqrt();
+        assert!(mean.abs() < 3.3, "{j}: bias of {mean} deviations of the mean");
+    }
+}
+
+#[test]
+fn noise_of_the_force_that_a_stretch_does_not_tell_is_found_in_the_whole_record() {
+    let rig = Rig { periods: 64, white: 1e-3, force_noise: 0.03, ..Rig::default() };
+    let fits = fits(rig, 12);
+    let sizes: Vec<f64> = fits.iter().map(|found| found.input_noise[0] / 0.03).collect();
+    let found: Vec<f64> = sizes.iter().copied().filter(|size| *size > 0.0).collect();
+    assert!(found.len() >= 10, "{sizes:?}");
+    assert!(found.iter().all(|size| (0.4..2.0).contains(size)), "{sizes:?}");
+    let mean = found.iter().map(|size| size.ln()).sum::<f64>() / found.len() as f64;
+    assert!(mean.abs() < 0.25, "{sizes:?}");
+}
+
+#[test]
+fn coloured_noise_of_the_sensor_is_found() {
+    let rig = Rig { white: 0.0, coloured: 1e-4, ..Rig::default() };
+    let fits = fits(rig, FEWER);
+    let covered = calibrated("coloured", &fits);
+    assert!((0.9..0.995).contains(&covered), "{covered}");
+    let off = fits.iter().filter(|found| (found.colour[0] - tpm_test_support::rig::COLOUR).abs() > 0.06).count();
+    assert!(off * 20 <= fits.len(), "{:?}", fits.iter().map(|found| found.colour[0]).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_start_from_far_away_ends_at_the_same_values() {
+    let (model, derivatives) = differentiable(MODEL);
+    let rig = Rig::default();
+    let recorded = rig.play(1);
+    let near = fit((&model, &derivatives), &recorded, rig.periods, START);
+    let far = fit((&model, &derivatives), &recorded, rig.periods, [0.5 * TRUTH[0], 4.0 * TRUTH[1], 2.0 * TRUTH[2]]);
+    for j in 0..3 {
+        let apart = (near.values[j] - far.values[j]) / deviation(&near, j);
+        assert!(apart.abs() < 0.05, "{j}: {apart}");
+    }
+}
+
+#[test]
+fn limits_are_weighed_where_the_inputs_are_largest_beside_their_own_size() {
+    let mut one = vec![1.0; 100];
+    let mut other = vec![1e-3; 100];
+    assert_eq!(strongest(&[&one, &other], 200), 0..100);
+    other[71..75].fill(2e-3);
+    assert_eq!(strongest(&[&one, &other], 4), 71..75);
+    one[20..24].fill(-4.0);
+    assert_eq!(strongest(&[&one, &other], 4), 20..24);
+    one[96..].fill(5.0);
+    assert_eq!(strongest(&[&one, &other], 4), 96..100);
+    assert_eq!(strongest(&[], 4), 0..0);
+}

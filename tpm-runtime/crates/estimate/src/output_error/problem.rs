@@ -1,0 +1,693 @@
+//! A record in the time domain, and its linearisation about a motion.
+
+use crate::output_error::chain::Chain;
+use crate::output_error::error::OutputErrorFault;
+use crate::output_error::noise::Noise;
+use crate::output_error::signals::Signals;
+use rayon::prelude::*;
+use std::ops::Range;
+use tpm_core::derivatives::RowDerivatives;
+use tpm_core::harmonics::Hold;
+use tpm_core::linear;
+use tpm_core::model::{EvalError, Model};
+use tpm_numerics::root_mean_square;
+
+/// A sign is believed where its argument is above this share of its root mean square: nearer to rest, friction takes any value
+/// between its two.
+const AT_REST: f64 = 0.02;
+/// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.
+const TURNING: f64 = 0.05;
+/// How much larger than friction's impulse the unknown force of a machine at rest may be.
+const FREE: f64 = 5.0;
+/// How much of the force is unsure in the transitions beside one in which a sign jumps, as multiples of half the jump. The jump lies
+/// anywhere within its sample, which moves the position by up to an eighth of what it would move in a sample with the whole jump.
+const BESIDE: [f64; 2] = [0.25, 0.0];
+/// What is added where an input that jumps with the sign is interpolated: the mean errors of the polynomial through six samples of a
+/// step.
+const INTERPOLATED: [f64; 2] = [0.114, 0.016];
+/// Shortest time between two stops of a machine, as a share of the period.
+const SHORTEST_PASSAGE: f64 = 0.02;
+/// Most steps of integration from one sample to the next.
+const MOST_STEPS: usize = 16;
+/// Largest error of the integration, as a share of what a state changes in the whole record's typical sample.
+const INTEGRATION: f64 = 1e-9;
+/// The same where a sign jumps within a step.
+const JUMPING: f64 = 1e-3;
+/// Transitions on which the number of steps is decided.
+const TRIED: usize = 64;
+/// Transitions that one task linearises.
+const TASK: usize = 256;
+
+/// A model that can be simulated, with the derivatives of its rows.
+#[derive(Clone, Copy)]
+pub struct Differentiable<'a> {
+    /// The rows.
+    pub model: &'a dyn Model<f64>,
+    /// Their derivatives.
+    pub derivatives: &'a dyn RowDerivatives<f64>,
+}
+
+impl std::fmt::Debug for Differentiable<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Differentiable").field("model", &self.model.name()).finish_non_exhaustive()
+    }
+}
+
+/// A force or an error of a reading with an unknown factor, sample by sample.
+#[derive(Clone, Debug)]
+pub(super) struct Column {
+    pub(super) place: Place,
+    /// One value per sample.
+    pub(super) values: Vec<f64>,
+    /// Whether a value holds until the next sample, as held inputs do; otherwise it changes evenly.
+    pub(super) held: bool,
+}
+
+/// Where a [`Column`] acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// On the left-hand side of a row.
+    Row(usize),
+    /// On the reading of a coordinate.
+    Reading(usize),
+}
+
+/// The motion of a record, and what its inputs are taken to have been.
+#[derive(Clone, Debug)]
+pub(super) struct Trajectory {
+    /// The states, sample by sample.
+    pub(super) states: Vec<f64>,
+    /// What the inputs are taken to be beside what was recorded, sample by sample.
+    pub(super) disturbed: Vec<f64>,
+    /// An input that acts otherwise than it was recorded, and how it acts, sample by sample.
+    pub(super) applied: Option<(usize, Vec<f64>)>,
+}
+
+/// A record whose motion follows from its inputs.
+#[derive(Clone)]
+pub(super) struct Problem<'a> {
+    pub(super) machine: Differentiable<'a>,
+    pub(super) constants: &'a [f64],
+    pub(super) hold: Hold,
+    pub(super) sample_time: f64,
+    pub(super) coordinates: Vec<&'a [f64]>,
+    /// The readings of every sensor: the coordinates, then measured rates.
+    pub(super) readings: Vec<&'a [f64]>,
+    /// State that every sensor reads.
+    pub(super) sensors: Vec<usize>,
+    pub(super) inputs: Vec<&'a [f64]>,
+    /// Parameters that are estimated.
+    pub(super) free: Vec<usize>,
+    /// Coordinate and order of every state.
+    pub(super) states: Vec<(usize, usize)>,
+    /// Whether the state after a sample does not follow from the one before.
+    pub(super) breaks: Vec<bool>,
+    /// Steps of integration per sample.
+    pub(super) steps: usize,
+    /// Fewest samples between two stops of a machine with friction.
+    pub(super) shortest_passage: usize,
+    /// Size of the noise of each sensor, beside which what is exact is small.
+    pub(super) scale: Vec<f64>,
+    /// Directions of the free parameters that the data do not show.
+    pub(super) hidden: Vec<Vec<f64>>,
+}
+
+/// Motion and inputs at an instant.
+struct Instant {
+    motion: Vec<f64>,
+    inputs: Vec<f64>,
+    forward: Vec<f64>,
+}
+
+/// What the evaluation of a transition needs.
+struct Scratch {
+    now: Instant,
+    rows: Vec<f64>,
+    model: Vec<f64>,
+    jacobian: Vec<f64>,
+    phi: Vec<f64>,
+    map: Vec<f64>,
+    switching: Vec<f64>,
+    rates: [Vec<f64>; 4],
+    state: Vec<f64>,
+    right: Vec<f64>,
+    mass: Vec<f64>,
+    matrix: Vec<f64>,
+    jacobian_of_states: Vec<f64>,
+    forces: Vec<f64>,
+    power: Vec<f64>,
+    product: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    /// The problem of a record, with one step of integration per sample; `free` are the parameters that are estimated, `hidden` the
+    /// directions of them that the data do not show.
+    ///
+    /// # Errors
+    /// [`OutputErrorFault::NotSimulable`] when the rows do not determine the motion.
+    pub(super) fn new(
+        machine: Differentiable<'a>,
+        constants: &'a [f64],
+        signals: &Signals<'a>,
+        noise: &Noise,
+        free: &[usize],
+        hidden: &[Vec<f64>],
+    ) -> Result<Self, OutputErrorFault> {
+        let states = Problem::states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
+        let samples = signals.coordinates.first().map_or(0, |c| c.len());
+        let place = |of: (usize, usize)| states.iter().position(|state| *state == of);
+        let sensors: Vec<usize> =
+            signals.sensors().map(place).collect::<Option<_>>().ok_or(OutputErrorFault::NotSimulable)?;
+        let rates = signals.rates.iter().map(|rate| rate.readings);
+        let outputs = sensors.len();
+        let mut breaks = vec![false; samples.saturating_sub(1)];
+        for &join in signals.joins.iter().filter(|join| (1..samples).contains(*join)) {
+            breaks[join - 1] = true;
+        }
+        Ok(Problem {
+            machine,
+            constants,
+            hold: signals.hold,
+            sample_time: signals.sample_time,
+            coordinates: signals.coordinates.clone(),
+            readings: signals.coordinates.iter().copied().chain(rates).collect(),
+            sensors,
+            inputs: signals.inputs.clone(),
+            free: free.to_vec(),
+            states,
+            breaks,
+            steps: 1,
+            shortest_passage: (signals.typical_period() * SHORTEST_PASSAGE) as usize,
+            scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
+            hidden: hidden.to_vec(),
+        })
+    }
+
+    /// The problem of some of the samples.
+    pub(super) fn part(&self, samples: Range<usize>) -> Self {
+        let cut = |signals: &[&'a [f64]]| signals.iter().map(|signal| &signal[samples.clone()]).collect();
+        Problem {
+            coordinates: cut(&self.coordinates),
+            readings: cut(&self.readings),
+            inputs: cut(&self.inputs),
+            breaks: self.breaks[samples.start..samples.end.max(samples.start + 1) - 1].to_vec(),
+            ..self.clone()
+        }
+    }
+
+    pub(super) fn samples(&self) -> usize {
+        self.coordinates.first().map_or(0, |c| c.len())
+    }
+
+    /// The states of a model, coordinate by coordinate; nothing where a coordinate has no derivative in the rows, or the rows do not
+    /// determine the motion.
+    pub(super) fn states(model: &dyn Model<f64>) -> Option<Vec<(usize, usize)>> {
+        let dims = model.dims();
+        let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
+        let usable = dims.rows == dims.coordinates && orders.iter().all(|&order| order > 0);
+        usable.then(|| orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect())
+    }
+
+    fn scratch(&self) -> Scratch {
+        let (dims, n) = (self.machine.model.dims(), self.states.len());
+        let derivatives = self.machine.derivatives;
+        Scratch {
+            now: Instant {
+                motion: vec![0.0; dims.motion_len()],
+                inputs: vec![0.0; dims.inputs],
+                forward: vec![0.0; self.machine.model.forward_workspace_len()],
+            },
+            rows: vec![0.0; derivatives.workspace_len()],
+            model: vec![0.0; self.machine.model.workspace_len()],
+            jacobian: vec![0.0; dims.rows * dims.motion_len()],
+            phi: vec![0.0; dims.regressor_len()],
+            map: vec![0.0; dims.input_map_len()],
+            switching: vec![0.0; derivatives.switches() * (1 + dims.rows)],
+            rates: std::array::from_fn(|_| vec![0.0; n]),
+            state: vec![0.0; n],
+            right: Vec::new(),
+            mass: Vec::new(),
+            matrix: Vec::new(),
+            jacobian_of_states: Vec::new(),
+            forces: Vec::new(),
+            power: Vec::new(),
+            product: Vec::new(),
+        }
+    }
+
+    /// Place of a state in a motion.
+    pub(super) fn place(&self, (coordinate, derivative): (usize, usize)) -> usize {
+        derivative * self.machine.model.dims().coordinates + coordinate
+    }
+
+    /// Takes a state and the inputs at a share of the time after sample k, and solves the rows for the highest derivatives.
+    fn at(
+        &self,
+        (k, share): (usize, f64),
+        state: &[f64],
+        trajectory: &Trajectory,
+        theta: &[f64],
+        now: &mut Instant,
+    ) -> Result<(), EvalError> {
+        let inputs = self.inputs.len();
+        let disturbed = &trajectory.disturbed[k * inputs..(k + 1) * inputs];
+        for (i, (value, disturbed)) in now.inputs.iter_mut().zip(disturbed).enumerate() {
+            let input = match &trajectory.applied {
+                Some((at, applied)) if *at == i => applied.as_slice(),
+                _ => self.inputs[i],
+            };
+            *value = disturbed + self.between_samples(input, k, share);
+        }
+        for (&of, &value) in self.states.iter().zip(state) {
+            now.motion[self.place(of)] = value;
+        }
+        self.machine.model.forward_dynamics(&mut now.motion, theta, self.constants, &now.inputs, &mut now.forward)
+    }
+
+    /// A recorded input at a share of the time after sample k.
+    pub(super) fn between_samples(&self, input: &[f64], k: usize, share: f64) -> f64 {
+        match self.hold {
+            Hold::Zoh => input[k],
+            Hold::None => between(input, k, share),
+        }
+    }
+
+    /// The states of a trajectory at sample k.
+    fn state<'t>(&self, trajectory: &'t Trajectory, k: usize) -> &'t [f64] {
+        &trajectory.states[k * self.states.len()..(k + 1) * self.states.len()]
+    }
+
+    /// The state one sample after sample k of a trajectory, into `to`.
+    fn advance(
+        &self,
+        k: usize,
+        trajectory: &Trajectory,
+        theta: &[f64],
+        steps: usize,
+        scratch: &mut Scratch,
+        to: &mut [f64],
+    ) -> Result<(), EvalError> {
+        let h = self.sample_time / steps as f64;
+        let coordinates = self.machine.model.dims().coordinates;
+        let Scratch { now, rates, state, .. } = scratch;
+        to.copy_from_slice(self.state(trajectory, k));
+        for step in 0..steps {
+            for stage in 0..4 {
+                let reach = [0.0, 0.5, 0.5, 1.0][stage];
+                for (i, value) in state.iter_mut().enumerate() {
+                    let before = if stage > 0 { rates[stage - 1][i] } else { 0.0 };
+                    *value = to[i] + reach * h * before;
+                }
+                self.at((k, (step as f64 + reach) / steps as f64), state, trajectory, theta, now)?;
+                for (rate, &of) in rates[stage].iter_mut().zip(&self.states) {
+                    *rate = now.motion[self.place(of) + coordinates];
+                }
+            }
+            for (i, value) in to.iter_mut().enumerate() {
+                let [a, b, c, d] = &*rates;
+                *value += h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
+            }
+        }
+        Ok(())
+    }
+
+    /// How many steps from one sample to the next leave no error of the integration that matters.
+    pub(super) fn needed_steps(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<usize, EvalError> {
+        let n = self.states.len();
+        let transitions = self.samples().saturating_sub(1);
+        let stride = (transitions / TRIED).max(1);
+        let mut scratch = self.scratch();
+        let (mut coarse, mut fine) = (vec![0.0; n], vec![0.0; n]);
+        let mut steps = 1;
+        while steps < MOST_STEPS {
+            let (mut moved, mut wrong) = (vec![0.0; n], vec![0.0; n]);
+            for k in (0..transitions).step_by(stride) {
+                let from = self.state(trajectory, k);
+                self.advance(k, trajectory, theta, steps, &mut scratch, &mut coarse)?;
+                self.advance(k, trajectory, theta, 2 * steps, &mut scratch, &mut fine)?;
+                for i in 0..n {
+                    moved[i] += (fine[i] - from[i]).abs();
+                    wrong[i] += (fine[i] - coarse[i]).abs();
+                }
+            }
+            // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
+            let bound = if self.machine.derivatives.switches() > 0 { JUMPING } else { INTEGRATION };
+            if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= bound * moved) {
+                break;
+            }
+            steps *= 2;
+        }
+        Ok(steps)
+    }
+
+    /// Linearises the record about a trajectory, parameters and values of the columns.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the model cannot be evaluated.
+    pub(super) fn linearise_at(
+        &self,
+        trajectory: &Trajectory,
+        theta: &[f64],
+        columns: &[Column],
+        values: &[f64],
+    ) -> Result<Chain, EvalError> {
+        let dims = self.machine.model.dims();
+        let (n, samples) = (self.states.len(), self.samples());
+        let switches = self.machine.derivatives.switches();
+        let p = self.free.len() + columns.len();
+        let width = p + dims.inputs + switches;
+        let transitions = samples.saturating_sub(1);
+        let outputs = self.sensors.len();
+        let mut chain = Chain {
+            samples,
+            sample_time: self.sample_time,
+            order: n,
+            columns: p,
+            inputs: dims.inputs,
+            switches,
+            states: self.states.clone(),
+            outputs: self.sensors.clone(),
+            scale: self.scale.clone(),
+            breaks: self.breaks.clone(),
+            transition: vec![0.0; transitions * n * n],
+            forcing: vec![0.0; transitions * n * width],
+            defect: vec![0.0; transitions * n],
+            errors: vec![0.0; samples * outputs],
+            reading_columns: Vec::new(),
+            loose: self.loose(trajectory, theta)?,
+            turns: self.turns(trajectory),
+            disturbed: trajectory.disturbed.clone(),
+            nothing: vec![0.0; p],
+        };
+        let parts = (chain.transition.par_chunks_mut(n * n * TASK))
+            .zip(chain.forcing.par_chunks_mut((n * width).max(1) * TASK))
+            .zip(chain.defect.par_chunks_mut(n * TASK))
+            .enumerate();
+        parts.try_for_each(|(task, ((transition, forcing), defect))| {
+            let mut scratch = self.scratch();
+            let mut next = vec![0.0; n];
+            let parts = transition.chunks_exact_mut(n * n).zip(forcing.chunks_exact_mut(n * width));
+            for (i, ((transition, forcing), defect)) in parts.zip(defect.chunks_exact_mut(n)).enumerate() {
+                let k = task * TASK + i;
+                let (from, to) = (self.state(trajectory, k), self.state(trajectory, k + 1));
+                self.advance(k, trajectory, theta, self.steps, &mut scratch, &mut next)?;
+                for (s, value) in defect.iter_mut().enumerate() {
+                    *value = next[s] - to[s];
+                    next[s] = 0.5 * (next[s] + from[s]);
+                }
+                self.differentiate((k, &next), trajectory, theta, columns, &mut scratch, (transition, forcing))?;
+            }
+            Ok(())
+        })?;
+        for (k, errors) in chain.errors.chunks_exact_mut(outputs).enumerate() {
+            for (c, error) in errors.iter_mut().enumerate() {
+                *error = self.readings[c][k] - trajectory.states[k * n + chain.outputs[c]];
+            }
+        }
+        if columns.iter().any(|column| matches!(column.place, Place::Reading(_))) {
+            chain.reading_columns = vec![0.0; samples * outputs * p];
+            for (j, column) in columns.iter().enumerate() {
+                let Place::Reading(c) = column.place else { continue };
+                for (k, value) in column.values.iter().enumerate() {
+                    chain.reading_columns[(k * outputs + c) * p + self.free.len() + j] = *value;
+                }
+            }
+        }
+        for (j, value) in values.iter().enumerate().filter(|(_, value)| value.abs() > 0.0) {
+            let at = self.free.len() + j;
+            for (defect, forcing) in chain.defect.iter_mut().zip(chain.forcing.chunks_exact(width)) {
+                *defect += value * forcing[at];
+            }
+            if let Place::Reading(c) = columns[j].place {
+                let errors = chain.errors.iter_mut().skip(c).step_by(outputs);
+                for (error, own) in errors.zip(&columns[j].values) {
+                    *error -= value * own;
+                }
+            }
+        }
+        Ok(chain)
+    }
+
+    /// Derivatives of the transition after sample k at the state in its middle: those of `exp(J h)` and of its integral, to the fourth
+    /// order.
+    fn differentiate(
+        &self,
+        (k, middle): (usize, &[f64]),
+        trajectory: &Trajectory,
+        theta: &[f64],
+        columns: &[Column],
+        scratch: &mut Scratch,
+        (transition, forcing): (&mut [f64], &mut [f64]),
+    ) -> Result<(), EvalError> {
+        let (model, derivatives) = (self.machine.model, self.machine.derivatives);
+        let dims = model.dims();
+        let (n, rows) = (self.states.len(), dims.rows);
+        let switches = derivatives.switches();
+        let p = self.free.len() + columns.len();
+        let width = p + dims.inputs + switches;
+        self.at((k, 0.5), middle, trajectory, theta, &mut scratch.now)?;
+        let Instant { motion, inputs, .. } = &scratch.now;
+        derivatives.rows(motion, theta, self.constants, inputs, &mut scratch.rows, &mut scratch.jacobian)?;
+        model.sensitivity(motion, theta, self.constants, &mut scratch.model, &mut scratch.phi)?;
+        model.input_map(motion, self.constants, &mut scratch.model, &mut scratch.map)?;
+        if switches > 0 {
+            self.switching(theta, scratch)?;
+        }
+        // Right-hand sides of M x = -dr/d(state), -phi, ..., B, -jump: one row of `right` per column.
+        let motion_len = dims.motion_len();
+        let all = n + width;
+        let Scratch { jacobian, phi, map, switching, right, mass, matrix, .. } = scratch;
+        right.clear();
+        right.resize(all * rows, 0.0);
+        mass.clear();
+        for row in 0..rows {
+            let mut put = |column: usize, value: f64| right[column * rows + row] = value;
+            for (s, &of) in self.states.iter().enumerate() {
+                put(s, -jacobian[row * motion_len + self.place(of)]);
+            }
+            for (j, &free) in self.free.iter().enumerate() {
+                put(n + j, -phi[row * dims.parameters + free]);
+            }
+            for (j, column) in columns.iter().enumerate() {
+                if column.place == Place::Row(row) {
+                    let later = if column.held { column.values[k] } else { column.values[k + 1] };
+                    put(n + self.free.len() + j, -0.5 * (column.values[k] + later));
+                }
+            }
+            for i in 0..dims.inputs {
+                put(n + p + i, map[row * dims.inputs + i]);
+            }
+            for s in 0..switches {
+                put(n + p + dims.inputs + s, -switching[s * (1 + rows) + 1 + row]);
+            }
+            mass.extend(
+                (0..rows).map(|c| jacobian[row * motion_len + model.coordinate_order(c) * dims.coordinates + c]),
+            );
+        }
+        for column in right.chunks_exact_mut(rows) {
+            matrix.clear();
+            matrix.extend_from_slice(mass);
+            let solved = linear::solve_in_place(matrix, column);
+            solved.map_err(|coordinate| EvalError::Singular { coordinate })?;
+        }
+        // J: rates of the states by the states; g: by the forcings.
+        let Scratch { right, jacobian_of_states: jacobian, forces: rates, power, product, .. } = scratch;
+        jacobian.clear();
+        jacobian.resize(n * n, 0.0);
+        rates.clear();
+        rates.resize(n * width, 0.0);
+        for (s, &(c, d)) in self.states.iter().enumerate() {
+            if d + 1 < model.coordinate_order(c) {
+                jacobian[s * n + s + 1] = 1.0;
+            } else {
+                for j in 0..n {
+                    jacobian[s * n + j] = right[j * rows + c];
+                }
+                for j in 0..width {
+                    rates[s * width + j] = right[(n + j) * rows + c];
+                }
+            }
+        }
+        let h = self.sample_time;
+        // With P = h + J h^2/2 + J^2 h^3/6 + J^3 h^4/24: the transition is 1 + J P, the forcing P g.
+        power.clear();
+        power.resize(n * n, 0.0);
+        for s in 0..n {
+            power[s * n + s] = h;
+        }
+        for order in (2..=4).rev() {
+            product.clear();
+            product.resize(n * n, 0.0);
+            multiply(jacobian, power, n, n, product);
+            for (i, (to, value)) in power.iter_mut().zip(&*product).enumerate() {
+                *to = value * h / order as f64 + if i % (n + 1) == 0 { h } else { 0.0 };
+            }
+        }
+        transition.fill(0.0);
+        multiply(jacobian, power, n, n, transition);
+        for s in 0..n {
+            transition[s * n + s] += 1.0;
+        }
+        forcing.fill(0.0);
+        multiply(power, rates, n, width, forcing);
+        Ok(())
+    }
+
+    /// Arguments and jumps of all switches at the instant in `scratch`.
+    fn switching(&self, theta: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        let Instant { motion, inputs, .. } = &scratch.now;
+        let derivatives = self.machine.derivatives;
+        derivatives.switching(motion, theta, self.constants, inputs, &mut scratch.rows, &mut scratch.switching)
+    }
+
+    /// Evaluates `width` numbers at every sample of a trajectory.
+    fn at_every_sample(
+        &self,
+        trajectory: &Trajectory,
+        theta: &[f64],
+        width: usize,
+        evaluate: impl Fn(&mut Scratch, &mut [f64]) -> Result<(), EvalError> + Sync,
+    ) -> Result<Vec<f64>, EvalError> {
+        let mut values = vec![0.0; self.samples() * width];
+        values.par_chunks_mut(width.max(1) * TASK).enumerate().try_for_each(|(task, values)| {
+            let mut scratch = self.scratch();
+            for (i, values) in values.chunks_exact_mut(width).enumerate() {
+                let k = task * TASK + i;
+                self.at((k, 0.0), self.state(trajectory, k), trajectory, theta, &mut scratch.now)?;
+                evaluate(&mut scratch, values)?;
+            }
+            Ok(())
+        })?;
+        Ok(values)
+    }
+
+    /// The regressor and, behind it, the input map along a trajectory, sample by sample.
+    pub(super) fn along(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let model = self.machine.model;
+        let dims = model.dims();
+        let width = dims.regressor_len() + dims.input_map_len();
+        self.at_every_sample(trajectory, theta, width, |scratch, values| {
+            let (regressor, map) = values.split_at_mut(dims.regressor_len());
+            model.sensitivity(&scratch.now.motion, theta, self.constants, &mut scratch.model, regressor)?;
+            model.input_map(&scratch.now.motion, self.constants, &mut scratch.model, map)
+        })
+    }
+
+    /// How much of the force is unsure one and two transitions beside one in which a sign jumps.
+    fn unsure_beside(&self) -> [f64; 2] {
+        match self.hold {
+            Hold::Zoh => BESIDE,
+            Hold::None => [BESIDE[0] + INTERPOLATED[0], BESIDE[1] + INTERPOLATED[1]],
+        }
+    }
+
+    /// Whether a coordinate turns in a transition, or moves slowly beside its root mean square velocity.
+    fn turns(&self, trajectory: &Trajectory) -> Vec<bool> {
+        let (n, samples) = (self.states.len(), self.samples());
+        let mut turns = vec![false; samples.saturating_sub(1)];
+        for s in (0..n).filter(|&s| self.states[s].1 == 1) {
+            let rate = |k: usize| trajectory.states[k * n + s];
+            let band = TURNING * root_mean_square((0..samples).map(rate));
+            for (k, turn) in turns.iter_mut().enumerate() {
+                *turn |= slow(rate(k), rate(k + 1), band);
+            }
+        }
+        turns
+    }
+
+    /// How loose every switch's force is in every transition, as a multiple of half its jump.
+    ///
+    /// While a machine is at rest for L samples its friction is unknown but the same for all of them; independent forces have its impulse
+    /// when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
+    /// given [`FREE`] times that size.
+    pub(super) fn loose(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let (switches, rows) = (self.machine.derivatives.switches(), self.machine.model.dims().rows);
+        if switches == 0 {
+            return Ok(Vec::new());
+        }
+        let samples = self.samples();
+        let arguments = self.at_every_sample(trajectory, theta, switches, |scratch, values| {
+            self.switching(theta, scratch)?;
+            let arguments = scratch.switching.iter().step_by(1 + rows);
+            values.iter_mut().zip(arguments).for_each(|(value, argument)| *value = *argument);
+            Ok(())
+        })?;
+        let mut loose = vec![0.0; samples.saturating_sub(1) * switches];
+        for s in 0..switches {
+            let of = |k: usize| arguments[k * switches + s];
+            let band = AT_REST * root_mean_square((0..samples).map(of));
+            let unsure = |k: usize| slow(of(k), of(k + 1), band);
+            // While it is at rest a machine's velocity is noise, which may stand above the band for some samples.
+            let mut free: Vec<bool> = (0..samples.saturating_sub(1)).map(unsure).collect();
+            let mut last: Option<usize> = None;
+            for k in 0..free.len() {
+                if free[k] {
+                    if let Some(before) = last.filter(|before| k - before <= self.shortest_passage) {
+                        free[before..k].fill(true);
+                    }
+                    last = Some(k);
+                }
+            }
+            let mut k = 0;
+            while k + 1 < samples {
+                let first = k;
+                while k + 1 < samples && free[k] {
+                    k += 1;
+                }
+                let size = FREE * ((k - first) as f64).sqrt();
+                for transition in first..k {
+                    loose[transition * switches + s] = size;
+                }
+                if k > first {
+                    for (distance, share) in self.unsure_beside().into_iter().enumerate() {
+                        for beside in [first.checked_sub(distance + 1), Some(k + distance)].into_iter().flatten() {
+                            if let Some(at) = loose.get_mut(beside * switches + s) {
+                                *at = at.max(FREE * share);
+                            }
+                        }
+                    }
+                }
+                k += 1;
+            }
+        }
+        Ok(loose)
+    }
+}
+
+/// Whether a signal is within a band or crosses zero between two samples.
+fn slow(before: f64, after: f64, band: f64) -> bool {
+    before.abs() < band || after.abs() < band || (before > 0.0) != (after > 0.0)
+}
+
+/// A signal at a share of the time after sample k: the polynomial through six samples around.
+fn between(signal: &[f64], k: usize, share: f64) -> f64 {
+    const NODES: usize = 6;
+    if share <= 0.0 || signal.len() < NODES {
+        return signal[k];
+    }
+    let first = k.saturating_sub(NODES / 2 - 1).min(signal.len() - NODES);
+    let at = (k - first) as f64 + share;
+    let mut value = 0.0;
+    for (i, sample) in signal[first..first + NODES].iter().enumerate() {
+        let mut weight = 1.0;
+        for j in (0..NODES).filter(|&j| j != i) {
+            weight *= (at - j as f64) / (i as f64 - j as f64);
+        }
+        value += weight * sample;
+    }
+    value
+}
+
+/// `out += a b` for row-major matrices, a n by n and b n by `width`.
+fn multiply(a: &[f64], b: &[f64], n: usize, width: usize, out: &mut [f64]) {
+    for i in 0..n {
+        for j in 0..n {
+            let factor = a[i * n + j];
+            if factor.abs() > 0.0 {
+                for (to, value) in out[i * width..(i + 1) * width].iter_mut().zip(&b[j * width..(j + 1) * width]) {
+                    *to += factor * value;
+                }
+            }
+        }
+    }
+}

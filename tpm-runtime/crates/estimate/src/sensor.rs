@@ -1,0 +1,35 @@
+//! What the readings of a sensor say of the sensor itself: its noise, and the step of its counts.
+
+use tpm_motion::step;
+use tpm_numerics::differences::white_noise;
+use tpm_numerics::root_mean_square;
+
+/// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
+const ROUNDING: f64 = 1e-9;
+
+/// A sensor, told from its readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensor {
+    /// Deviation of the noise from sample to sample, rounding to counts included; never zero, since a file rounds its numbers.
+    pub noise: f64,
+    /// Step of the readings; zero where they lie on no grid.
+    pub step: f64,
+    /// Whether noise is seen beside the rounding of the numbers in the file.
+    pub noisy: bool,
+}
+
+impl Sensor {
+    /// The sensor behind readings that were recorded in stretches.
+    pub fn of(signals: &[&[f64]]) -> Self {
+        let count = signals.iter().map(|signal| signal.len()).sum::<usize>().max(1) as f64;
+        let power: f64 = signals.iter().map(|signal| white_noise(signal).powi(2) * signal.len() as f64).sum();
+        let size = root_mean_square(signals.iter().flat_map(|signal| signal.iter().copied()));
+        // A record may begin with a state that no sensor read, which lies on no grid.
+        let steps = signals.iter().map(|signal| step(signal).max(step(signal.get(1..).unwrap_or_default())));
+        let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
+        let step = if step.is_finite() { step } else { 0.0 };
+        let seen = (power / count).sqrt().max(step / 12.0_f64.sqrt());
+        let least = ROUNDING * size;
+        Sensor { noise: seen.max(least), step, noisy: seen > least }
+    }
+}

@@ -1,0 +1,152 @@
+//! A record by its frequencies: positions and rates in one, the noise of the sensors, and how fast the machine moves.
+
+use crate::error::EstimateError;
+use crate::sensor::Sensor;
+use crate::time_domain::bands::Bands;
+use crate::time_domain::transform::{Transform, quick};
+use num_complex::Complex;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use tpm_core::harmonics::Hold;
+use tpm_motion::Dynamics;
+
+/// Seed of the noise by which the information of noise is measured.
+const SEED: u64 = 0x74_706d;
+
+/// Samples without a gap.
+#[derive(Clone, Debug)]
+pub struct Stretch<'a> {
+    /// Measured coordinates, in the model's order and units.
+    pub coordinates: Vec<&'a [f64]>,
+    /// Measured rates of coordinates; nothing where a rate is not measured.
+    pub rates: Vec<Option<&'a [f64]>>,
+    /// Recorded inputs, in the model's order and units.
+    pub inputs: Vec<&'a [f64]>,
+}
+
+impl Stretch<'_> {
+    pub(super) fn samples(&self) -> usize {
+        self.coordinates.first().map_or(0, |signal| signal.len())
+    }
+}
+
+/// A record of one machine, in stretches of even samples.
+#[derive(Clone, Debug)]
+pub struct TimeRecord<'a> {
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// What the inputs do between samples.
+    pub hold: Hold,
+    /// Known dynamics between the recorded inputs and the forces; inputs past the end of the list have none.
+    pub actuators: &'a [Dynamics],
+    /// The stretches.
+    pub stretches: Vec<Stretch<'a>>,
+}
+
+/// A stretch by its frequencies.
+pub(super) struct Moving {
+    pub(super) samples: usize,
+    pub(super) points: usize,
+    pub(super) coordinates: Vec<Transform>,
+    /// Noise of the size that the coordinates have.
+    pub(super) noise: Vec<Transform>,
+    pub(super) inputs: Vec<Transform>,
+}
+
+/// A record by its frequencies.
+pub(super) struct Motion {
+    pub(super) stretches: Vec<Moving>,
+    /// Deviation of every sensor's noise from sample to sample, unit of the coordinate.
+    pub(super) white: Vec<f64>,
+    /// Step of every sensor; zero where its values lie on no grid.
+    pub(super) steps: Vec<f64>,
+    /// Highest angular frequency of every coordinate that stands out of its noise, rad/s.
+    pub(super) highest: Vec<f64>,
+    /// Time in which the coordinates go to and fro once, on the average, s.
+    pub(super) typical_period: f64,
+    /// Measured rate over the rate of the measured position, where both are measured.
+    pub(super) rate_gains: Vec<Option<f64>>,
+}
+
+impl Motion {
+    /// Transforms a record.
+    ///
+    /// # Errors
+    /// [`EstimateError::NoSignal`] when there are no samples.
+    pub(super) fn new(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
+        let Some(first) = record.stretches.first() else { return Err(EstimateError::NoSignal) };
+        let coordinates = first.coordinates.len();
+        let of = |c: usize| -> Vec<&[f64]> { record.stretches.iter().map(|stretch| stretch.coordinates[c]).collect() };
+        let rates = |c: usize| -> Option<Vec<&[f64]>> {
+            record.stretches.iter().map(|stretch| stretch.rates.get(c).copied().flatten()).collect()
+        };
+        let (white, steps): (Vec<f64>, Vec<f64>) =
+            (0..coordinates).map(|c| Sensor::of(&of(c))).map(|sensor| (sensor.noise, sensor.step)).unzip();
+        let rate_noise: Vec<Option<f64>> =
+            (0..coordinates).map(|c| rates(c).map(|rates| Sensor::of(&rates).noise)).collect();
+        let bands: Vec<Bands> = (0..coordinates).map(|c| Bands::of(&of(c), record.sample_time)).collect();
+        let highest: Vec<f64> = bands.iter().zip(&white).map(|(bands, white)| bands.highest(*white)).collect();
+        let periods = bands.iter().zip(&highest).map(|(bands, highest)| bands.typical_period(*highest));
+        let typical_period = periods.fold(f64::INFINITY, f64::min);
+        let mut gains = vec![(0.0, 0.0); coordinates];
+        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+        let mut stretches = Vec::with_capacity(record.stretches.len());
+        for stretch in &record.stretches {
+            let samples = stretch.samples();
+            let points = quick(samples);
+            let transform = |signal: &[f64]| Transform::new(signal, points, record.sample_time);
+            let mut random = |deviation: f64| -> Transform {
+                let draw = |_| -> f64 { deviation * Distribution::<f64>::sample(&StandardNormal, &mut rng) };
+                Transform::new(&(0..samples).map(draw).collect::<Vec<f64>>(), points, record.sample_time)
+            };
+            let mut moving = Moving { samples, points, coordinates: Vec::new(), noise: Vec::new(), inputs: Vec::new() };
+            for c in 0..coordinates {
+                let position = transform(stretch.coordinates[c]);
+                let noise = random(white[c]);
+                match (stretch.rates.get(c).copied().flatten(), rate_noise[c]) {
+                    (Some(rate), Some(of_rate)) => {
+                        let rate = transform(rate);
+                        let gain = &mut gains[c];
+                        let last = (highest[c] / position.spacing()) as usize;
+                        for k in 1..=last.min(points / 2) {
+                            let own = Complex::new(0.0, k as f64 * position.spacing()) * position.bin(k);
+                            gain.0 += (rate.bin(k) * own.conj()).re;
+                            gain.1 += own.norm_sqr();
+                        }
+                        let noise_of_rate = random(of_rate);
+                        moving.noise.push(together(noise, &noise_of_rate, white[c], of_rate));
+                        moving.coordinates.push(together(position, &rate, white[c], of_rate));
+                    }
+                    _ => {
+                        moving.coordinates.push(position);
+                        moving.noise.push(noise);
+                    }
+                }
+            }
+            moving.inputs = stretch.inputs.iter().map(|signal| transform(signal)).collect();
+            stretches.push(moving);
+        }
+        let gain = |(own, power): (f64, f64)| own / power.max(f64::MIN_POSITIVE);
+        let rate_gains = gains.iter().zip(&rate_noise).map(|(&of, noise)| noise.map(|_| gain(of))).collect();
+        Ok(Motion { stretches, white, steps, highest, typical_period, rate_gains })
+    }
+
+    /// Highest angular frequency of any coordinate, rad/s.
+    pub(super) fn fastest(&self) -> f64 {
+        self.highest.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// The most likely position of a coordinate whose rate was measured too, given the deviations of both: at low frequencies the measured
+/// position, at high ones the integral of the measured rate.
+fn together(position: Transform, rate: &Transform, white: f64, of_rate: f64) -> Transform {
+    position.map(|w, k, bin| {
+        let (own, other) = (of_rate * of_rate, (w * white).powi(2));
+        if k == 0 || own + other <= 0.0 {
+            return bin;
+        }
+        let integral = rate.bin(k) / Complex::new(0.0, w);
+        (bin * own + integral * other) / (own + other)
+    })
+}

@@ -1,0 +1,57 @@
+//! A record in one band, in which several models are compared.
+
+use crate::error::EstimateError;
+use crate::result::Estimate;
+use crate::settings::Settings;
+use crate::time_domain::band::cut_offs;
+use crate::time_domain::equations::{Equations, Machine};
+use crate::time_domain::fit::fit;
+use crate::time_domain::low_pass::LowPass;
+use crate::time_domain::motion::{Motion, TimeRecord};
+use tpm_core::derivatives::RowDerivatives;
+use tpm_core::model::Model;
+
+/// A record in one band.
+pub struct OneBand<'a> {
+    record: &'a TimeRecord<'a>,
+    motion: Motion,
+    low_pass: LowPass,
+}
+
+impl std::fmt::Debug for OneBand<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("OneBand").field("cut_off", &self.low_pass.cut_off).finish_non_exhaustive()
+    }
+}
+
+impl<'a> OneBand<'a> {
+    /// A record in the middle of the bands that would be tried for an estimate.
+    ///
+    /// # Errors
+    /// [`EstimateError::NoSignal`] when the stretches are too short for any band.
+    pub fn new(record: &'a TimeRecord<'a>) -> Result<Self, EstimateError> {
+        let motion = Motion::new(record)?;
+        let cut_offs = cut_offs(&motion, record.sample_time);
+        let cut_off = cut_offs.get(cut_offs.len() / 2).copied().ok_or(EstimateError::NoSignal)?;
+        Ok(Self { record, motion, low_pass: LowPass { cut_off } })
+    }
+
+    /// Estimates the parameters of a model; `derivatives` tell where signs jump.
+    ///
+    /// # Errors
+    /// [`EstimateError::NoSignal`] when the record shows no more than noise; the others are those of
+    /// [`estimate_time_domain`](crate::estimate_time_domain).
+    pub fn estimate(
+        &self,
+        model: &dyn Model<f64>,
+        derivatives: Option<&dyn RowDerivatives<f64>>,
+        constants: &[f64],
+        settings: &Settings,
+    ) -> Result<Estimate, EstimateError> {
+        let dims = model.dims();
+        let free = settings.free(dims.parameters)?;
+        let machine = Machine { model, derivatives, constants };
+        let equations = Equations::of(machine, self.record, &self.motion, self.low_pass)?;
+        fit(&equations, dims, &free, settings).map(|fitted| fitted.estimate).ok_or(EstimateError::NoSignal)
+    }
+}

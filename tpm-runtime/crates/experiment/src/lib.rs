@@ -1,0 +1,24 @@
+//! Experiment files: everything about a campaign that is not the model.
+//!
+//! Invariant: every field is documented here, unknown fields are refused, and names of parameters, coordinates, inputs and
+//! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
+//! Values are in the units of the model; nothing is converted.
+
+mod actuators;
+mod error;
+mod file;
+mod names;
+#[cfg(test)]
+mod numerical_tests;
+mod overrides;
+#[cfg(test)]
+mod plant_tests;
+mod resolve;
+#[cfg(all(test, feature = "schema"))]
+mod schema_tests;
+
+pub use error::ExperimentError;
+pub use file::{
+    ActuatorSection, ArmSection, ControlSection, DropoutSection, Equations, Experiment, FeedbackSection, LimitsSection,
+    MotorsSection, Named, PlantSection, ScheduleSection, SensorSection, StabilitySection, StageSection, StrokeSection,
+};

@@ -1,0 +1,172 @@
+//! What was assumed in reading a log.
+
+use serde::Serialize;
+use std::fmt;
+use tpm_report::number;
+
+/// What stands between the fields of a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Separator {
+    /// A comma.
+    Comma,
+    /// A semicolon.
+    Semicolon,
+    /// A tabulator.
+    Tab,
+    /// Any number of blanks and tabulators.
+    Space,
+}
+
+impl fmt::Display for Separator {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Separator::Comma => "commas",
+            Separator::Semicolon => "semicolons",
+            Separator::Tab => "tabulators",
+            Separator::Space => "blanks",
+        })
+    }
+}
+
+/// Something that a file leaves open, or says otherwise than in the plainest way, and how it was read.
+///
+/// The plainest way is a column `t_s` of seconds and a column for every signal, of its name and in the model's unit, between commas.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Assumption {
+    /// Fields do not stand between commas.
+    Separator {
+        /// What stands between them.
+        separator: Separator,
+    },
+    /// Fractions begin with a comma.
+    DecimalComma,
+    /// Lines of comment.
+    Comments {
+        /// How many there are.
+        count: u64,
+        /// Line of the first.
+        first: u64,
+    },
+    /// Lines of text above the header that are no comments.
+    Preamble {
+        /// How many there are.
+        count: u64,
+        /// Line of the header.
+        header: u64,
+    },
+    /// The names of the columns stand in a comment.
+    HeaderInComment {
+        /// Its line.
+        line: u64,
+    },
+    /// The file has no header: columns are named by their number.
+    NumberedColumns {
+        /// How many there are.
+        columns: usize,
+    },
+    /// The header is not UTF-8, and was read as Latin-1.
+    Latin1Header {
+        /// Its line.
+        line: u64,
+    },
+    /// A row below the header has the units of the columns.
+    UnitsRow {
+        /// Its line.
+        line: u64,
+    },
+    /// The last line was cut short while it was written.
+    CutLine {
+        /// The line.
+        line: u64,
+    },
+    /// A signal was found in a column of another name, or converted.
+    Column {
+        /// The signal.
+        signal: String,
+        /// The column.
+        column: String,
+        /// Unit of the column, where it states one.
+        unit: Option<String>,
+        /// Unit of the signal in the model, where it has one.
+        model_unit: Option<String>,
+        /// Factor from the column to the signal.
+        factor: f64,
+    },
+    /// A stated factor stands in place of the unit of a column.
+    FactorForUnit {
+        /// The signal.
+        signal: String,
+        /// The column.
+        column: String,
+        /// Unit of the column, which was not converted.
+        unit: String,
+        /// The stated factor.
+        factor: f64,
+    },
+    /// Where time stands, when this is not a column `t_s` in seconds.
+    Time {
+        /// The column, or both columns.
+        column: String,
+        /// The unit.
+        unit: String,
+        /// Whether the file says so; otherwise the size of the stamps and of their steps does.
+        stated: bool,
+    },
+    /// Fields of a measured rate are missing in a stretch of the record, where the rate is not used.
+    RateLeftOut {
+        /// The rate.
+        signal: String,
+        /// First line of the stretch.
+        from_line: u64,
+        /// Last line of the stretch.
+        to_line: u64,
+    },
+}
+
+impl fmt::Display for Assumption {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Assumption::Separator { separator } => write!(f, "fields are separated by {separator}"),
+            Assumption::DecimalComma => f.write_str("decimal commas"),
+            Assumption::Comments { count: 1, first } => write!(f, "line {first} is a comment"),
+            Assumption::Comments { count, first } => write!(f, "{count} lines are comments, the first is line {first}"),
+            Assumption::Preamble { count, header } => {
+                write!(f, "the header is line {header}; {count} lines of text above it are not used")
+            }
+            Assumption::HeaderInComment { line } => write!(f, "the comment in line {line} names the columns"),
+            Assumption::NumberedColumns { columns } => {
+                write!(f, "there is no header; columns are called 1 to {columns}")
+            }
+            Assumption::Latin1Header { line } => write!(f, "the header in line {line} is not UTF-8, read as Latin-1"),
+            Assumption::UnitsRow { line } => write!(f, "line {line} has the units of the columns"),
+            Assumption::CutLine { line } => {
+                write!(f, "line {line}, the last one, was cut short while it was written, and is not used")
+            }
+            Assumption::Column { signal, column, unit, model_unit, factor } => {
+                write!(f, "`{signal}` is column `{column}`")?;
+                match (unit, model_unit) {
+                    (Some(unit), Some(own)) if *factor != 1.0 => {
+                        write!(f, ", converted from {unit} to {own}: times {}", number(*factor))
+                    }
+                    (Some(unit), None) => write!(f, " in {unit}, not converted: `{signal}` has no unit in the model"),
+                    _ => Ok(()),
+                }
+            }
+            Assumption::FactorForUnit { signal, column, unit, factor } => write!(
+                f,
+                "`{signal}` is column `{column}` times the stated factor {}, which stands in place of its unit {unit}",
+                number(*factor)
+            ),
+            Assumption::Time { column, unit, stated: true } => write!(f, "time is column `{column}` in {unit}"),
+            Assumption::Time { column, unit, stated: false } => {
+                write!(f, "time is column `{column}`, which states no unit: read as {unit}, as its steps suggest")
+            }
+            Assumption::RateLeftOut { signal, from_line, to_line } => {
+                write!(f, "`{signal}` has empty fields in lines {from_line} to {to_line}, where it is not used")
+            }
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! What all formats of logs have in common: named columns of numbers, row by row.
+
+use crate::assumption::Assumption;
+use crate::error::LogError;
+use crate::stamps::Resolution;
+
+/// Name of a column as the file states it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct ColumnName {
+    /// The name, trimmed; it may end in a unit.
+    pub(super) text: String,
+    /// The unit, where the format states it apart from the name.
+    pub(super) unit: Option<String>,
+}
+
+impl ColumnName {
+    /// A name without a unit beside it.
+    pub(super) fn new(text: impl Into<String>) -> Self {
+        Self { text: text.into(), unit: None }
+    }
+}
+
+/// A table of numbers in a file, whatever its format is.
+///
+/// Names and units are settled by the caller, who then selects the columns that it needs, and takes them row by row.
+pub(super) trait Columns {
+    /// The columns of the file.
+    fn header(&self) -> &[ColumnName];
+
+    /// Line of the header, for messages.
+    fn header_line(&self) -> u64;
+
+    /// Line of the units of the columns, for messages: that of the header where they have no row of their own.
+    fn units_line(&self) -> u64 {
+        self.header_line()
+    }
+
+    /// Says which columns [`next_row`](Self::next_row) delivers, in this order. The first of them is the time.
+    fn select(&mut self, wanted: &[usize]);
+
+    /// Fills in the selected fields of the next row, NaN or infinite where one is missing, and returns its line in the file (or its
+    /// number, where a file has no lines), from 1. Returns nothing at the end.
+    ///
+    /// # Errors
+    /// [`LogError`] when the row cannot be read.
+    fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError>;
+
+    /// Text of a selected field of the last row, for messages.
+    fn text(&self, field: usize) -> String;
+
+    /// How finely stamps were printed so far.
+    fn resolution(&self) -> Resolution {
+        Resolution::default()
+    }
+
+    /// What was assumed about the file so far.
+    fn assumptions(&self) -> Vec<Assumption>;
+}

@@ -1,0 +1,340 @@
+//! Columns of text, as programs write them.
+
+use crate::assumption::Assumption;
+use crate::columns::{ColumnName, Columns};
+use crate::dialect::{Dialect, is_comment, number, split};
+use crate::error::LogError;
+use crate::stamps::{Resolution, last_digit};
+use std::io::Read;
+use std::ops::Range;
+
+/// Bytes at the beginning of a file from which its dialect is found.
+pub(super) const HEAD: usize = 1 << 16;
+/// Bytes that are read at a time.
+const BLOCK: usize = 1 << 18;
+/// Longest line of a table, bytes.
+const LONGEST: usize = 1 << 24;
+/// Fewest lines from which a dialect is found, where the file has so many.
+const FEWEST: usize = 8;
+/// The byte order mark of UTF-8.
+const MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Bytes of a reader, line by line.
+pub(super) struct Lines<R> {
+    input: R,
+    buffer: Vec<u8>,
+    start: usize,
+    end: usize,
+    ended: bool,
+    /// The byte that ends a line.
+    terminator: u8,
+}
+
+impl<R: Read> Lines<R> {
+    /// Lines of a reader from which nothing was read yet.
+    pub(super) fn new(input: R) -> Self {
+        Self { input, buffer: vec![0; BLOCK], start: 0, end: 0, ended: false, terminator: b'\n' }
+    }
+
+    /// Reads until so many bytes stand in the buffer, or the input ends.
+    pub(super) fn fill(&mut self, bytes: usize) -> std::io::Result<&[u8]> {
+        while !self.ended && self.end - self.start < bytes {
+            self.more()?;
+        }
+        Ok(&self.buffer[self.start..self.end])
+    }
+
+    /// What stands in the buffer, and the rest of the input.
+    #[cfg(any(feature = "mat", feature = "mcap", feature = "parquet"))]
+    pub(super) fn into_rest(self) -> impl Read {
+        let Lines { input, mut buffer, start, end, .. } = self;
+        buffer.truncate(end);
+        buffer.drain(..start);
+        std::io::Cursor::new(buffer).chain(input)
+    }
+
+    fn more(&mut self) -> std::io::Result<()> {
+        if self.end == self.buffer.len() {
+            if self.start > 0 {
+                self.buffer.copy_within(self.start..self.end, 0);
+                self.end -= self.start;
+                self.start = 0;
+            } else {
+                self.buffer.resize(2 * self.buffer.len(), 0);
+            }
+        }
+        let count = loop {
+            match self.input.read(&mut self.buffer[self.end..]) {
+                Err(error) if error.kind() == std::io::ErrorKind::Interrupted => {}
+                other => break other?,
+            }
+        };
+        self.ended = count == 0;
+        self.end += count;
+        Ok(())
+    }
+
+    /// The next line without its end, as a range of the buffer; whether the input ended instead of the line.
+    fn next(&mut self) -> std::io::Result<Option<(Range<usize>, bool)>> {
+        let mut searched = self.start;
+        loop {
+            let found = self.buffer[searched..self.end].iter().position(|byte| *byte == self.terminator);
+            let (line, cut) = match found {
+                Some(at) => (self.start..searched + at, false),
+                None if self.ended && self.start == self.end => return Ok(None),
+                None if self.ended => (self.start..self.end, true),
+                None => {
+                    if self.end - self.start > LONGEST {
+                        return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, too_long()));
+                    }
+                    let length = self.end - self.start;
+                    self.more()?;
+                    searched = self.start + length;
+                    continue;
+                }
+            };
+            self.start = (line.end + 1).min(self.end);
+            let carriage = !line.is_empty() && self.buffer[line.end - 1] == b'\r';
+            return Ok(Some((line.start..line.end - usize::from(carriage), cut)));
+        }
+    }
+}
+
+/// The fault of a line that never ends.
+fn too_long() -> String {
+    format!("a line is longer than {LONGEST} bytes; this is no table of text, is it the right file?")
+}
+
+/// A table of text.
+pub(super) struct Csv<R> {
+    path: String,
+    lines: Lines<R>,
+    dialect: Dialect,
+    /// Number of the last line that was taken.
+    line: u64,
+    /// Places of the fields in the last line.
+    fields: Vec<(u32, u32)>,
+    last: Range<usize>,
+    wanted: Vec<usize>,
+    resolution: Resolution,
+    /// Comments, and the line of the first.
+    comments: (u64, u64),
+    cut: Option<u64>,
+}
+
+impl<R: Read> Csv<R> {
+    /// Finds the dialect of a text; messages call it `path`.
+    ///
+    /// # Errors
+    /// [`LogError`] when the text cannot be read.
+    pub(super) fn new(path: &str, mut lines: Lines<R>) -> Result<Self, LogError> {
+        let io = |source| LogError::Io { path: path.into(), source };
+        if lines.fill(HEAD).map_err(io)?.starts_with(MARK) {
+            lines.start += MARK.len();
+        }
+        let mut wanted = HEAD;
+        // Wide tables have long lines.
+        loop {
+            let head = lines.fill(wanted).map_err(io)?;
+            let ends = |end: u8| head.iter().filter(|byte| **byte == end).count();
+            let (feeds, returns) = (ends(b'\n'), ends(b'\r'));
+            let terminator = if feeds == 0 && returns > 0 { b'\r' } else { b'\n' };
+            let (held, found) = (head.len(), feeds.max(returns));
+            lines.terminator = terminator;
+            if found == 0 && held > LONGEST {
+                return Err(LogError::Csv { path: path.into(), line: 1, message: too_long() });
+            }
+            if found >= FEWEST || lines.ended || held > LONGEST {
+                break;
+            }
+            wanted *= 2;
+        }
+        let ended = lines.ended;
+        let head = &lines.buffer[lines.start..lines.end];
+        let mut numbered: Vec<(u64, &[u8])> = (1..).zip(head.split(|byte| *byte == lines.terminator)).collect();
+        for (_, text) in &mut numbered {
+            *text = text.strip_suffix(b"\r").unwrap_or(text);
+        }
+        if !ended && numbered.len() > 1 {
+            numbered.pop();
+        }
+        let dialect = Dialect::of(&numbered);
+        let mut csv = Csv {
+            path: path.into(),
+            lines,
+            dialect,
+            line: 0,
+            fields: Vec::new(),
+            last: 0..0,
+            wanted: Vec::new(),
+            resolution: Resolution::default(),
+            comments: (0, 0),
+            cut: None,
+        };
+        // Comments above the numbers count too; everything else there is understood.
+        while csv.line + 1 < csv.dialect.data_line {
+            let Some((line, _)) = csv.take()? else { break };
+            csv.count_comment(line);
+        }
+        Ok(csv)
+    }
+
+    /// The next line.
+    fn take(&mut self) -> Result<Option<(Range<usize>, bool)>, LogError> {
+        let taken = self.lines.next().map_err(|source| match source.kind() {
+            std::io::ErrorKind::InvalidData => {
+                LogError::Csv { path: self.path.clone(), line: self.line + 1, message: source.to_string() }
+            }
+            _ => LogError::Io { path: self.path.clone(), source },
+        })?;
+        self.line += u64::from(taken.is_some());
+        Ok(taken)
+    }
+
+    /// Counts a line as a comment if it is one.
+    fn count_comment(&mut self, line: Range<usize>) -> bool {
+        let comment = is_comment(&self.lines.buffer[line]);
+        let names = |assumption: &Assumption| *assumption == Assumption::HeaderInComment { line: self.line };
+        if comment && !self.dialect.assumptions.iter().any(names) {
+            self.comments = (self.comments.0 + 1, if self.comments.0 == 0 { self.line } else { self.comments.1 });
+        }
+        comment
+    }
+
+    fn field(&self, field: usize) -> &[u8] {
+        let (from, to) = self.fields[self.wanted[field]];
+        &self.lines.buffer[self.last.start + from as usize..self.last.start + to as usize]
+    }
+
+    /// Whether a text is a number whose fraction begins with the other sign than those before.
+    fn has_other_sign(&self, text: &str) -> bool {
+        let other = match self.dialect.decimal {
+            Some(b',') => b'.',
+            Some(_) => b',',
+            None => return false,
+        };
+        text.as_bytes().contains(&other) && number(text.as_bytes(), other).is_some_and(f64::is_finite)
+    }
+
+    /// The fault of a field that is neither a number nor missing.
+    fn fault(&self, field: usize) -> LogError {
+        let path = self.path.clone();
+        match std::str::from_utf8(self.field(field)) {
+            // Dialects do not change within a file.
+            Ok(text) if self.has_other_sign(text) => LogError::Csv {
+                path,
+                line: self.line,
+                message: format!(
+                    "column `{}` holds `{text}`, while fractions begin with a {} before; write all numbers alike",
+                    self.dialect.header[self.wanted[field]].text,
+                    if self.dialect.decimal == Some(b',') { "comma" } else { "point" },
+                ),
+            },
+            Ok(text) => LogError::NotANumber {
+                path,
+                line: self.line,
+                column: self.dialect.header[self.wanted[field]].text.clone(),
+                text: text.into(),
+            },
+            Err(_) => LogError::Csv {
+                path,
+                line: self.line,
+                message: "the text is not UTF-8; save the log as UTF-8 text".into(),
+            },
+        }
+    }
+}
+
+impl<R: Read> Columns for Csv<R> {
+    fn header(&self) -> &[ColumnName] {
+        &self.dialect.header
+    }
+
+    fn header_line(&self) -> u64 {
+        self.dialect.header_line
+    }
+
+    fn units_line(&self) -> u64 {
+        let row = self.dialect.assumptions.iter().find_map(|of| match of {
+            Assumption::UnitsRow { line } => Some(*line),
+            _ => None,
+        });
+        row.unwrap_or(self.dialect.header_line)
+    }
+
+    fn select(&mut self, wanted: &[usize]) {
+        self.wanted = wanted.to_vec();
+    }
+
+    fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError> {
+        loop {
+            let Some((range, cut)) = self.take()? else { return Ok(None) };
+            let text = &self.lines.buffer[range.clone()];
+            let Some(&first) = text.first() else { continue };
+            if !(first.is_ascii_digit() || first == b'-')
+                && (text.trim_ascii().is_empty() || self.count_comment(range.clone()))
+            {
+                continue;
+            }
+            let text = &self.lines.buffer[range.clone()];
+            split(text, self.dialect.separator, &mut self.fields);
+            self.last = range;
+            let columns = self.dialect.header.len();
+            // Some programs end every line with a separator.
+            let empty_end = self.fields.len() == columns + 1 && self.fields.last().is_some_and(|(from, to)| from == to);
+            if self.fields.len() != columns && !empty_end {
+                if cut && self.fields.len() < columns {
+                    self.cut = Some(self.line);
+                    return Ok(None);
+                }
+                let quotes = self.lines.buffer[self.last.clone()].iter().filter(|byte| **byte == b'"').count();
+                return Err(LogError::FieldCount {
+                    quote: quotes % 2 == 1,
+                    path: self.path.clone(),
+                    line: self.line,
+                    found: self.fields.len() as u64,
+                    expected: columns as u64,
+                });
+            }
+            for (field, value) in values.iter_mut().enumerate().take(self.wanted.len()) {
+                let read = number(self.field(field), self.dialect.decimal.unwrap_or(b'.'));
+                *value = match read {
+                    Some(number) => number,
+                    // The first fraction of the file decides.
+                    None if self.dialect.decimal.is_none() && self.field(field).contains(&b',') => {
+                        let number = number(self.field(field), b',').ok_or_else(|| self.fault(field))?;
+                        self.dialect.decimal = Some(b',');
+                        self.dialect.assumptions.push(Assumption::DecimalComma);
+                        number
+                    }
+                    None => return Err(self.fault(field)),
+                };
+                if self.dialect.decimal.is_none() && self.field(field).contains(&b'.') {
+                    self.dialect.decimal = Some(b'.');
+                }
+            }
+            if values.first().is_some_and(|stamp| stamp.is_finite()) {
+                let digit = last_digit(self.field(0), self.dialect.decimal.unwrap_or(b'.'));
+                self.resolution.take(values[0], digit);
+            }
+            return Ok(Some(self.line));
+        }
+    }
+
+    fn text(&self, field: usize) -> String {
+        String::from_utf8_lossy(self.field(field)).into_owned()
+    }
+
+    fn resolution(&self) -> Resolution {
+        self.resolution.clone()
+    }
+
+    fn assumptions(&self) -> Vec<Assumption> {
+        let mut assumptions = self.dialect.assumptions.clone();
+        if self.comments.0 > 0 {
+            assumptions.push(Assumption::Comments { count: self.comments.0, first: self.comments.1 });
+        }
+        assumptions.extend(self.cut.map(|line| Assumption::CutLine { line }));
+        assumptions
+    }
+}

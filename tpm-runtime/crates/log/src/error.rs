@@ -1,0 +1,338 @@
+//! Faults of a log that cannot be read.
+
+use std::fmt;
+use tpm_report::Remedy;
+
+/// Most columns that a message lists.
+const LISTED: usize = 60;
+/// Most characters of a name in that list.
+const LONGEST_NAME: usize = 80;
+
+/// A setting that a user may give for the column of a signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adjustment {
+    /// The column's name.
+    Column,
+    /// A factor on the column.
+    Scale,
+    /// A value that is added after the factor.
+    Offset,
+}
+
+impl fmt::Display for Adjustment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Adjustment::Column => "column",
+            Adjustment::Scale => "scale",
+            Adjustment::Offset => "offset",
+        })
+    }
+}
+
+/// A unit that is not converted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "column `{column}` is in `{unit}`, and `{name}` in {expected}: {reason}; state the factor from one to the other"
+)]
+pub struct UnitMismatch {
+    /// The column.
+    pub column: String,
+    /// Its unit, as the file writes it.
+    pub unit: String,
+    /// The signal of the model.
+    pub name: String,
+    /// Unit of the signal.
+    pub expected: String,
+    /// Why the one is not converted to the other.
+    pub reason: &'static str,
+}
+
+/// Why a log cannot be read, with the place and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogError {
+    /// The file cannot be read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is not UTF-8 text in columns of CSV.
+    #[error("{path}:{line}: {message}")]
+    Csv {
+        /// The file.
+        path: String,
+        /// Line in the file, from 1.
+        line: u64,
+        /// What is wrong.
+        message: String,
+    },
+    /// A signal of the model has no column.
+    #[error("{path}:{line}: there is no column `{column}` for `{name}`; {}", columns(.available))]
+    MissingColumn {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The signal of the model.
+        name: String,
+        /// The column that was looked for.
+        column: String,
+        /// The columns of the file.
+        available: Vec<String>,
+    },
+    /// Two columns have the name that is looked for.
+    #[error("{path}:{line}: the column `{column}` occurs twice; rename one of them")]
+    DuplicateColumn {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// Several columns may be meant.
+    #[error("{path}:{line}: `{name}` may be {}; say which", .columns.iter().map(|column| format!("`{column}`")).collect::<Vec<_>>().join(" or "))]
+    AmbiguousColumn {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The signal of the model.
+        name: String,
+        /// The columns that may be meant.
+        columns: Vec<String>,
+    },
+    /// A column has a unit that is not converted to that of its signal.
+    #[error("{path}:{line}: {mismatch}")]
+    Unit {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The two units.
+        mismatch: Box<UnitMismatch>,
+    },
+    /// Nothing says which unit the time stamps have.
+    #[error(
+        "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row, which may be in several units; state the factor to seconds"
+    )]
+    TimeUnit {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The column of the time.
+        column: String,
+        /// The usual step.
+        step: f64,
+    },
+    /// The file is of a format that is not read.
+    #[error("{path}: {what}; {remedy}")]
+    Format {
+        /// The file.
+        path: String,
+        /// What the file is.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// No stretch of the record is long enough.
+    #[error(
+        "{path}:{from}-{to}: missing fields or jumps of time cut the {rows} rows into pieces, of which none has {needed}; the longest has {longest}; the first cut is at line {cut}: {why}"
+    )]
+    NoSegment {
+        /// The file.
+        path: String,
+        /// First line of numbers.
+        from: u64,
+        /// Last line of numbers.
+        to: u64,
+        /// Rows in the file.
+        rows: usize,
+        /// Rows that a stretch needs.
+        needed: usize,
+        /// Rows of the longest stretch.
+        longest: usize,
+        /// Line of the first cut.
+        cut: u64,
+        /// What cuts the record there, and what to do.
+        why: String,
+    },
+    /// A setting names something that the model does not have.
+    #[error("{adjustment} of `{name}`: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
+    UnknownName {
+        /// The setting that was given.
+        adjustment: Adjustment,
+        /// The unknown name.
+        name: String,
+        /// What the model has.
+        available: Vec<String>,
+    },
+    /// A setting names a column that the file does not have, or renames one although no model says what it is.
+    #[error("{adjustment} of `{name}`: without a model columns keep their names, and `t_s` is the time; {}", columns(.available))]
+    UnknownColumn {
+        /// The setting that was given.
+        adjustment: Adjustment,
+        /// The name.
+        name: String,
+        /// The columns of the file.
+        available: Vec<String>,
+    },
+    /// A scale or an offset is not a usable number.
+    #[error("{adjustment} of `{name}` = {value}: the value must be finite{}", if *.adjustment == Adjustment::Scale { " and not zero" } else { "" })]
+    Unusable {
+        /// The setting that was given.
+        adjustment: Adjustment,
+        /// The signal.
+        name: String,
+        /// The value given.
+        value: f64,
+    },
+    /// A line has more or fewer fields than the header.
+    #[error(
+        "{path}:{line}: {found} fields, the header has {expected}; {}",
+        if *.quote { "a quote is opened there and not closed" } else { "every line needs all columns" }
+    )]
+    FieldCount {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// Fields in the line.
+        found: u64,
+        /// Fields in the header.
+        expected: u64,
+        /// Whether a quote is opened in the line and not closed.
+        quote: bool,
+    },
+    /// A field is empty: one column is shorter than the others.
+    #[error(
+        "{path}:{line}: column `{column}` is empty; columns of different lengths cannot be used, cut the log before this line"
+    )]
+    Empty {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// A field is not a finite number.
+    #[error(
+        "{path}:{line}: column `{column}` holds `{text}`, not a finite number; cut the log around it or repair the recording"
+    )]
+    NotANumber {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The text of the field.
+        text: String,
+    },
+    /// Time does not advance evenly.
+    #[error("{path}:{line}: {}", uneven(*.step, *.expected))]
+    Jitter {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// Time from the line before, s.
+        step: f64,
+        /// Sample time, s.
+        expected: f64,
+    },
+    /// Time stamps drift away from an even grid.
+    #[error(
+        "{path}:{line}: the time stamp is {deviation:e} s away from an even grid of {expected} s; the clock drifts, resample the log evenly first"
+    )]
+    Drift {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// Deviation, s.
+        deviation: f64,
+        /// Sample time, s.
+        expected: f64,
+    },
+    /// The log has too few samples to be analysed.
+    #[error(
+        "{path}:{line}: the log ends after {samples} samples; {needed} are needed at least, record two whole periods or more"
+    )]
+    TooShort {
+        /// The file.
+        path: String,
+        /// Last line in the file.
+        line: u64,
+        /// Samples in the log.
+        samples: usize,
+        /// Samples needed.
+        needed: usize,
+    },
+    /// A signal never changes.
+    #[error(
+        "{path}:{from}-{to}: column `{column}` is {value} throughout; is it the right column, or was the sensor disconnected?"
+    )]
+    Constant {
+        /// The file.
+        path: String,
+        /// First data line.
+        from: u64,
+        /// Last data line.
+        to: u64,
+        /// The signal of the model.
+        signal: String,
+        /// The column.
+        column: String,
+        /// Its value.
+        value: f64,
+    },
+}
+
+/// The columns of a file, as a message lists them.
+fn columns(available: &[String]) -> String {
+    if available.iter().all(String::is_empty) {
+        return "the file has no columns, is it the right one?".into();
+    }
+    let mut shown: Vec<String> =
+        available.iter().take(LISTED).map(|name| name.chars().take(LONGEST_NAME).collect()).collect();
+    if available.len() > shown.len() {
+        shown.push(format!("and {} more", available.len() - shown.len()));
+    }
+    format!("the columns are {}; name the right one", shown.join(", "))
+}
+
+/// What is wrong with a step of the time, and what to do.
+fn uneven(step: f64, expected: f64) -> String {
+    if expected > 0.0 {
+        let off = 100.0 * (step / expected - 1.0);
+        return format!(
+            "time advances by {step} s here, by {expected} s elsewhere ({off:.3} % off); resample the log evenly with its true time stamps first"
+        );
+    }
+    if expected < 0.0 {
+        return "time goes back from row to row; sort the rows by time, or name the right column of the time".into();
+    }
+    "time stands still from row to row; name the right column of the time".into()
+}
+
+impl LogError {
+    /// The setting that would help, when there is one.
+    #[must_use]
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            LogError::MissingColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
+            LogError::Constant { signal, .. } => Some(Remedy::MapColumn { signal: signal.clone() }),
+            LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
+            LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
+            LogError::Jitter { expected, .. } if *expected <= 0.0 => Some(Remedy::MapColumn { signal: "t_s".into() }),
+            LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),
+            _ => None,
+        }
+    }
+}

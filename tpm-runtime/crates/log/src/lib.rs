@@ -1,0 +1,56 @@
+//! Logs of real machines: reading them, splitting them where they have gaps, and finding the part that repeats.
+//!
+//! A file of any format is a table of named columns (`columns`); what the columns mean is settled in one place (`names`); the rows become a
+//! [`Recording`] of evenly sampled segments, each a [`Log`].
+//!
+//! Invariant: nothing about a log is assumed silently. Columns, sample time, period, steady part, hold and harmonics
+//! are read or found, checked, and reported with the result; every fault is an error that names the line.
+
+mod assumption;
+mod columns;
+mod csv;
+mod dialect;
+mod error;
+mod fingerprint;
+mod format;
+mod joins;
+mod lone;
+#[cfg(feature = "mat")]
+mod mat;
+#[cfg(feature = "mat73")]
+mod mat73;
+#[cfg(feature = "mcap")]
+mod mcap;
+mod names;
+mod options;
+#[cfg(feature = "parquet")]
+mod parquet;
+mod periodic;
+mod read;
+#[cfg(test)]
+mod reading_tests;
+mod recording;
+mod repeated;
+mod report;
+mod resample;
+mod source;
+mod stamps;
+mod stored;
+mod survey;
+mod table;
+mod unit;
+
+pub use assumption::{Assumption, Separator};
+pub use error::{Adjustment, LogError, UnitMismatch};
+pub use fingerprint::fingerprint;
+pub use lone::lone_readings;
+pub use options::ReadingSettings;
+pub use periodic::differs;
+pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
+pub use read::rate_column;
+pub use read::{Log, Rates};
+pub use recording::Recording;
+pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why};
+pub use resample::InterpolationError;
+pub use source::{LogSource, Samples};
+pub use survey::{Role, Survey, Surveyed, Unread};

@@ -1,0 +1,226 @@
+//! MAT-files of MATLAB 5 to 7.2.
+//!
+//! A file is a header of 128 bytes and a list of elements, each with its type and its length; an element may be compressed (zlib). A
+//! numeric variable is a column for every one of its columns: `q` for a vector, `q[1]`, `q[2]`, ... for a matrix, whose longer
+//! side is time. Variables that are no numeric arrays, such as structures, are not read.
+
+use crate::columns::ColumnName;
+use crate::error::LogError;
+use crate::stored::{Stored, StoredColumn};
+use flate2::read::ZlibDecoder;
+use std::io::Read;
+
+/// Length of the header, and where it says which byte of a number comes first.
+const HEADER: usize = 128;
+const ORDER: usize = 126;
+/// Types of elements.
+const MATRIX: u32 = 14;
+const COMPRESSED: u32 = 15;
+/// Most columns of one variable.
+const WIDEST: usize = 4096;
+/// Classes of arrays of real numbers: double, single, and the integers.
+const NUMERIC: std::ops::RangeInclusive<u32> = 6..=15;
+/// Flag of an array with an imaginary part.
+const COMPLEX: u32 = 0x800;
+
+/// Order of the bytes of a number.
+#[derive(Clone, Copy)]
+enum Order {
+    Little,
+    Big,
+}
+
+impl Order {
+    fn u32(self, bytes: [u8; 4]) -> u32 {
+        match self {
+            Order::Little => u32::from_le_bytes(bytes),
+            Order::Big => u32::from_be_bytes(bytes),
+        }
+    }
+}
+
+/// An element: its type and its bytes.
+struct Element<'a> {
+    kind: u32,
+    bytes: &'a [u8],
+}
+
+/// Splits the first element off; nothing where it is cut short.
+fn element<'a>(rest: &mut &'a [u8], order: Order) -> Option<Element<'a>> {
+    let word = |at: usize| Some(order.u32(rest.get(at..at + 4)?.try_into().ok()?));
+    let first = word(0)?;
+    // Up to four bytes stand within the tag.
+    let (kind, length, start, end): (u32, usize, usize, usize) = if first >> 16 != 0 {
+        (first & 0xffff, (first >> 16) as usize, 4, 8)
+    } else {
+        let length = word(4)? as usize;
+        (first, length, 8, 8 + length.checked_next_multiple_of(8)?)
+    };
+    let bytes = rest.get(start..start.checked_add(length)?)?;
+    *rest = rest.get(end..).unwrap_or_default();
+    Some(Element { kind, bytes })
+}
+
+/// The numbers of an element.
+fn numbers(element: &Element<'_>, order: Order) -> Option<Vec<f64>> {
+    macro_rules! read {
+        ($number:ty) => {{
+            let chunks = element.bytes.chunks_exact(size_of::<$number>());
+            chunks
+                .map(|chunk| {
+                    let bytes = chunk.try_into().ok()?;
+                    Some(match order {
+                        Order::Little => <$number>::from_le_bytes(bytes) as f64,
+                        Order::Big => <$number>::from_be_bytes(bytes) as f64,
+                    })
+                })
+                .collect()
+        }};
+    }
+    match element.kind {
+        1 => read!(i8),
+        2 => read!(u8),
+        3 => read!(i16),
+        4 => read!(u16),
+        5 => read!(i32),
+        6 => read!(u32),
+        7 => read!(f32),
+        9 => read!(f64),
+        12 => read!(i64),
+        13 => read!(u64),
+        _ => None,
+    }
+}
+
+/// What a variable holds.
+enum Variable {
+    Columns(Vec<StoredColumn<'static>>),
+    /// The name of a variable that is no array of real numbers.
+    Other(String),
+}
+
+/// A variable of the bytes of a matrix; nothing where they are cut short.
+fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
+    let flags = element(&mut rest, order)?;
+    let class = order.u32(flags.bytes.get(..4)?.try_into().ok()?);
+    let dimensions = numbers(&element(&mut rest, order)?, order)?;
+    let name = element(&mut rest, order)?;
+    let name: String = String::from_utf8_lossy(name.bytes).trim_end_matches('\0').into();
+    if !NUMERIC.contains(&(class & 0xff)) || class & COMPLEX != 0 {
+        return Some(Variable::Other(name));
+    }
+    let [rows, columns] = dimensions[..] else { return Some(Variable::Other(name)) };
+    let (rows, columns) = (rows as usize, columns as usize);
+    let values = numbers(&element(&mut rest, order)?, order)?;
+    if rows.checked_mul(columns)? != values.len() {
+        return None;
+    }
+    Some(Variable::Columns(columns_of(&name, &values, rows, columns)))
+}
+
+/// The columns of a matrix whose numbers stand column by column; its longer side is time. A single number is a setting, no signal.
+pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn<'static>> {
+    let (length, width) = (rows.max(columns), rows.min(columns));
+    if length < 2 || width == 0 || width > WIDEST {
+        return Vec::new();
+    }
+    let column = |k: usize| StoredColumn {
+        name: ColumnName::new(if width == 1 { name.to_string() } else { format!("{name}[{}]", k + 1) }),
+        values: if rows >= columns {
+            values[k * rows..(k + 1) * rows].to_vec().into()
+        } else {
+            values.iter().skip(k).step_by(rows).copied().collect()
+        },
+        stamp: false,
+    };
+    (0..width).map(column).collect()
+}
+
+/// Reads the numeric variables of a MAT-file; messages call it `path`.
+///
+/// # Errors
+/// [`LogError`] when the file cannot be read, is cut short, or has no numeric variables.
+pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, LogError> {
+    let io = |source| LogError::Io { path: path.into(), source };
+    let fault = |what: String| LogError::Format {
+        path: path.into(),
+        what,
+        remedy: "save the signals once more, as vectors with `save -v7`, or as CSV".into(),
+    };
+    let cut = || fault("the MAT-file is cut short or damaged".to_string());
+    let mut header = Vec::new();
+    input.by_ref().take(HEADER as u64).read_to_end(&mut header).map_err(io)?;
+    let order = match header.get(ORDER..HEADER) {
+        Some(b"IM") => Order::Little,
+        Some(b"MI") => Order::Big,
+        _ => return Err(cut()),
+    };
+    let (mut columns, mut others) = (Vec::new(), Vec::new());
+    loop {
+        let mut tag = Vec::new();
+        input.by_ref().take(8).read_to_end(&mut tag).map_err(io)?;
+        if tag.is_empty() {
+            break;
+        }
+        let word = |at: usize| tag.get(at..at + 4).and_then(|bytes| Some(order.u32(bytes.try_into().ok()?)));
+        let (kind, length) = word(0).zip(word(4)).ok_or_else(cut)?;
+        let mut bytes = Vec::new();
+        input.by_ref().take(length.into()).read_to_end(&mut bytes).map_err(io)?;
+        if bytes.len() != length as usize {
+            return Err(cut());
+        }
+        let matrix = match kind {
+            MATRIX => bytes,
+            COMPRESSED => {
+                let mut inner = Vec::new();
+                ZlibDecoder::new(&bytes[..]).read_to_end(&mut inner).map_err(|_| cut())?;
+                match element(&mut &inner[..], order) {
+                    Some(Element { kind: MATRIX, bytes }) => bytes.to_vec(),
+                    Some(_) => continue,
+                    None => return Err(cut()),
+                }
+            }
+            _ => continue,
+        };
+        match variable(&matrix, order).ok_or_else(cut)? {
+            Variable::Columns(own) => columns.extend(own),
+            Variable::Other(name) => others.push(name),
+        }
+    }
+    if columns.is_empty() {
+        let found = if others.is_empty() { String::new() } else { format!(", only {}", others.join(", ")) };
+        return Err(fault(format!("the MAT-file has no vectors of real numbers{found}")));
+    }
+    Ok(Stored::new(path, columns))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::read;
+    use crate::columns::Columns as _;
+
+    const FIXTURE: &[u8] = include_bytes!("../../../../tests/fixtures/logs/matlab5.mat");
+
+    #[test]
+    fn vectors_and_columns_of_matrices_are_columns() {
+        let file = read(FIXTURE, "run.mat").expect("sound");
+        let names: Vec<&str> = file.header().iter().map(|column| column.text.as_str()).collect();
+        for name in ["t_s", "x_mm", "u", "both[1]", "both[2]", "counts", "wide[1]", "wide[2]"] {
+            assert!(names.contains(&name), "{name}: {names:?}");
+        }
+        assert!(!names.contains(&"single") && !names.contains(&"setting"), "{names:?}");
+    }
+
+    #[test]
+    fn damaged_files_are_refused() {
+        for length in [0, 100, 128, 131, 140, 200, 1000, FIXTURE.len() - 1] {
+            assert!(read(&FIXTURE[..length], "run.mat").is_err(), "{length}");
+        }
+        let mut damaged = FIXTURE.to_vec();
+        for at in (128..FIXTURE.len()).step_by(3) {
+            damaged[at] ^= 0x55;
+            let _ = read(&damaged[..], "run.mat");
+            damaged[at] ^= 0x55;
+        }
+    }
+}

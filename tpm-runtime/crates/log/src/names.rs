@@ -1,0 +1,519 @@
+//! Which column holds which signal, in which unit.
+//!
+//! This is the one place where names, units and factors are settled, whatever the format of the file is. A signal is looked for under
+//! its name first, then under its name with a unit: `q [deg]`, `q (deg)`, `q_deg`. The time is `t_s`, else one of `t`, `time`,
+//! `timestamp`, `stamp`, with a unit or without, else a stamp in two columns of seconds and fractions, as ROS writes it. Where several
+//! columns may be meant, none is chosen.
+
+use crate::assumption::Assumption;
+use crate::columns::{ColumnName, Columns};
+use crate::error::{Adjustment, LogError, UnitMismatch};
+use crate::options::ReadingSettings;
+use crate::unit::{UnitFault, conversion, unit_of};
+
+/// Name of the time in settings, and of the column of time in the plainest files.
+pub(super) const TIME: &str = "t_s";
+/// Names of columns of time, in small letters.
+const TIMES: [&str; 4] = ["t", "time", "timestamp", "stamp"];
+/// Ends of the names of the two columns of a stamp, in small letters: seconds, and fractions with their size in seconds.
+const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "tv_sec"];
+const FRACTIONS: [(&str, f64); 8] = [
+    ("nsec", 1e-9),
+    ("nsecs", 1e-9),
+    ("nanosec", 1e-9),
+    ("nanosecs", 1e-9),
+    ("nanoseconds", 1e-9),
+    ("usec", 1e-6),
+    ("usecs", 1e-6),
+    ("tv_usec", 1e-6),
+];
+
+/// A signal that is looked for in a file.
+#[derive(Clone, Debug)]
+pub(super) struct Signal {
+    /// Its name.
+    pub(super) name: String,
+    /// Its unit, where it has one.
+    pub(super) unit: Option<String>,
+}
+
+/// A signal's column, and how its numbers become the signal: `factor * number + offset`.
+#[derive(Clone, Debug)]
+pub(super) struct Place {
+    /// Index of the column.
+    pub(super) index: usize,
+    pub(super) factor: f64,
+    pub(super) offset: f64,
+}
+
+/// Where time stands.
+#[derive(Clone, Debug)]
+pub(super) enum Time {
+    /// In one column; the factor to seconds is known, or follows from the stamps.
+    One {
+        /// Index of the column.
+        index: usize,
+        /// Its name.
+        column: String,
+        factor: Option<f64>,
+    },
+    /// In two columns.
+    Two {
+        /// Index of the column of whole seconds.
+        seconds: usize,
+        /// Index of the column of fractions.
+        fractions: usize,
+        /// Names of both.
+        column: String,
+        /// One fraction, s.
+        unit: f64,
+        /// Factor that was stated for the time, else 1.
+        factor: f64,
+    },
+}
+
+/// Where everything stands in a file.
+#[derive(Clone, Debug)]
+pub(super) struct Plan {
+    pub(super) time: Time,
+    /// Places of the signals that must be there.
+    pub(super) places: Vec<Place>,
+    /// Places of the signals that may be there.
+    pub(super) optional: Vec<Option<Place>>,
+    /// What was assumed on the way.
+    pub(super) assumptions: Vec<Assumption>,
+}
+
+/// A column of which the name fits, and the unit that is part of the name.
+struct Fitting<'a> {
+    index: usize,
+    unit: Option<&'a str>,
+    /// Whether the unit stands in brackets, so that it is one in any case.
+    bracketed: bool,
+}
+
+/// Finds the columns of signals by their names.
+pub(super) struct Names<'a> {
+    pub(super) path: &'a str,
+    pub(super) header: &'a [ColumnName],
+    /// Line of the header.
+    pub(super) line: u64,
+    /// Line of the units of the columns where they have a row of their own, otherwise that of the header.
+    pub(super) units_line: u64,
+    pub(super) options: &'a ReadingSettings,
+}
+
+impl<'a> Names<'a> {
+    /// The columns of the file at `path`.
+    pub(super) fn of(columns: &'a dyn Columns, path: &'a str, options: &'a ReadingSettings) -> Self {
+        Names { path, header: columns.header(), line: columns.header_line(), units_line: columns.units_line(), options }
+    }
+}
+
+impl Names<'_> {
+    /// Settles where the time and the signals stand, and by which factors they are multiplied.
+    ///
+    /// # Errors
+    /// [`LogError`] for a column that is missing or ambiguous, a unit that is not converted, a setting of an unknown name.
+    pub(super) fn settle(&self, signals: &[Signal], optional: &[Signal]) -> Result<Plan, LogError> {
+        let names: Vec<String> = signals.iter().chain(optional).map(|signal| signal.name.clone()).collect();
+        check_names(&names, self.options)?;
+        let mut assumptions = Vec::new();
+        let time = self.time(&mut assumptions)?;
+        let mut place = |signal: &Signal| -> Result<Option<Place>, LogError> {
+            let Some(found) = self.find(self.wanted(&signal.name), &signal.name, signal.unit.as_deref())? else {
+                return Ok(None);
+            };
+            self.place(signal, &found, &mut assumptions).map(Some)
+        };
+        let mut places = Vec::new();
+        for signal in signals {
+            places.push(place(signal)?.ok_or_else(|| self.missing(&signal.name))?);
+        }
+        let mut also = Vec::new();
+        for signal in optional {
+            let found = place(signal)?;
+            if found.is_none() && self.options.map.contains_key(&signal.name) {
+                return Err(self.missing(&signal.name));
+            }
+            also.push(found);
+        }
+        Ok(Plan { time, places, optional: also, assumptions })
+    }
+
+    /// Settles where the time stands, and takes every other column for a signal of the column's own name and unit, but for those that are
+    /// left out. Factors and offsets are by these names; only the time may be said to stand in a column of another name.
+    ///
+    /// # Errors
+    /// [`LogError`] for a time that is missing or ambiguous, or a setting of an unknown name.
+    pub(super) fn settle_all(&self, left_out: &[String]) -> Result<(Plan, Vec<Signal>), LogError> {
+        let names: Vec<String> = self.header.iter().map(|column| column.text.clone()).collect();
+        let unknown = |adjustment: Adjustment, name: &String| LogError::UnknownColumn {
+            adjustment,
+            name: name.clone(),
+            available: names.clone(),
+        };
+        if let Some(name) = self.options.map.keys().find(|name| *name != TIME) {
+            return Err(unknown(Adjustment::Column, name));
+        }
+        for (adjustment, values) in
+            [(Adjustment::Scale, &self.options.scale), (Adjustment::Offset, &self.options.offset)]
+        {
+            for (name, &value) in values {
+                if !(names.contains(name) || name == TIME && adjustment == Adjustment::Scale) {
+                    return Err(unknown(adjustment, name));
+                }
+                check_value(adjustment, name, value)?;
+            }
+        }
+        let mut assumptions = Vec::new();
+        let time = self.time(&mut assumptions)?;
+        let of_time = |index: usize| match &time {
+            Time::One { index: one, .. } => *one == index,
+            Time::Two { seconds, fractions, .. } => [*seconds, *fractions].contains(&index),
+        };
+        let (mut signals, mut optional) = (Vec::new(), Vec::new());
+        for index in (0..names.len()).filter(|index| !of_time(*index) && !left_out.contains(&names[*index])) {
+            let name = &names[index];
+            let (_, in_name, bracketed) = split_unit(name);
+            let beside = self.header[index].unit.as_deref().filter(|unit| !unit.is_empty());
+            let scaled = self.options.scale.contains_key(name);
+            let unit = beside.or(in_name.filter(|unit| bracketed || unit_of(unit).is_some())).filter(|_| !scaled);
+            signals.push(Signal { name: name.clone(), unit: unit.map(str::to_owned) });
+            let factor = self.options.scale.get(name).copied().unwrap_or(1.0);
+            let offset = self.options.offset.get(name).copied().unwrap_or(0.0);
+            optional.push(Some(Place { index, factor, offset }));
+        }
+        Ok((Plan { time, places: Vec::new(), optional, assumptions }, signals))
+    }
+
+    /// The column that is looked for as a signal.
+    fn wanted<'a>(&'a self, signal: &'a str) -> &'a str {
+        self.options.map.get(signal).map_or(signal, String::as_str)
+    }
+
+    fn missing(&self, name: &str) -> LogError {
+        LogError::MissingColumn {
+            path: self.path.into(),
+            line: self.line,
+            name: name.into(),
+            column: self.wanted(name).into(),
+            available: self.header.iter().map(|column| column.text.clone()).collect(),
+        }
+    }
+
+    /// The column of a name: the only one that is called so, else the only one that is called so with a unit.
+    fn find(&self, wanted: &str, signal: &str, unit: Option<&str>) -> Result<Option<Fitting<'_>>, LogError> {
+        let exact: Vec<usize> = self.indices(|column| column.text == wanted).collect();
+        match exact[..] {
+            [index] => {
+                // The signal's own name has no unit in it; the name of another column may.
+                let (_, unit, bracketed) =
+                    if wanted == signal { (wanted, None, false) } else { split_unit(&self.header[index].text) };
+                return Ok(Some(Fitting { index, unit, bracketed }));
+            }
+            [] => {}
+            _ => {
+                return Err(LogError::DuplicateColumn {
+                    path: self.path.into(),
+                    line: self.line,
+                    column: wanted.into(),
+                });
+            }
+        }
+        let fitting = self.header.iter().enumerate().filter_map(|(index, column)| {
+            let (base, unit, bracketed) = split_unit(&column.text);
+            let fits = base == wanted && (bracketed || unit.is_some());
+            fits.then_some(Fitting { index, unit, bracketed })
+        });
+        let mut fitting: Vec<Fitting<'_>> = fitting.collect();
+        if fitting.len() > 1 {
+            // What looks like a unit behind an underscore is a part of the name if it measures something else.
+            let converts =
+                |of: &Fitting<'_>| unit.zip(of.unit).is_some_and(|(own, unit)| conversion(unit, own).is_ok());
+            fitting.retain(|of| of.bracketed || converts(of));
+        }
+        self.only(fitting, signal)
+    }
+
+    fn only<'a>(&self, mut fitting: Vec<Fitting<'a>>, signal: &str) -> Result<Option<Fitting<'a>>, LogError> {
+        if fitting.len() > 1 {
+            return Err(LogError::AmbiguousColumn {
+                path: self.path.into(),
+                line: self.line,
+                name: signal.into(),
+                columns: fitting.iter().map(|of| self.header[of.index].text.clone()).collect(),
+            });
+        }
+        Ok(fitting.pop())
+    }
+
+    fn indices<'a>(&'a self, fits: impl Fn(&ColumnName) -> bool + 'a) -> impl Iterator<Item = usize> + 'a {
+        self.header.iter().enumerate().filter(move |(_, column)| fits(column)).map(|(index, _)| index)
+    }
+
+    /// The unit that a column states: beside its name, else in it.
+    fn stated<'a>(&'a self, found: &Fitting<'a>) -> Option<(&'a str, bool)> {
+        let beside = self.header[found.index].unit.as_deref().filter(|unit| !unit.is_empty());
+        beside.map(|unit| (unit, true)).or(found.unit.map(|unit| (unit, found.bracketed)))
+    }
+
+    /// How the numbers of a column become a signal.
+    fn place(&self, signal: &Signal, found: &Fitting<'_>, said: &mut Vec<Assumption>) -> Result<Place, LogError> {
+        let column = self.header[found.index].text.clone();
+        let stated = self.stated(found);
+        let scale = self.options.scale.get(&signal.name).copied();
+        let offset = self.options.offset.get(&signal.name).copied().unwrap_or(0.0);
+        let mapped = self.wanted(&signal.name) == column;
+        let (factor, unit) = match (scale, stated, &signal.unit) {
+            (Some(scale), stated, _) => {
+                let unit = stated.filter(|(unit, sure)| {
+                    let converted = signal.unit.as_deref().map(|own| conversion(unit, own));
+                    *sure && converted != Some(Ok(scale))
+                        || matches!(converted, Some(Ok(factor)) if factor != scale && factor != 1.0)
+                });
+                if let Some((unit, _)) = unit {
+                    said.push(Assumption::FactorForUnit {
+                        signal: signal.name.clone(),
+                        column: column.clone(),
+                        unit: unit.into(),
+                        factor: scale,
+                    });
+                    return Ok(Place { index: found.index, factor: scale, offset });
+                }
+                (scale, None)
+            }
+            (None, None, _) => (1.0, None),
+            (None, Some((unit, _)), None) => (1.0, Some(unit)),
+            (None, Some((unit, sure)), Some(own)) => match conversion(unit, own) {
+                Ok(factor) => (factor, Some(unit)),
+                // The end of a name that was stated, or is the signal's own, need not be a unit.
+                Err(_) if mapped && !sure => (1.0, None),
+                Err(fault) => return Err(self.unit_fault(&column, unit, &signal.name, own, fault)),
+            },
+        };
+        let converted = factor != 1.0 && scale.is_none() || unit.is_some() && signal.unit.is_none();
+        if !mapped || converted {
+            said.push(Assumption::Column {
+                signal: signal.name.clone(),
+                column: column.clone(),
+                unit: unit.map(str::to_owned),
+                model_unit: signal.unit.clone(),
+                factor,
+            });
+        }
+        Ok(Place { index: found.index, factor, offset })
+    }
+
+    fn unit_fault(&self, column: &str, unit: &str, name: &str, expected: &str, fault: UnitFault) -> LogError {
+        let mismatch = UnitMismatch {
+            column: column.into(),
+            unit: unit.into(),
+            name: name.into(),
+            expected: expected.into(),
+            reason: match fault {
+                UnitFault::Unknown => "this unit is not known here",
+                UnitFault::Different => "these are different quantities",
+                UnitFault::Cycles => "turns or radians may be counted",
+            },
+        };
+        let in_row = |of: &ColumnName| of.text == column && of.unit.as_deref() == Some(unit);
+        let line = if self.header.iter().any(in_row) { self.units_line } else { self.line };
+        LogError::Unit { path: self.path.into(), line, mismatch: Box::new(mismatch) }
+    }
+
+    fn time(&self, said: &mut Vec<Assumption>) -> Result<Time, LogError> {
+        let wanted = self.wanted(TIME);
+        let scale = self.options.scale.get(TIME).copied();
+        let found = match self.find(wanted, TIME, Some("s"))? {
+            Some(found) => Some(found),
+            None if wanted != TIME => match self.two(Some(wanted))? {
+                Some(two) => return Ok(self.said_two(two, scale, said)),
+                None => None,
+            },
+            None => {
+                let own = |column: &ColumnName| {
+                    let (base, unit, _) = split_unit(&column.text);
+                    let is =
+                        |name: &str| TIMES.iter().any(|time| time.eq_ignore_ascii_case(name.trim_start_matches('_')));
+                    let path = column.text.to_ascii_lowercase().replace(['/', '.'], "_");
+                    is(&column.text) || is(base) && unit.is_some_and(is_time) || path.ends_with("header_stamp")
+                };
+                let two = self.two(None)?;
+                let in_two = |index: usize| matches!(two, Some(Time::Two { seconds, fractions, .. }) if [seconds, fractions].contains(&index));
+                let fitting = self.indices(own).filter(|index| !in_two(*index)).map(|index| {
+                    let (_, unit, bracketed) = split_unit(&self.header[index].text);
+                    Fitting { index, unit, bracketed }
+                });
+                let found = self.only(fitting.collect(), TIME)?;
+                match (found, two) {
+                    (Some(one), Some(two)) => {
+                        let columns = vec![self.header[one.index].text.clone(), pair_name(&two)];
+                        return Err(LogError::AmbiguousColumn {
+                            path: self.path.into(),
+                            line: self.line,
+                            name: TIME.into(),
+                            columns,
+                        });
+                    }
+                    (None, Some(two)) => return Ok(self.said_two(two, scale, said)),
+                    (found, None) => found,
+                }
+            }
+        };
+        let found = found.ok_or_else(|| self.missing(TIME))?;
+        let column = self.header[found.index].text.clone();
+        // `t_s` says itself that it is in seconds; a row of units may say otherwise.
+        let stated = self.stated(&found).or((column == TIME).then_some(("s", true)));
+        let factor = match (scale, stated) {
+            (Some(scale), _) => Some(scale),
+            (None, Some((unit, sure))) => match conversion(unit, "s") {
+                Ok(factor) => {
+                    if column != TIME || factor != 1.0 {
+                        said.push(Assumption::Time { column: column.clone(), unit: unit.into(), stated: true });
+                    }
+                    Some(factor)
+                }
+                Err(_) if !sure => None,
+                Err(fault) => return Err(self.unit_fault(&column, unit, TIME, "s", fault)),
+            },
+            (None, None) => None,
+        };
+        if scale.is_some() && column != TIME && self.wanted(TIME) != column {
+            said.push(Assumption::Column {
+                signal: TIME.into(),
+                column: column.clone(),
+                unit: None,
+                model_unit: None,
+                factor: 1.0,
+            });
+        }
+        Ok(Time::One { index: found.index, column, factor })
+    }
+
+    fn said_two(&self, two: Time, scale: Option<f64>, said: &mut Vec<Assumption>) -> Time {
+        let mut two = two;
+        if let Time::Two { column, unit, factor, .. } = &mut two {
+            let fractions = if *unit == 1e-9 { "nanoseconds" } else { "microseconds" };
+            said.push(Assumption::Time {
+                column: column.clone(),
+                unit: format!("seconds and {fractions}"),
+                stated: true,
+            });
+            *factor = scale.unwrap_or(1.0);
+        }
+        two
+    }
+
+    /// A stamp in two columns; with a name, the one whose columns begin with it.
+    fn two(&self, name: Option<&str>) -> Result<Option<Time>, LogError> {
+        let parts = |index: usize| -> Option<(&str, &str)> {
+            let text = self.header[index].text.as_str();
+            let at = text.rfind(['.', '/']).map_or(0, |at| at + 1);
+            // The last word of a path, or of a name with underscores; `tv_sec` is one word.
+            let word = match text[at..].rfind('_') {
+                Some(below) if !text[at..].to_ascii_lowercase().starts_with("tv_") => at + below + 1,
+                _ => at,
+            };
+            Some((&text[..word], &text[word..]))
+        };
+        let mut found = Vec::new();
+        for seconds in 0..self.header.len() {
+            let Some((stem, word)) = parts(seconds) else { continue };
+            let stamp = match name {
+                Some(name) => stem.trim_end_matches(['.', '/', '_']) == name,
+                None => {
+                    let last = stem.trim_end_matches(['.', '/', '_']).to_ascii_lowercase();
+                    last.is_empty() || last.ends_with("stamp") || TIMES.contains(&last.as_str())
+                }
+            };
+            if !stamp || !SECONDS.contains(&word.to_ascii_lowercase().as_str()) {
+                continue;
+            }
+            for fractions in 0..self.header.len() {
+                let Some((other, word)) = parts(fractions) else { continue };
+                let size = FRACTIONS.iter().find(|(name, _)| *name == word.to_ascii_lowercase());
+                if let Some((_, unit)) = size.filter(|_| other == stem) {
+                    let column = format!("{} and {}", self.header[seconds].text, self.header[fractions].text);
+                    found.push(Time::Two { seconds, fractions, column, unit: *unit, factor: 1.0 });
+                }
+            }
+        }
+        if found.len() > 1 {
+            return Err(LogError::AmbiguousColumn {
+                path: self.path.into(),
+                line: self.line,
+                name: TIME.into(),
+                columns: found.iter().map(pair_name).collect(),
+            });
+        }
+        Ok(found.pop())
+    }
+}
+
+fn pair_name(time: &Time) -> String {
+    match time {
+        Time::One { column, .. } | Time::Two { column, .. } => column.clone(),
+    }
+}
+
+/// Whether a text is a unit of time.
+fn is_time(unit: &str) -> bool {
+    conversion(unit, "s").is_ok()
+}
+
+/// Splits a unit off a name: `name [unit]`, `name (unit)`, `name_unit`; whether it stands in brackets. What stands in round brackets
+/// or behind an underscore is a unit only if it is one that is known.
+fn split_unit(text: &str) -> (&str, Option<&str>, bool) {
+    // A number in brackets is an index.
+    let bracketed = text.strip_suffix(']').and_then(|text| text.rsplit_once('['));
+    if let Some((base, unit)) = bracketed.filter(|(_, unit)| unit.trim().parse::<usize>().is_err()) {
+        return (base.trim(), Some(unit.trim()), true);
+    }
+    if let Some((base, unit)) = text.strip_suffix(')').and_then(|text| text.rsplit_once('('))
+        && unit_of(unit).is_some()
+        && unit.trim().parse::<usize>().is_err()
+    {
+        return (base.trim(), Some(unit.trim()), true);
+    }
+    // The longest unit behind an underscore, since a unit may have underscores too (`rad_per_s`).
+    for (at, _) in text.match_indices('_') {
+        let unit = &text[at + 1..];
+        // `x_1` is one of several.
+        let numbered = unit.starts_with(|c: char| c.is_ascii_digit() || c == '-');
+        if at > 0 && !numbered && unit_of(unit).is_some() {
+            return (&text[..at], Some(unit), false);
+        }
+    }
+    (text, None, false)
+}
+
+fn check_names(signals: &[String], options: &ReadingSettings) -> Result<(), LogError> {
+    let unknown = |adjustment: Adjustment, name: &String| LogError::UnknownName {
+        adjustment,
+        name: name.clone(),
+        available: signals.to_vec(),
+    };
+    for name in options.map.keys() {
+        if name != TIME && !signals.contains(name) {
+            return Err(unknown(Adjustment::Column, name));
+        }
+    }
+    for (adjustment, values) in [(Adjustment::Scale, &options.scale), (Adjustment::Offset, &options.offset)] {
+        for (name, &value) in values {
+            if !(signals.contains(name) || name == TIME && adjustment == Adjustment::Scale) {
+                return Err(unknown(adjustment, name));
+            }
+            check_value(adjustment, name, value)?;
+        }
+    }
+    Ok(())
+}
+
+fn check_value(adjustment: Adjustment, name: &str, value: f64) -> Result<(), LogError> {
+    let backwards = name == TIME && value < 0.0;
+    if !value.is_finite() || (adjustment == Adjustment::Scale && value == 0.0) || backwards {
+        return Err(LogError::Unusable { adjustment, name: name.into(), value });
+    }
+    Ok(())
+}

@@ -1,0 +1,15 @@
+//! What a user may say of the columns of a log.
+
+use std::collections::BTreeMap;
+
+/// How the columns of a log become the signals of a model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReadingSettings {
+    /// Column of a coordinate or input (or of `t_s`) whose column has another name.
+    pub map: BTreeMap<String, String>,
+    /// Factor from the numbers of a column (or of the stamps, `t_s`) to the model's unit. It stands in place of a unit that the
+    /// header states.
+    pub scale: BTreeMap<String, f64>,
+    /// Offset that is added after the factor, in the model's unit: `signal = scale * column + offset`.
+    pub offset: BTreeMap<String, f64>,
+}

@@ -1,0 +1,354 @@
+//! Reading a logged run.
+//!
+//! Invariant: a [`Log`] holds evenly sampled, finite signals of equal lengths, in the model's units and order; each sample
+//! knows its line in the file.
+
+use crate::assumption::Assumption;
+use crate::columns::Columns;
+use crate::error::LogError;
+use crate::format::{open_columns, open_file};
+use crate::lone::lone_readings;
+use crate::names::Signal;
+use crate::options::ReadingSettings;
+use crate::repeated::repeated_readings;
+use crate::source::LogSource;
+use crate::stamps::Uneven;
+use crate::table::Table;
+use std::io::Read;
+use std::path::Path;
+use tpm_core::model::{Label, Model};
+
+/// Fewest samples of a log.
+pub(super) const LEAST: usize = 16;
+
+/// Measured rates by coordinate, nothing for a coordinate whose rate is not measured; an empty list where none is.
+pub type Rates = Vec<Option<Vec<f64>>>;
+
+/// Name of the column of a coordinate's measured rate, written as in models: `dot(x)`.
+pub fn rate_column(model: &dyn Model<f64>, coordinate: usize) -> String {
+    format!("dot({})", model.coordinate(coordinate).name)
+}
+
+/// A run, read and checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// Name of the log's source, for messages.
+    pub path: String,
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// Coordinates of the model, then its inputs; each as long as the log.
+    pub channels: Vec<Vec<f64>>,
+    /// Measured rates, in the unit of the coordinate per second.
+    pub rates: Rates,
+    /// Line in the file of every sample (from 1); the number of the row where a format has no lines.
+    pub lines: Vec<u64>,
+}
+
+impl Log {
+    /// A log from samples in memory (coordinates, then inputs), such as those of a simulated plant.
+    ///
+    /// # Errors
+    /// [`LogError::TooShort`] for too few samples, [`LogError::FieldCount`] for unequal lengths,
+    /// [`LogError::NotANumber`] for a value that is not finite.
+    pub fn from_samples(name: &str, sample_time: f64, channels: Vec<Vec<f64>>) -> Result<Self, LogError> {
+        let samples = channels.first().map_or(0, Vec::len);
+        for channel in &channels {
+            if channel.len() != samples {
+                return Err(LogError::FieldCount {
+                    quote: false,
+                    path: name.into(),
+                    line: channel.len().min(samples) as u64 + 1,
+                    found: channel.len() as u64,
+                    expected: samples as u64,
+                });
+            }
+            if let Some(at) = channel.iter().position(|x| !x.is_finite()) {
+                return Err(LogError::NotANumber {
+                    path: name.into(),
+                    line: at as u64 + 1,
+                    column: String::new(),
+                    text: channel[at].to_string(),
+                });
+            }
+        }
+        if samples < LEAST {
+            return Err(LogError::TooShort { path: name.into(), line: samples as u64, samples, needed: LEAST });
+        }
+        let lines = (1..=samples as u64).collect();
+        Ok(Log { sample_time, ..Log::unchecked(name, channels, Rates::new(), lines) })
+    }
+
+    /// A log of signals that were checked; its sample time is not set.
+    pub(super) fn unchecked(path: &str, channels: Vec<Vec<f64>>, rates: Rates, lines: Vec<u64>) -> Self {
+        Log { path: path.into(), sample_time: 0.0, channels, rates, lines }
+    }
+
+    /// Reads a whole record of a model's signals: one without a gap, with even stamps. [`Recording`](crate::Recording) reads others.
+    ///
+    /// # Errors
+    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
+    pub fn open(path: &Path, model: &dyn Model<f64>, options: &ReadingSettings) -> Result<Self, LogError> {
+        Self::read(open_file(path)?, &path.display().to_string(), model, options)
+    }
+
+    /// Reads a whole record of a model's signals from bytes; messages call them `name`.
+    ///
+    /// # Errors
+    /// [`LogError`] with the line when the text cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
+    pub fn read(
+        input: impl Read,
+        name: &str,
+        model: &dyn Model<f64>,
+        options: &ReadingSettings,
+    ) -> Result<Self, LogError> {
+        Ok(read_whole(input, name, &signals(model), &[], options)?.0)
+    }
+
+    /// Reads a whole record, of a file or in memory, together with the measured rates of coordinates: columns called `dot(x)`, or
+    /// mapped to that name. A coordinate without such a column has no rate; the list is empty when no coordinate has one.
+    ///
+    /// # Errors
+    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
+    pub fn open_rated<'a>(
+        source: impl Into<LogSource<'a>>,
+        model: &dyn Model<f64>,
+        options: &ReadingSettings,
+    ) -> Result<(Self, Rates), LogError> {
+        let source: LogSource<'_> = source.into();
+        let (name, signals, rates) = (source.name(), signals(model), rate_signals(model));
+        let (mut log, _) = whole(&mut *source.columns()?, &name, &signals, &rates, options)?;
+        let rates = std::mem::take(&mut log.rates);
+        Ok((log, rates))
+    }
+
+    /// Reads a whole record of the named signals, in this order, without a model.
+    ///
+    /// # Errors
+    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
+    pub fn open_signals(path: &Path, signals: &[String], options: &ReadingSettings) -> Result<Self, LogError> {
+        Ok(Self::open_signals_with(path, signals, options)?.0)
+    }
+
+    /// What [`open_signals`](Self::open_signals) reads, with what was assumed of the file.
+    ///
+    /// # Errors
+    /// Those of [`open_signals`](Self::open_signals).
+    pub fn open_signals_with(
+        path: &Path,
+        signals: &[String],
+        options: &ReadingSettings,
+    ) -> Result<(Self, Vec<Assumption>), LogError> {
+        let signals: Vec<Signal> = signals.iter().map(|name| Signal { name: name.clone(), unit: None }).collect();
+        read_whole(open_file(path)?, &path.display().to_string(), &signals, &[], options)
+    }
+
+    /// Replaces readings of the first `coordinates` channels that stand alone, far from what their neighbours say, by what these say;
+    /// before that those that repeat the one before, where reading has not done so. Returns those that stood alone: channel, sample, and
+    /// by how much each was changed.
+    pub fn mend(&mut self, coordinates: usize) -> Vec<(usize, usize, f64)> {
+        let mut mended = Vec::new();
+        for (c, channel) in self.channels.iter_mut().take(coordinates).enumerate() {
+            repeated_readings(channel).into_iter().for_each(|(k, value)| channel[k] = value);
+            for (k, value) in lone_readings(channel) {
+                mended.push((c, k, value - channel[k]));
+                channel[k] = value;
+            }
+        }
+        mended
+    }
+
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// Whether the log has no samples.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+}
+
+/// The signals that a log of the model must have.
+pub(super) fn signals(model: &dyn Model<f64>) -> Vec<Signal> {
+    let dims = model.dims();
+    let signal = |label: Label<'_>| Signal { name: label.name.into(), unit: label.unit.map(String::from) };
+    (0..dims.coordinates)
+        .map(|c| signal(model.coordinate(c)))
+        .chain((0..dims.inputs).map(|i| signal(model.input(i))))
+        .collect()
+}
+
+/// The rates of the model's coordinates, which a log may have.
+pub(super) fn rate_signals(model: &dyn Model<f64>) -> Vec<Signal> {
+    let rate = |c: usize| Signal {
+        name: rate_column(model, c),
+        unit: model.coordinate(c).unit.map(|unit| format!("{unit}/s")),
+    };
+    (0..model.dims().coordinates).map(rate).collect()
+}
+
+/// Reads a record in which nothing is missing and whose stamps are even.
+fn read_whole(
+    input: impl Read,
+    name: &str,
+    signals: &[Signal],
+    rates: &[Signal],
+    options: &ReadingSettings,
+) -> Result<(Log, Vec<Assumption>), LogError> {
+    whole(&mut *open_columns(input, name)?, name, signals, rates, options)
+}
+
+/// The record of columns in which nothing is missing and whose stamps are even.
+fn whole(
+    columns: &mut dyn Columns,
+    name: &str,
+    signals: &[Signal],
+    rates: &[Signal],
+    options: &ReadingSettings,
+) -> Result<(Log, Vec<Assumption>), LogError> {
+    let mut table = Table::read(columns, name, signals, rates, options)?;
+    if let Some(missing) = table.missing().or_else(|| table.missing_rate()) {
+        return Err(missing);
+    }
+    let last_line = table.lines.last().copied().unwrap_or(table.header_line);
+    if table.time.len() < LEAST {
+        return Err(LogError::TooShort {
+            path: name.into(),
+            line: last_line,
+            samples: table.time.len(),
+            needed: LEAST,
+        });
+    }
+    let sample_time = table.stamps().even_step().map_err(|uneven| jitter(&table, uneven))? * table.factor;
+    if let Some(constant) = table.constant(signals) {
+        return Err(constant);
+    }
+    let assumptions = std::mem::take(&mut table.assumptions);
+    let rates = if table.rates.iter().all(Option::is_none) { Rates::new() } else { table.rates };
+    Ok((Log { sample_time, ..Log::unchecked(name, table.channels, rates, table.lines) }, assumptions))
+}
+
+/// The fault of stamps that are not even.
+pub(super) fn jitter(table: &Table, uneven: Uneven) -> LogError {
+    let path = table.path.clone();
+    match uneven {
+        Uneven::Step { sample, step, expected } => LogError::Jitter {
+            path,
+            line: table.lines[sample],
+            step: step * table.factor,
+            expected: expected * table.factor,
+        },
+        Uneven::Drift { sample, deviation, expected } => LogError::Drift {
+            path,
+            line: table.lines[sample],
+            deviation: deviation * table.factor,
+            expected: expected * table.factor,
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Log, LogError, ReadingSettings};
+    use tpm_report::Remedy;
+    use tpm_test_support::models::MassSpringDrag;
+
+    fn text(edit: impl Fn(usize) -> String) -> String {
+        let mut all = String::from("t_s,x,u\n");
+        for i in 0..40 {
+            all += &edit(i);
+        }
+        all
+    }
+
+    fn good(i: usize) -> String {
+        format!("{:.3},{},{}\n", i as f64 * 1e-3, (i as f64).sin(), i)
+    }
+
+    fn read(csv: &str, options: &ReadingSettings) -> Result<Log, LogError> {
+        Log::read(csv.as_bytes(), "run.csv", &MassSpringDrag, options)
+    }
+
+    fn fault(csv: &str) -> String {
+        format!("{}", read(csv, &ReadingSettings::default()).expect_err("the log is faulty"))
+    }
+
+    fn with(line: usize, replacement: &str) -> String {
+        text(|i| if i == line { replacement.into() } else { good(i) })
+    }
+
+    #[test]
+    fn reads_maps_and_scales() {
+        let csv = text(good).replace("t_s,x,u", "time,pos,u");
+        let mut options = ReadingSettings::default();
+        options.map.insert("t_s".into(), "time".into());
+        options.map.insert("x".into(), "pos".into());
+        options.scale.insert("u".into(), 2.0);
+        options.offset.insert("u".into(), -1.0);
+        let log = read(&csv, &options).expect("sound");
+        assert!((log.sample_time - 1e-3).abs() < 1e-15);
+        assert_eq!(log.channels[1][..3], [-1.0, 1.0, 3.0]);
+        assert_eq!(log.lines[0], 2);
+        options.scale.insert("v".into(), 2.0);
+        let message = format!("{}", read(&csv, &options).expect_err("unknown name"));
+        assert!(message.contains("scale of `v`"), "{message}");
+    }
+
+    #[test]
+    fn faults_name_their_line() {
+        assert!(fault(&with(5, "0.005,nan,1\n")).starts_with("run.csv:7: column `x` holds `nan`"));
+        assert!(fault(&with(5, "0.005,1e999,1\n")).starts_with("run.csv:7: column `x`"));
+        assert!(fault(&with(5, "0.005,,1\n")).starts_with("run.csv:7: column `x` is empty"));
+        assert!(fault(&with(5, "0.005,1\n")).starts_with("run.csv:7: 2 fields, the header has 3"));
+        let message = fault(&with(5, "0.0052,1,1\n"));
+        assert!(message.starts_with("run.csv:7: time advances by") && message.contains("20.0"), "{message}");
+        // A dropped sample; then time that stands still.
+        assert!(fault(&with(5, "")).starts_with("run.csv:7: time advances by"));
+        assert!(fault(&with(5, "0.004,1,1\n")).starts_with("run.csv:7: time advances by"));
+        let error =
+            read(&text(good).replace("t_s,x,u", "t_s,y,u"), &ReadingSettings::default()).expect_err("no such column");
+        assert!(format!("{error}").contains("no column `x`"), "{error}");
+        assert_eq!(error.remedy(), Some(Remedy::MapColumn { signal: "x".into() }));
+        assert!(fault("t_s,x,u\n0,1,2\n").starts_with("run.csv:2: the log ends after 1 samples"));
+        assert!(fault("").contains("no column `t_s`"));
+        let message = fault(&text(|i| format!("{:.3},0.5,{i}\n", i as f64 * 1e-3)));
+        assert!(message.starts_with("run.csv:2-41: column `x` is 0.5 throughout"), "{message}");
+        let message = fault(&text(|i| format!("{:.6},{i},{i}\n", i as f64 * 1e-3 * (1.0 + 1e-3 * i as f64))));
+        assert!(message.contains("run.csv:"), "{message}");
+        let raw = Log::read(&b"t_s,x,u\n0,\xff,1\n"[..], "run.csv", &MassSpringDrag, &ReadingSettings::default());
+        assert!(format!("{}", raw.expect_err("not UTF-8")).contains("not UTF-8"));
+    }
+
+    #[test]
+    fn few_printed_digits_are_not_jitter() {
+        let csv = text(|i| format!("{:.4},{},{i}\n", i as f64 * 0.0016384, (i as f64).sin()));
+        let log = read(&csv, &ReadingSettings::default()).expect("rounding only");
+        assert!((log.sample_time - 0.0016384).abs() < 2e-6);
+    }
+
+    #[test]
+    fn so_many_digits_in_all_are_not_jitter() {
+        // Seven digits in all leave steps of a millisecond beyond a thousand seconds.
+        let stamp = |i: usize| {
+            let t = 996.0 + i as f64 * 0.002_003;
+            let decimals = if t < 1000.0 { 4 } else { 3 };
+            format!("{t:.decimals$}").trim_end_matches('0').to_string()
+        };
+        let all = |stamp: &dyn Fn(usize) -> String| -> String {
+            let rows = (0..4000).map(|i| format!("{},{},{i}\n", stamp(i), (i as f64).sin()));
+            format!("t_s,x,u\n{}", rows.collect::<String>())
+        };
+        let log = read(&all(&stamp), &ReadingSettings::default()).expect("rounding only");
+        assert!((log.sample_time - 0.002_003).abs() < 1e-6);
+        // A row that is missing is no rounding.
+        let missing = |i: usize| stamp(if i < 1000 { i } else { i + 1 });
+        let error = read(&all(&missing), &ReadingSettings::default()).expect_err("a row is missing");
+        assert!(error.to_string().contains("time advances by"), "{error}");
+    }
+}

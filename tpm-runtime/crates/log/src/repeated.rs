@@ -1,0 +1,148 @@
+//! Readings that were recorded twice: the sensor had not been read again when the row was written.
+//!
+//! Between two samples a channel moves by more than its resolution, unless it rests, turns or is a coarse encoder. Where
+//!
+//! ```text
+//! y_k = y_{k-1}   but   |y_{k+1} - y_{k-1}| > 8 r ,      r the least difference of neighbouring readings that is not zero,
+//! ```
+//!
+//! the reading y_k is the one before, late by a sample. Rounding makes readings equal too: as often as it makes them differ by one step,
+//! or by two, in one direction. Only what is beyond that by chance is taken for repeated. Such a reading says nothing of its own; the
+//! cubic through the two fresh readings on either side stands in for it.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+/// Most readings behind one another that repeat; a channel that stands for longer rests, or is recorded at a lower rate.
+const LONGEST: usize = 3;
+/// Share of the readings above which a channel is recorded at a lower rate than the others, which no interpolation mends.
+const MOST: f64 = 0.2;
+/// Change over equal readings, in least differences per reading, from which on rounding does not explain that they are equal.
+const CHANGES: f64 = 4.0;
+/// How far beyond what rounding does the number of equal readings must be: in its standard deviations, and at least.
+const BEYOND: (f64, f64) = (5.0, 8.0);
+
+/// The readings that repeat the one before, each with the value that the fresh readings around it say.
+pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+    let least = signal
+        .windows(2)
+        .map(|pair| (pair[1] - pair[0]).abs())
+        .filter(|change| *change > 0.0)
+        .fold(f64::INFINITY, f64::min);
+    if !least.is_finite() {
+        return Vec::new();
+    }
+    let changes = |from: usize, to: usize| {
+        from > 0
+            && to < signal.len()
+            && (signal[to] - signal[from - 1]).abs() > CHANGES * least * (to - from + 1) as f64
+    };
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    let mut from = 0;
+    while from < signal.len() {
+        let to = from + signal[from..].iter().take_while(|value| **value == signal[from]).count().max(1);
+        if (2..=LONGEST + 1).contains(&(to - from)) && changes(from, to) {
+            runs.push(from + 1..to);
+        }
+        from = to;
+    }
+    let found: usize = runs.iter().map(Range::len).sum();
+    if (found as f64) < BEYOND.1 || found as f64 > MOST * signal.len() as f64 {
+        return Vec::new();
+    }
+    // Differences by one or two steps, up or down, are four times as many as those of zero that rounding makes.
+    let close = |k: &usize| {
+        let steps = (signal[*k] - signal[*k - 1]).abs() / least;
+        steps > 0.0 && steps < 2.5 && changes(*k - 1, *k + 1)
+    };
+    let chance = (2..signal.len() - 1).filter(close).count() as f64;
+    if found as f64 <= chance + BEYOND.0 * chance.sqrt() + BEYOND.1 {
+        return Vec::new();
+    }
+    let mut fresh = vec![true; signal.len()];
+    runs.iter().for_each(|run| fresh[run.clone()].fill(false));
+    let stale = runs.into_iter().flatten();
+    stale.filter_map(|k| Some((k, by_fresh(signal, &fresh, k)?))).collect()
+}
+
+/// A channel with fresh values in place of the readings that repeat.
+pub(super) fn without_repeats(signal: &[f64]) -> Cow<'_, [f64]> {
+    let repeated = repeated_readings(signal);
+    if repeated.is_empty() {
+        return Cow::Borrowed(signal);
+    }
+    let mut whole = signal.to_vec();
+    repeated.into_iter().for_each(|(k, value)| whole[k] = value);
+    Cow::Owned(whole)
+}
+
+/// What the cubic through two fresh readings on either side says at a sample; nothing near the ends.
+fn by_fresh(signal: &[f64], fresh: &[bool], k: usize) -> Option<f64> {
+    let mut before = (0..k).rev().filter(|&i| fresh[i]);
+    let mut after = (k + 1..signal.len()).filter(|&i| fresh[i]);
+    let at = [before.next()?, before.next()?, after.next()?, after.next()?];
+    let time = |i: usize| i as f64 - k as f64;
+    let weight = |i: usize| at.iter().filter(|j| **j != i).map(|&j| time(j) / (time(j) - time(i))).product::<f64>();
+    Some(at.iter().map(|&i| weight(i) * signal[i]).sum())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::repeated_readings;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// A motion of amplitude one with rests, noise and a step of the readings.
+    fn motion(noise: f64, step: f64, speed: f64) -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
+        let reading = |i: u32| {
+            let random: f64 = StandardNormal.sample(&mut rng);
+            let th = speed * f64::from(i);
+            let x = th.cos() - (3.0 * th).cos() / 9.0 + noise * random;
+            if step > 0.0 { (x / step).round() * step } else { x }
+        };
+        (0..20_000).map(reading).collect()
+    }
+
+    #[test]
+    fn readings_that_repeat_are_found_and_replaced() {
+        for (noise, step) in [(0.0, 0.0), (1e-4, 0.0), (3e-3, 0.0), (1e-4, 1e-6), (0.0, 1e-5)] {
+            let clean = motion(noise, step, 0.01);
+            assert_eq!(repeated_readings(&clean), [], "{noise} {step}");
+            let (mut signal, mut repeated) = (clean.clone(), Vec::new());
+            let mut rng = ChaCha8Rng::seed_from_u64(9);
+            for k in 10..signal.len() - 10 {
+                if rng.random_bool(0.05) {
+                    signal[k] = signal[k - 1];
+                    repeated.push(k);
+                }
+            }
+            let found = repeated_readings(&signal);
+            let all = found.len() as f64 / repeated.len() as f64;
+            assert!((0.9..1.05).contains(&all), "{noise} {step}: {} of {}", found.len(), repeated.len());
+            for &(k, value) in &found {
+                assert!((value - clean[k]).abs() < 1e-4 + 6.0 * noise + step, "{noise} {step}: {value} at {k}");
+            }
+        }
+    }
+
+    #[test]
+    fn encoders_rests_turns_and_lower_rates_stay() {
+        for speed in [1e-4, 1e-3, 0.01, 0.05] {
+            for (noise, step) in [(0.0, 1e-4), (0.0, 1e-3), (1e-4, 1e-3), (1e-5, 1e-3), (0.0, 0.02), (1e-3, 1e-3)] {
+                assert_eq!(repeated_readings(&motion(noise, step, speed)), [], "{noise} {step} {speed}");
+            }
+        }
+        let mut rests = motion(0.0, 0.0, 0.01);
+        for from in (1000..20_000).step_by(4000) {
+            let value = rests[from];
+            rests[from..from + 700].fill(value);
+        }
+        assert_eq!(repeated_readings(&rests), []);
+        let held: Vec<f64> = motion(1e-4, 0.0, 0.01).iter().flat_map(|x| [*x; 4]).collect();
+        assert_eq!(repeated_readings(&held), []);
+        assert_eq!(repeated_readings(&[1.0; 40]), []);
+        assert_eq!(repeated_readings(&[]), []);
+    }
+}

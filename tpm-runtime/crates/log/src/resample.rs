@@ -1,0 +1,147 @@
+//! Uneven time stamps: whether the readings or the stamps are late, and readings on an even grid.
+//!
+//! A motion is smooth, and so a reading is nearly what the cubic through its four neighbours says at its time. Readings that were taken
+//! evenly and stamped late lie on that cubic when even times are put in; readings that were taken late lie on it with their stamps.
+
+use serde::Serialize;
+use tpm_numerics::differences::deviation_of;
+
+/// Most readings on which a residual is taken.
+const JUDGED: usize = 200_000;
+/// Order of the error of a cubic in the step.
+const ORDER: f64 = 4.0;
+
+/// The error that interpolation makes in a signal.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InterpolationError {
+    /// The column.
+    pub column: String,
+    /// Root mean square of the error, in the unit of the signal: what the residuals of cubics through every second and every fourth
+    /// reading come to at the step of the record. Noise of the readings counts as error.
+    pub rms: f64,
+    /// That error as a share of the signal's standard deviation.
+    pub share: f64,
+}
+
+/// Value at a time of the cubic through four points.
+fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
+    let mut value = 0.0;
+    for (i, yi) in y.iter().enumerate() {
+        let mut weight = 1.0;
+        for j in 0..4 {
+            if j != i {
+                weight *= (at - t[j]) / (t[i] - t[j]);
+            }
+        }
+        value += weight * yi;
+    }
+    value
+}
+
+/// What readings differ by from the cubic through the four readings that stand `near` and `far` places before and behind them.
+fn residuals<'a>(
+    time: impl Fn(usize) -> f64 + 'a,
+    signal: &'a [f64],
+    near: usize,
+    far: usize,
+) -> impl Iterator<Item = f64> + 'a {
+    let skip = (signal.len() / JUDGED).max(1);
+    (far..signal.len().saturating_sub(far)).step_by(skip).map(move |k| {
+        let nodes = [k - far, k - near, k + near, k + far];
+        // Times relative to the reading keep the digits of stamps that count from 1970.
+        let now = time(k);
+        signal[k] - cubic(nodes.map(|i| time(i) - now), nodes.map(|i| signal[i]), 0.0)
+    })
+}
+
+/// Robust deviation of the residuals of a signal at given times.
+fn roughness(time: impl Fn(usize) -> f64, signal: &[f64]) -> f64 {
+    deviation_of(residuals(time, signal, 1, 2).map(f64::abs))
+}
+
+/// How much rougher a signal is at its stamps than on an even grid, as the logarithm of the ratio; zero where that cannot be told.
+pub(super) fn rougher_at_stamps(stamps: &[f64], signal: &[f64]) -> f64 {
+    let even = roughness(|i| i as f64, signal);
+    let stamped = roughness(|i| stamps[i], signal);
+    if even > 0.0 && stamped > 0.0 { (stamped / even).ln() } else { 0.0 }
+}
+
+/// The readings on an even grid, by cubic interpolation between their stamps.
+pub(super) fn on_grid(stamps: &[f64], signal: &[f64], step: f64, samples: usize) -> Vec<f64> {
+    let last = stamps.len() - 1;
+    let mut i = 0;
+    (0..samples)
+        .map(|k| {
+            let at = stamps[0] + k as f64 * step;
+            while i + 1 < last && stamps[i + 1] <= at {
+                i += 1;
+            }
+            let first = i.saturating_sub(1).min(last.saturating_sub(3));
+            let nodes = [first, first + 1, first + 2, first + 3];
+            cubic(nodes.map(|n| stamps[n] - at), nodes.map(|n| signal[n]), 0.0)
+        })
+        .collect()
+}
+
+/// The reading before each point of an even grid.
+pub(super) fn readings_before(stamps: &[f64], step: f64, samples: usize) -> Vec<usize> {
+    let mut i = 0;
+    (0..samples)
+        .map(|k| {
+            let at = stamps[0] + k as f64 * step;
+            while i + 1 < stamps.len() && stamps[i + 1] <= at {
+                i += 1;
+            }
+            i
+        })
+        .collect()
+}
+
+/// Root mean square of the error of interpolation between the stamps of a signal. The residuals at two and at four times the step say
+/// with which power of the step the error falls.
+pub(super) fn interpolation_error(stamps: &[f64], signal: &[f64]) -> f64 {
+    let rms = |near: usize, far: usize| {
+        let (sum, count) =
+            residuals(|i| stamps[i], signal, near, far).fold((0.0, 0), |(sum, n), r| (sum + r * r, n + 1));
+        if count > 0 { f64::sqrt(sum / f64::from(count)) } else { 0.0 }
+    };
+    // These cubics have two and four times the step of the record.
+    let (second, fourth) = (rms(1, 3), rms(2, 6));
+    if second > 0.0 && fourth > 0.0 { second * (-(fourth / second).log2().clamp(0.0, ORDER)).exp2() } else { second }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{interpolation_error, on_grid, rougher_at_stamps};
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Stamps every 10 ms that are uneven by up to 1 ms.
+    fn stamps() -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        (0..4000).map(|i| 1.7e9 + 0.01 * f64::from(i) + rng.random_range(-1e-3..1e-3)).collect()
+    }
+
+    fn motion(t: f64) -> f64 {
+        (3.0 * (t - 1.7e9)).sin()
+    }
+
+    #[test]
+    fn late_stamps_are_told_from_late_readings() {
+        let stamps = stamps();
+        let late: Vec<f64> = stamps.iter().map(|t| motion(*t)).collect();
+        let even: Vec<f64> = (0..4000).map(|i| motion(1.7e9 + 0.01 * f64::from(i))).collect();
+        assert!(rougher_at_stamps(&stamps, &late) < -1.0);
+        assert!(rougher_at_stamps(&stamps, &even) > 1.0);
+    }
+
+    #[test]
+    fn the_error_of_interpolation_is_stated() {
+        let stamps = stamps();
+        let signal: Vec<f64> = stamps.iter().map(|t| motion(*t)).collect();
+        let grid = on_grid(&stamps, &signal, 0.01, 3999);
+        let squares = grid.iter().enumerate().map(|(k, x)| (x - motion(stamps[0] + 0.01 * k as f64)).powi(2));
+        let (error, stated) = ((squares.sum::<f64>() / 3999.0).sqrt(), interpolation_error(&stamps, &signal));
+        assert!(error < 2.0 * stated && stated < 20.0 * error, "{error} {stated}");
+    }
+}

@@ -1,0 +1,99 @@
+//! Columns that a reader holds in memory.
+
+use crate::assumption::Assumption;
+use crate::columns::{ColumnName, Columns};
+use crate::error::LogError;
+use std::borrow::Cow;
+
+/// A column and its readings.
+#[derive(Debug, Default)]
+pub(super) struct StoredColumn<'a> {
+    pub(super) name: ColumnName,
+    /// Readings, NaN where one is missing.
+    pub(super) values: Cow<'a, [f64]>,
+    /// Whether this is a stamp, which says nothing where all else is missing.
+    pub(super) stamp: bool,
+}
+
+/// Columns in memory. They may have different lengths; those that are selected may not.
+pub(super) struct Stored<'a> {
+    path: String,
+    header: Vec<ColumnName>,
+    columns: Vec<StoredColumn<'a>>,
+    wanted: Vec<usize>,
+    row: usize,
+}
+
+impl<'a> Stored<'a> {
+    /// The columns of a file, which messages call `path`.
+    pub(super) fn new(path: &str, columns: Vec<StoredColumn<'a>>) -> Self {
+        let header = columns.iter().map(|column| column.name.clone()).collect();
+        Stored { path: path.into(), header, columns, wanted: Vec::new(), row: 0 }
+    }
+
+    /// Whether the selected columns are of one length.
+    fn check_lengths(&self) -> Result<(), LogError> {
+        let Some(&first) = self.wanted.first() else { return Ok(()) };
+        let length = |column: usize| self.columns[column].values.len();
+        match self.wanted.iter().find(|&&column| length(column) != length(first)) {
+            None => Ok(()),
+            Some(&other) => Err(LogError::Format {
+                path: self.path.clone(),
+                what: format!(
+                    "`{}` has {} values and `{}` has {}",
+                    self.header[first].text,
+                    length(first),
+                    self.header[other].text,
+                    length(other)
+                ),
+                remedy: "name columns that were recorded together".into(),
+            }),
+        }
+    }
+}
+
+impl Columns for Stored<'_> {
+    fn header(&self) -> &[ColumnName] {
+        &self.header
+    }
+
+    fn header_line(&self) -> u64 {
+        1
+    }
+
+    fn select(&mut self, wanted: &[usize]) {
+        self.wanted = wanted.to_vec();
+        self.row = 0;
+    }
+
+    fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError> {
+        if self.row == 0 {
+            self.check_lengths()?;
+        }
+        loop {
+            let row = self.row;
+            let mut says = false;
+            for (value, &column) in values.iter_mut().zip(&self.wanted) {
+                let column = &self.columns[column];
+                let Some(&read) = column.values.get(row) else { return Ok(None) };
+                *value = read;
+                says |= !column.stamp && !read.is_nan();
+            }
+            self.row += 1;
+            // A message of other joints is no row in which readings of these are missing.
+            let stamped = self.wanted.iter().any(|&column| self.columns[column].stamp);
+            if says || !stamped {
+                return Ok(Some(row as u64 + 1));
+            }
+        }
+    }
+
+    fn text(&self, field: usize) -> String {
+        let column = &self.columns[self.wanted[field]];
+        self.row.checked_sub(1).and_then(|row| column.values.get(row)).map(f64::to_string).unwrap_or_default()
+    }
+
+    fn assumptions(&self) -> Vec<Assumption> {
+        Vec::new()
+    }
+}

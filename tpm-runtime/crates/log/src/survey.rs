@@ -1,0 +1,154 @@
+//! Everything that a file holds, for those who look at a record before they use it.
+//!
+//! With a model, the channels are its coordinates, its inputs and the measured rates that are there; without one, every column of
+//! numbers. Invariant: a channel that never changes is no fault here; it is a finding.
+
+use crate::error::LogError;
+use crate::options::ReadingSettings;
+use crate::read::{rate_signals, signals};
+use crate::recording::Recording;
+use crate::source::LogSource;
+use crate::table::Table;
+use serde::Serialize;
+use tpm_core::model::Model;
+
+/// What a channel is to a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// A measured coordinate.
+    Coordinate,
+    /// A recorded input.
+    Input,
+    /// The measured rate of a coordinate.
+    Rate,
+    /// A column of the file; no model says what it is.
+    Column,
+}
+
+/// A channel of a record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Surveyed {
+    /// Its name: the model's, or that of its column.
+    pub name: String,
+    /// Its unit, where one is known.
+    pub unit: Option<String>,
+    /// What it is to the model.
+    pub role: Role,
+}
+
+/// A column that is not read as a channel.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Unread {
+    /// The column.
+    pub column: String,
+    /// Why it is not read.
+    pub why: String,
+}
+
+/// A record and what its channels are.
+#[derive(Debug)]
+pub struct Survey {
+    /// The record. A model's rates are its rates; otherwise there are channels alone.
+    pub recording: Recording,
+    /// The channels, then the rates, one for every coordinate of a model.
+    pub channels: Vec<Surveyed>,
+    /// Columns that are not read; none with a model, which names what it needs.
+    pub unread: Vec<Unread>,
+}
+
+impl Survey {
+    /// What a log holds of a model's signals.
+    ///
+    /// # Errors
+    /// Those of [`Recording::open`], but for a channel that never changes.
+    pub fn of_model<'a>(
+        source: impl Into<LogSource<'a>>,
+        model: &dyn Model<f64>,
+        options: &ReadingSettings,
+    ) -> Result<Self, LogError> {
+        let source: LogSource<'_> = source.into();
+        let name = source.name();
+        let (needed, rates) = (signals(model), rate_signals(model));
+        let mut columns = source.columns()?;
+        let table = Table::read(&mut *columns, &name, &needed, &rates, options)?;
+        drop(columns);
+        let recording = Recording::of(table, (&needed[..model.dims().coordinates], &rates), |_| Ok(()))?;
+        let dims = model.dims();
+        let channels = needed.into_iter().chain(rates).enumerate().map(|(at, signal)| {
+            let role = match at {
+                at if at < dims.coordinates => Role::Coordinate,
+                at if at < dims.coordinates + dims.inputs => Role::Input,
+                _ => Role::Rate,
+            };
+            Surveyed { name: signal.name, unit: signal.unit, role }
+        });
+        Ok(Survey { recording, channels: channels.collect(), unread: Vec::new() })
+    }
+
+    /// All columns of numbers that a log has beside its time. Columns of text are named, and so are those that are empty in most rows.
+    ///
+    /// # Errors
+    /// [`LogError`] when the file cannot be read, its time is not known, or no stretch is long enough.
+    pub fn of_all<'a>(source: impl Into<LogSource<'a>>, options: &ReadingSettings) -> Result<Self, LogError> {
+        let source: LogSource<'_> = source.into();
+        let name = source.name();
+        let mut unread: Vec<Unread> = Vec::new();
+        loop {
+            let left_out: Vec<String> = unread.iter().map(|unread| unread.column.clone()).collect();
+            let mut columns = source.columns()?;
+            let (table, signals, empty) = match Table::read_all(&mut *columns, &name, &left_out, options) {
+                Err(LogError::NotANumber { line, column, text, .. })
+                    if may_be_left_out(&column, &left_out, options) =>
+                {
+                    let shown: String = text.chars().take(40).collect();
+                    unread.push(Unread { column, why: format!("`{shown}` in line {line} is no number") });
+                    continue;
+                }
+                read => read?,
+            };
+            drop(columns);
+            let why = || "it has no number in most rows".to_string();
+            unread.extend(empty.into_iter().map(|column| Unread { column, why: why() }));
+            let channels = signals.into_iter().map(|of| Surveyed { name: of.name, unit: of.unit, role: Role::Column });
+            let recording = Recording::of(table, (&[], &[]), |_| Ok(()))?;
+            return Ok(Survey { recording, channels: channels.collect(), unread });
+        }
+    }
+}
+
+/// Whether a record can be read without a column: with another time it would be another record.
+fn may_be_left_out(column: &str, left_out: &[String], options: &ReadingSettings) -> bool {
+    let time = options.map.get("t_s").is_some_and(|of| of == column);
+    !time && !left_out.iter().any(|other| other == column)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Role, Survey};
+    use crate::options::ReadingSettings;
+
+    #[test]
+    fn every_column_of_numbers_is_a_channel() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("run.csv");
+        let mut text = String::from("t_s,q [deg],mode,spare,u_V\n");
+        for i in 0..60 {
+            let q = if i == 30 { "nan".into() } else { format!("{}", 0.1 * f64::from(i)) };
+            text += &format!("{:.3},{q},{},,{}\n", 0.01 * f64::from(i), if i < 20 { "idle" } else { "run" }, i % 7);
+        }
+        std::fs::write(&path, text).expect("writable");
+        let survey = Survey::of_all(path.as_path(), &ReadingSettings::default()).expect("readable");
+        let names: Vec<(&str, Option<&str>)> =
+            survey.channels.iter().map(|of| (of.name.as_str(), of.unit.as_deref())).collect();
+        assert_eq!(names, [("q [deg]", Some("deg")), ("u_V", Some("V"))]);
+        assert!(survey.channels.iter().all(|of| of.role == Role::Column));
+        let unread: Vec<&str> = survey.unread.iter().map(|of| of.column.as_str()).collect();
+        assert_eq!(unread, ["mode", "spare"]);
+        // The row without a reading cuts the record.
+        let samples: Vec<usize> = survey.recording.segments.iter().map(crate::Log::len).collect();
+        assert_eq!(samples, [30, 29]);
+        assert_eq!(survey.recording.report.left_out[0].from_line, 32);
+        assert_eq!(survey.recording.segments[1].channels[1][0], f64::from(31 % 7));
+    }
+}

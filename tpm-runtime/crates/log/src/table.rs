@@ -1,0 +1,304 @@
+//! The rows of a log as they stand in the file, with the places where readings are missing.
+
+use crate::assumption::Assumption;
+use crate::columns::Columns;
+use crate::error::LogError;
+use crate::names::{Names, Plan, Signal, Time};
+use crate::options::ReadingSettings;
+use crate::stamps::{Resolution, Stamps};
+
+/// Stamps beyond these sizes count milliseconds, microseconds or nanoseconds from 1970 on: as seconds they would lie thousands of years
+/// ahead.
+const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3)];
+
+/// Sample times of machines, s. A column of time without a unit is in the unit that puts its steps into this range, if there is only one
+/// such unit; steps below a second are seconds.
+const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
+
+/// No machine's reading is larger: squares of larger ones, and differences of their squares, would soon be no numbers.
+const LARGEST: f64 = 1e100;
+
+/// Whether a value in the model's unit can be the reading of a machine.
+fn is_reading(value: f64) -> bool {
+    value.abs() <= LARGEST
+}
+
+/// Rows in which a needed reading is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Hole {
+    /// The sample before which the rows stand.
+    pub(super) before: usize,
+    /// First line.
+    pub(super) from_line: u64,
+    /// Last line.
+    pub(super) to_line: u64,
+    /// Rows.
+    pub(super) rows: usize,
+    /// The first field of the first row that is missing, as a place in [`Table::columns`].
+    pub(super) column: usize,
+}
+
+/// The rows of a log in the order of the file.
+///
+/// Invariant: channels are finite, in the units of their signals and as long as the stamps; a rate may hold NaN.
+#[derive(Debug)]
+pub(super) struct Table {
+    pub(super) path: String,
+    /// Line of the header.
+    pub(super) header_line: u64,
+    /// Stamps in the unit of the file.
+    pub(super) time: Vec<f64>,
+    /// Seconds in that unit.
+    pub(super) factor: f64,
+    pub(super) resolution: Resolution,
+    pub(super) channels: Vec<Vec<f64>>,
+    /// Rates that have a column.
+    pub(super) rates: Vec<Option<Vec<f64>>>,
+    pub(super) lines: Vec<u64>,
+    pub(super) holes: Vec<Hole>,
+    /// Text of the first missing field.
+    pub(super) first_hole: String,
+    /// Names of the columns: time, then those of the channels, then those of the rates.
+    pub(super) columns: Vec<String>,
+    pub(super) assumptions: Vec<Assumption>,
+}
+
+impl Table {
+    /// Reads the signals and, behind them, those rates that have a column.
+    ///
+    /// # Errors
+    /// [`LogError`] when a column is missing, a unit is not converted, or a row cannot be read.
+    pub(super) fn read(
+        columns: &mut dyn Columns,
+        path: &str,
+        signals: &[Signal],
+        rates: &[Signal],
+        options: &ReadingSettings,
+    ) -> Result<Self, LogError> {
+        let plan = Names::of(columns, path, options).settle(signals, rates)?;
+        Self::of(columns, path, plan)
+    }
+
+    /// Reads the columns of a plan.
+    fn of(columns: &mut dyn Columns, path: &str, plan: Plan) -> Result<Self, LogError> {
+        let mut table = Table {
+            path: path.into(),
+            header_line: columns.header_line(),
+            time: Vec::new(),
+            factor: 1.0,
+            resolution: Resolution::default(),
+            channels: vec![Vec::new(); plan.places.len()],
+            rates: plan.optional.iter().map(|place| place.as_ref().map(|_| Vec::new())).collect(),
+            lines: Vec::new(),
+            holes: Vec::new(),
+            first_hole: String::new(),
+            columns: Vec::new(),
+            assumptions: Vec::new(),
+        };
+        table.fill(columns, &plan)?;
+        table.resolution = match plan.time {
+            Time::One { .. } => columns.resolution(),
+            Time::Two { .. } => Resolution::default(),
+        };
+        table.assumptions = columns.assumptions();
+        table.assumptions.extend(plan.assumptions);
+        table.settle_time(&plan.time)?;
+        Ok(table)
+    }
+
+    /// Reads every column but those that are left out, and says which signal each channel holds. Columns that are empty in most rows are
+    /// named apart: they are no channels.
+    ///
+    /// # Errors
+    /// [`LogError`] when there is no time, or a row cannot be read.
+    pub(super) fn read_all(
+        columns: &mut dyn Columns,
+        path: &str,
+        left_out: &[String],
+        options: &ReadingSettings,
+    ) -> Result<(Self, Vec<Signal>, Vec<String>), LogError> {
+        let (plan, signals) = Names::of(columns, path, options).settle_all(left_out)?;
+        let mut table = Self::of(columns, path, plan)?;
+        let rows = table.time.len();
+        let mut kept = Vec::new();
+        let (mut empty, mut places) = (Vec::new(), Vec::new());
+        for (at, (signal, values)) in signals.into_iter().zip(std::mem::take(&mut table.rates)).enumerate() {
+            let values = values.unwrap_or_default();
+            if 2 * values.iter().filter(|value| value.is_finite()).count() > rows {
+                kept.push(signal);
+                table.channels.push(values);
+                places.push(at);
+            } else {
+                empty.push(signal.name);
+            }
+        }
+        let stamps = table.columns.len() - kept.len() - empty.len();
+        let names = places.iter().map(|at| table.columns[stamps + at].clone());
+        table.columns = table.columns[..stamps].iter().cloned().chain(names).collect();
+        table.leave_out_missing(stamps);
+        Ok((table, kept, empty))
+    }
+
+    /// Takes the rows in which a channel has no number out of the table; `stamps` columns are those of the time.
+    fn leave_out_missing(&mut self, stamps: usize) {
+        if self.channels.iter().all(|channel| channel.iter().all(|value| value.is_finite())) {
+            return;
+        }
+        let (time, lines) = (std::mem::take(&mut self.time), std::mem::take(&mut self.lines));
+        let channels: Vec<Vec<f64>> = self.channels.iter_mut().map(std::mem::take).collect();
+        let mut holes = std::mem::take(&mut self.holes).into_iter().peekable();
+        for (row, (t, line)) in time.iter().zip(&lines).enumerate() {
+            while let Some(hole) = holes.next_if(|hole| hole.before <= row) {
+                self.holes.push(Hole { before: self.time.len(), ..hole });
+            }
+            if let Some(missing) = channels.iter().position(|channel| !channel[row].is_finite()) {
+                self.miss(*line, stamps + missing);
+                continue;
+            }
+            self.time.push(*t);
+            self.lines.push(*line);
+            self.channels.iter_mut().zip(&channels).for_each(|(to, from)| to.push(from[row]));
+        }
+        self.holes.extend(holes.map(|hole| Hole { before: self.time.len(), ..hole }));
+    }
+
+    fn fill(&mut self, columns: &mut dyn Columns, plan: &Plan) -> Result<(), LogError> {
+        let mut wanted = Vec::new();
+        match plan.time {
+            Time::One { index, .. } => wanted.push(index),
+            Time::Two { seconds, fractions, .. } => wanted.extend([seconds, fractions]),
+        }
+        let stamps = wanted.len();
+        let needed = plan.places.iter();
+        let present = plan.optional.iter().flatten();
+        wanted.extend(needed.chain(present).map(|place| place.index));
+        self.columns = wanted.iter().map(|&index| columns.header()[index].text.clone()).collect();
+        columns.select(&wanted);
+        let mut values = vec![0.0; wanted.len()];
+        let mut readings = Vec::with_capacity(plan.places.len());
+        let required = stamps + plan.places.len();
+        let (mut first_second, unit) = (None, if let Time::Two { unit, .. } = plan.time { unit } else { 1.0 });
+        while let Some(line) = columns.next_row(&mut values)? {
+            let scaled = values[stamps..required].iter().zip(&plan.places);
+            readings.clear();
+            readings.extend(scaled.map(|(value, place)| place.factor * value + place.offset));
+            let missing = values[..stamps].iter().chain(&readings).position(|&value| !is_reading(value));
+            if let Some(column) = missing {
+                if self.holes.is_empty() {
+                    self.first_hole = columns.text(column);
+                }
+                self.miss(line, column);
+                continue;
+            }
+            self.time.push(if stamps == 1 {
+                values[0]
+            } else {
+                // Whole seconds are subtracted before fractions are added, so that no digit is lost.
+                (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1]
+            });
+            self.channels.iter_mut().zip(&readings).for_each(|(channel, &reading)| channel.push(reading));
+            let present = plan.optional.iter().flatten().zip(&values[required..]);
+            for (rate, (place, value)) in self.rates.iter_mut().flatten().zip(present) {
+                let reading = place.factor * value + place.offset;
+                rate.push(if is_reading(reading) { reading } else { f64::NAN });
+            }
+            self.lines.push(line);
+        }
+        Ok(())
+    }
+
+    /// Notes a row in which a reading is missing.
+    fn miss(&mut self, line: u64, column: usize) {
+        let before = self.time.len();
+        match self.holes.last_mut() {
+            Some(hole) if hole.before == before => {
+                hole.to_line = line;
+                hole.rows += 1;
+            }
+            _ => self.holes.push(Hole { before, from_line: line, to_line: line, rows: 1, column }),
+        }
+    }
+
+    /// Finds the unit of the stamps.
+    fn settle_time(&mut self, time: &Time) -> Result<(), LogError> {
+        let (index_name, known) = match time {
+            Time::Two { unit, factor, .. } => {
+                self.factor = unit * factor;
+                return Ok(());
+            }
+            Time::One { column, factor, .. } => (column, *factor),
+        };
+        if let Some(factor) = known {
+            self.factor = factor;
+            return Ok(());
+        }
+        let Some(first) = self.time.first() else { return Ok(()) };
+        let epoch = EPOCHS.iter().find(|(least, ..)| first.abs() >= *least);
+        let step = Stamps { time: &self.time, resolution: &self.resolution }.usual_step();
+        let plausible =
+            |(_, _, factor): &&(f64, &str, f64)| step * factor >= SAMPLE_TIMES.0 && step * factor <= SAMPLE_TIMES.1;
+        let mut candidates = EPOCHS.iter().filter(plausible);
+        let (unit, factor) = match (epoch, candidates.next(), candidates.next()) {
+            (Some((_, unit, factor)), ..) => (*unit, *factor),
+            _ if step < 1.0 => ("s", 1.0),
+            (None, Some((_, unit, factor)), None) => (*unit, *factor),
+            _ => {
+                return Err(LogError::TimeUnit {
+                    path: self.path.clone(),
+                    line: self.header_line,
+                    column: index_name.clone(),
+                    step,
+                });
+            }
+        };
+        self.factor = factor;
+        self.assumptions.push(Assumption::Time { column: index_name.clone(), unit: unit.to_owned(), stated: false });
+        Ok(())
+    }
+
+    /// The stamps.
+    pub(super) fn stamps(&self) -> Stamps<'_> {
+        Stamps { time: &self.time, resolution: &self.resolution }
+    }
+
+    /// The fault of the first row in which a reading is missing, for those who need a whole record.
+    pub(super) fn missing(&self) -> Option<LogError> {
+        let hole = self.holes.first()?;
+        let (path, line, column) = (self.path.clone(), hole.from_line, self.columns[hole.column].clone());
+        Some(if self.first_hole.is_empty() {
+            LogError::Empty { path, line, column }
+        } else {
+            LogError::NotANumber { path, line, column, text: self.first_hole.clone() }
+        })
+    }
+
+    /// The fault of the first missing reading of a rate, for those who need a whole record.
+    pub(super) fn missing_rate(&self) -> Option<LogError> {
+        let names = &self.columns[self.columns.len() - self.rates.iter().flatten().count()..];
+        self.rates.iter().flatten().zip(names).find_map(|(rate, column)| {
+            let at = rate.iter().position(|value| !value.is_finite())?;
+            Some(LogError::NotANumber {
+                path: self.path.clone(),
+                line: self.lines[at],
+                column: column.clone(),
+                text: rate[at].to_string(),
+            })
+        })
+    }
+
+    /// The fault of a channel that never changes.
+    pub(super) fn constant(&self, signals: &[Signal]) -> Option<LogError> {
+        let names = &self.columns[self.columns.len() - self.rates.iter().flatten().count() - self.channels.len()..];
+        self.channels.iter().zip(names).zip(signals).find_map(|((channel, column), signal)| {
+            let value = *channel.first()?;
+            channel.iter().all(|other| *other == value).then(|| LogError::Constant {
+                path: self.path.clone(),
+                from: self.lines[0],
+                to: self.lines[self.lines.len() - 1],
+                signal: signal.name.clone(),
+                column: column.clone(),
+                value,
+            })
+        })
+    }
+}

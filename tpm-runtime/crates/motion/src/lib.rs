@@ -1,0 +1,49 @@
+//! One run of a machine: the motion it follows, the loop that holds it there, what is recorded, and the harmonics of that.
+//!
+//! ```text
+//! Trajectory, Loop -> Trial -> Bench -> Record -> Spectra
+//! ```
+
+mod actuator;
+mod bench;
+mod completion;
+mod controller;
+mod counts;
+mod driven;
+mod dry;
+mod error;
+mod feed_forward;
+mod feedback;
+pub mod forward;
+mod friction;
+mod hold;
+pub mod limits;
+pub mod profile;
+mod record;
+pub mod smoothing;
+mod spectra;
+pub mod stroke;
+mod terms;
+pub mod trajectory;
+mod trial;
+
+pub use actuator::correct_actuators;
+pub use actuator::{Dynamics, LowPass};
+pub use bench::{Bench, BenchError};
+pub use completion::OpenReason;
+pub use completion::{CompletionError, complete};
+pub use controller::Controller;
+pub use counts::{alike, mean_error, noise_within, repeating};
+pub use driven::Driven;
+pub use dry::{CREEP, Sides};
+pub use error::TrialError;
+pub use feed_forward::HoldCompensation;
+pub use feed_forward::demand;
+pub use feedback::{Loop, Velocity};
+pub use forward::{Plant, PlantError};
+pub use hold::held;
+pub use record::{Ending, Record, RecordError, RunEnding};
+pub use spectra::step;
+pub use spectra::{Spectra, SpectrumError, Window};
+pub use terms::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
+pub use trial::{Trial, TrialSettings};

@@ -1,0 +1,687 @@
+//! Physical parameters from the lumped ones that a model is linear in.
+//!
+//! The lumped parameters are c(p). With an estimate of c and its covariance S the physical parameters minimise
+//! `(c(p) - c)' S^-1 (c(p) - c)` within their bounds (Gauss-Newton with the exact Jacobian, by Levenberg and Marquardt).
+//! There are usually more c than p: what the minimum leaves measures whether the c belong to a machine of this structure at
+//! all (two carts: c4 = c3^2/(3 c7), c5 = c3^3/(27 c7^2); after Feng, Eqns 4.35-4.41).
+//!
+//! Deviations are those of the solution when the estimate is moved by one deviation along each of its combinations, up and down. A
+//! linear map gives the same by its Jacobian; here a quotient of two estimates, one of which may vanish, or a bound within reach, makes
+//! them larger, and never smaller than the Jacobian says. Nor are they smaller than a point from which the search starts says: where it
+//! lies `d` away and the sum of squares there is larger by `D`, the variance is at least `d^2 / D`, with equality for a linear map along
+//! the worst direction.
+//!
+//! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
+//! the others. Directions that the data do not show have no row.
+
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use std::collections::BTreeMap;
+use tpm_core::model::Model;
+use tpm_estimate::Estimate;
+use tpm_estimate::Information;
+use tpm_estimate::ParameterReport;
+use tpm_estimate::{COMPONENT, Evidence, POOR_PHYSICAL, Status};
+use tpm_numerics::Owned;
+use tpm_numerics::chance::deviation;
+use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
+use tpm_numerics::{DMatrix, DVector, Dyn, Matrix};
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::mechanics::unit::Unit;
+use tpm_symbolic::regressor::inverse::Inverse;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::Prepared;
+
+/// A combination of variance below this share of the largest, after scaling, is taken for rounding.
+const ROUNDING: f64 = 1e-14;
+/// Least relative standard deviation of a lumped parameter, and that of frozen ones.
+const SHARPEST: f64 = 1e-12;
+/// Singular values of the weighted, scaled Jacobian below this share of the largest show nothing.
+const RANK_TOLERANCE: f64 = 1e-9;
+/// Deviation of the consistency test, in standard deviations of a normal variable, that is flagged (one in a thousand).
+const INCONSISTENT: f64 = 3.09;
+/// A value below minus so many standard deviations is negative beyond doubt.
+const SURELY_NEGATIVE: f64 = 2.0;
+
+/// What is known about the physical parameters beforehand, by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhysicalSettings {
+    /// A start of the search beside the closed inverse; unobservable parameters keep these values.
+    pub prior: BTreeMap<String, f64>,
+    /// Values that are held.
+    pub frozen: BTreeMap<String, f64>,
+    /// Least and largest values, infinite for none. A mass or a moment of inertia is not negative unless its bounds say so.
+    pub bounds: BTreeMap<String, (f64, f64)>,
+    /// Values of the constants that are known at run time.
+    pub constants: BTreeMap<String, f64>,
+}
+
+/// Physical parameters, and whether the lumped ones are consistent with any.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Physical {
+    /// Every physical parameter with its standard deviation.
+    pub parameters: Vec<ParameterReport>,
+    /// What may be said of every physical parameter.
+    pub status: Vec<Status>,
+    /// Values of the physical parameters; the prior where the lumped ones do not determine them.
+    pub values: Vec<f64>,
+    /// The lumped parameters that follow from the physical ones.
+    pub lumped: Vec<f64>,
+    /// Covariance, in the order of `parameters`; zero for what is frozen or at a bound.
+    pub covariance: Matrix,
+    /// Directions that the lumped parameters do not determine, the largest component of each being one.
+    pub unobservable: Vec<Vec<f64>>,
+    /// Ratio of the largest to the smallest singular value that counts of the weighted Jacobian after column scaling.
+    pub condition: f64,
+    /// Independent combinations of the physical parameters that the lumped ones determine.
+    pub rank: usize,
+    /// Weighted sum of squares that the best physical parameters leave.
+    pub misfit: f64,
+    /// Relations among the lumped parameters that the misfit tests.
+    pub freedom: usize,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// A fault of the settings.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhysicalError {
+    /// A parameter does not exist.
+    #[error("there is no physical parameter `{name}`; there are {known}")]
+    Unknown {
+        /// The name that was given.
+        name: String,
+        /// Names of the model's physical parameters.
+        known: String,
+    },
+    /// The bounds of a parameter hold no value.
+    #[error("the bounds of `{name}` hold no value: {low} to {high}")]
+    EmptyBounds {
+        /// The parameter.
+        name: String,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+    },
+    /// A constant in the map has no value.
+    #[error("the map to the physical parameters needs a value of the constant `{name}`")]
+    NoConstant {
+        /// The constant.
+        name: String,
+    },
+}
+
+/// Whether a model's parameters were lumped, so that there are physical ones beside them.
+#[must_use]
+pub fn is_lumped(prepared: &Prepared) -> bool {
+    prepared.form.columns.iter().any(|column| column.parameter.is_none())
+}
+
+/// The physical parameters that explain an estimate of the lumped ones best.
+///
+/// # Errors
+/// [`PhysicalError`] when the settings name an unknown parameter, have empty bounds, or lack the value of a constant.
+pub fn physical(
+    prepared: &Prepared,
+    estimate: &Estimate,
+    settings: &PhysicalSettings,
+) -> Result<Physical, PhysicalError> {
+    Ok(PhysicalFit::new(prepared, settings)?.of_estimate(estimate))
+}
+
+/// The map from physical to lumped parameters, worked out once for many estimates.
+#[derive(Clone, Debug)]
+pub struct PhysicalFit {
+    map: ParameterMap,
+    inverse: Inverse,
+    units: Vec<Option<String>>,
+    fixed: Fixed,
+}
+
+impl PhysicalFit {
+    /// Works out the map and checks the settings against it.
+    ///
+    /// # Errors
+    /// [`PhysicalError`] when the settings name an unknown parameter, have empty bounds, or lack the value of a constant.
+    pub fn new(prepared: &Prepared, settings: &PhysicalSettings) -> Result<Self, PhysicalError> {
+        let map = ParameterMap::new(prepared);
+        let fixed = Fixed::new(prepared, &map, settings)?;
+        let unit = |&symbol: &Symbol| prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
+        Ok(PhysicalFit { inverse: map.inverse(), units: map.parameters().iter().map(unit).collect(), fixed, map })
+    }
+
+    /// Names of the physical parameters, in the order of every result.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.map.parameters().iter().map(|&symbol| self.map.name(symbol))
+    }
+
+    /// The lumped parameters of given physical ones.
+    #[must_use]
+    pub fn lumped(&self, values: &[f64]) -> Vec<f64> {
+        self.map.evaluate(self.fixed.lookup(&self.map, values))
+    }
+
+    /// The physical parameters that explain an estimate of the lumped ones best.
+    #[must_use]
+    pub fn of_estimate(&self, estimate: &Estimate) -> Physical {
+        let weighted = Weighted::new(estimate);
+        let closed = self.closed(&estimate.values);
+        let solution = self.best(&weighted, std::slice::from_ref(&closed));
+        let spread = self.fixed.spread(&self.map, &weighted, &solution, &self.fixed.starts(&[closed]));
+        self.fixed.report(&self.units, &self.map, &weighted, &solution, &spread)
+    }
+
+    /// The closed inverse, where there is one, of lumped parameters that need not be consistent.
+    fn closed(&self, lumped: &[f64]) -> Vec<f64> {
+        let mut closed = vec![f64::NAN; self.map.parameters().len()];
+        for (symbol, value) in
+            self.inverse.evaluate(lumped, |constant| self.fixed.constants.get(&constant).copied().unwrap_or(f64::NAN))
+        {
+            if let Some(i) = self.map.parameters().iter().position(|parameter| *parameter == symbol) {
+                closed[i] = value;
+            }
+        }
+        closed
+    }
+
+    /// The physical parameters that explain equations in the lumped ones best. Equations also hold what is too small for a
+    /// covariance. `gradient` is added to the right of their normal equations; `start` is a further start of the search.
+    pub(super) fn of_information(
+        &self,
+        information: &Information,
+        gradient: Option<&[f64]>,
+        start: &[f64],
+    ) -> Physical {
+        let lumped = information.solve(&self.lumped(start), gradient).values;
+        let weighted = Weighted::of_information(information, gradient);
+        let solution = self.best(&weighted, &[self.closed(&lumped), start.to_vec()]);
+        self.fixed.report(&self.units, &self.map, &weighted, &solution, &vec![0.0; solution.values.len()])
+    }
+
+    /// The best minimum from several starts; values that are not finite are replaced by the prior or one.
+    fn best(&self, weighted: &Weighted, starts: &[Vec<f64>]) -> Solution {
+        let best = self.fixed.starts(starts).into_iter().map(|start| self.fixed.minimise(&self.map, weighted, start));
+        let best = best.fold(None, |best: Option<Solution>, next| match best {
+            Some(best) if best.misfit <= next.misfit || !next.misfit.is_finite() => Some(best),
+            _ => Some(next),
+        });
+        let ones = || self.fixed.minimise(&self.map, weighted, vec![1.0; self.map.parameters().len()]);
+        best.unwrap_or_else(ones)
+    }
+}
+
+/// Whether the matrix of accelerations is that of some machine, symmetric and positive definite, with given parameters at rest at
+/// a position. A coupling of inertias may then be negative.
+#[must_use]
+pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64], position: &[f64]) -> bool {
+    let dims = model.dims();
+    let n = dims.coordinates;
+    if dims.rows != n || position.len() < n || (0..n).any(|c| model.coordinate_order(c) != 2) {
+        return false;
+    }
+    let mut motion = vec![0.0; dims.motion_len()];
+    motion[..n].copy_from_slice(&position[..n]);
+    let mut scratch = vec![0.0; model.inverse_workspace_len()];
+    let mut force = |motion: &[f64]| {
+        let mut force = vec![0.0; n];
+        let done = model.inverse_dynamics(motion, parameters, constants, &mut scratch, &mut force);
+        done.is_ok().then_some(force)
+    };
+    let Some(rest) = force(&motion) else { return false };
+    let mut matrix = DMatrix::zeros(n, n);
+    for c in 0..n {
+        motion[2 * n + c] = 1.0;
+        let Some(moved) = force(&motion) else { return false };
+        motion[2 * n + c] = 0.0;
+        for r in 0..n {
+            matrix[(r, c)] = moved[r] - rest[r];
+        }
+    }
+    let symmetric = (&matrix - matrix.transpose()).amax() <= 1e-9 * matrix.amax();
+    symmetric && matrix.iter().all(|x| x.is_finite()) && matrix.symmetric_eigenvalues().iter().all(|m| *m > 0.0)
+}
+
+/// Masses and moments of inertia that are negative beyond doubt, by name with their values: a fit that no machine has.
+#[must_use]
+pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {
+    let inertias = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass));
+    let known = inertias.filter_map(|p| Some((p, p.value?, p.std?)));
+    known
+        .filter(|(_, value, std)| *value < -SURELY_NEGATIVE * std)
+        .map(|(p, value, _)| (p.name.clone(), value))
+        .collect()
+}
+
+/// Whether a quantity in this unit is a mass or a moment of inertia.
+fn is_mass(unit: &str) -> bool {
+    matches!(unit, "kg" | "kg*m^2" | "g" | "t")
+}
+
+/// Combinations of the lumped parameters that the data show: `rows c - right` has the identity as covariance.
+struct Weighted {
+    rows: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl Weighted {
+    fn new(estimate: &Estimate) -> Self {
+        let n = estimate.values.len();
+        let scale: Vec<f64> = (0..n)
+            .map(|j| {
+                let floor = (SHARPEST * estimate.values[j].abs()).max(f64::MIN_POSITIVE.sqrt());
+                let std = estimate.covariance[(j, j)].max(0.0).sqrt();
+                std.max(floor)
+            })
+            .collect();
+        // Combinations, in scaled parameters, that vanish along the unobservable directions.
+        let hidden = DMatrix::from_fn(n, estimate.unobservable.len(), |r, c| estimate.unobservable[c][r] / scale[r]);
+        let shown = complement(&hidden);
+        let covariance = DMatrix::from_fn(n, n, |r, c| {
+            let entry = estimate.covariance[(r, c)] / (scale[r] * scale[c]);
+            // A frozen value has no variance; it weighs as much as the sharpest value may.
+            if r == c && estimate.std[r] == 0.0 { 1.0 } else { entry }
+        });
+        let reduced = shown.transpose() * covariance * &shown;
+        let eigen = reduced.symmetric_eigen();
+        let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
+        let turned = &shown * &eigen.eigenvectors;
+        let rows = DMatrix::from_fn(turned.ncols(), n, |i, j| {
+            let variance = eigen.eigenvalues[i].max(ROUNDING * largest);
+            turned[(j, i)] / (scale[j] * variance.sqrt())
+        });
+        let right = &rows * DVector::from_column_slice(&estimate.values);
+        Self { rows, right }
+    }
+
+    fn of_information(information: &Information, gradient: Option<&[f64]>) -> Self {
+        let rows = information.factor().into_owned();
+        let mut right = information.right().into_owned();
+        // R' R c = R' z + g means R c = z + R'^-1 g, where R has an inverse.
+        if let Some(shift) = gradient.and_then(|g| rows.transpose().lu().solve(&DVector::from_column_slice(g)))
+            && shift.iter().all(|x| x.is_finite())
+        {
+            right += shift;
+        }
+        Self { rows, right }
+    }
+}
+
+/// What the settings fix before the search begins.
+#[derive(Clone, Debug)]
+struct Fixed {
+    constants: BTreeMap<Symbol, f64>,
+    frozen: Vec<Option<f64>>,
+    bounds: Vec<(f64, f64)>,
+    prior: Vec<Option<f64>>,
+}
+
+/// Where a minimisation ended.
+struct Solution {
+    values: Vec<f64>,
+    /// Parameters held at a bound.
+    held: Vec<bool>,
+    misfit: f64,
+    converged: bool,
+}
+
+impl Fixed {
+    fn new(prepared: &Prepared, map: &ParameterMap, settings: &PhysicalSettings) -> Result<Self, PhysicalError> {
+        let names: Vec<&str> = map.parameters().iter().map(|&symbol| map.name(symbol)).collect();
+        let given = settings.prior.keys().chain(settings.frozen.keys()).chain(settings.bounds.keys());
+        for name in given {
+            if !names.contains(&name.as_str()) {
+                return Err(PhysicalError::Unknown { name: name.clone(), known: names.join(", ") });
+            }
+        }
+        let mut constants = BTreeMap::new();
+        for (index, quantity) in prepared.model.symbols.iter().enumerate() {
+            if matches!(quantity.kind, Kind::Constant { value: None })
+                && let Some(value) = settings.constants.get(quantity.name.as_str())
+            {
+                constants.insert(Symbol(index as u32), *value);
+            }
+        }
+        let graph = map.graph();
+        let atoms =
+            map.definitions().iter().flat_map(|d| d.terms().flat_map(|(m, _)| m.factors().map(|(&atom, _)| atom)));
+        for leaf in atoms.flat_map(|atom| graph.leaves(atom)) {
+            if let tpm_symbolic::expr::graph::Node::Symbol(symbol) = graph.node(leaf) {
+                let quantity = prepared.model.quantity(*symbol);
+                if matches!(quantity.kind, Kind::Constant { value: None }) && !constants.contains_key(symbol) {
+                    return Err(PhysicalError::NoConstant { name: quantity.name.to_string() });
+                }
+            }
+        }
+        // Sums of parameters ask for no search, and a bound that is reached along what the data do not show would pass for a value.
+        let sums = map.is_linear();
+        let mut bounds = Vec::with_capacity(names.len());
+        for &symbol in map.parameters() {
+            let unit = prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
+            let natural = if !sums && unit.as_deref().is_some_and(is_mass) { 0.0 } else { f64::NEG_INFINITY };
+            let (low, high) = settings.bounds.get(map.name(symbol)).copied().unwrap_or((natural, f64::INFINITY));
+            if !matches!(low.partial_cmp(&high), Some(std::cmp::Ordering::Less)) {
+                return Err(PhysicalError::EmptyBounds { name: map.name(symbol).to_string(), low, high });
+            }
+            bounds.push((low, high));
+        }
+        let by_name = |values: &BTreeMap<String, f64>| names.iter().map(|name| values.get(*name).copied()).collect();
+        Ok(Self { constants, frozen: by_name(&settings.frozen), bounds, prior: by_name(&settings.prior) })
+    }
+
+    fn lookup<'a>(&'a self, map: &'a ParameterMap, values: &'a [f64]) -> impl Fn(Symbol) -> f64 + 'a {
+        move |symbol| {
+            let own = map.parameters().iter().position(|parameter| *parameter == symbol);
+            own.map_or_else(|| self.constants.get(&symbol).copied().unwrap_or(f64::NAN), |i| values[i])
+        }
+    }
+
+    /// The starts given, with the prior (or one) for values that are not finite, then the prior itself. All lie within the
+    /// bounds, and frozen parameters have their values.
+    fn starts(&self, given: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let count = self.prior.len();
+        let plain: Vec<f64> = (0..count).map(|i| self.prior[i].filter(|value| *value != 0.0).unwrap_or(1.0)).collect();
+        let finite = |start: &Vec<f64>| -> Vec<f64> {
+            start.iter().zip(&plain).map(|(&value, &plain)| if value.is_finite() { value } else { plain }).collect()
+        };
+        let mut starts: Vec<Vec<f64>> = given.iter().map(finite).collect();
+        starts.push(plain.clone());
+        for start in &mut starts {
+            for (i, value) in start.iter_mut().enumerate() {
+                let (low, high) = self.bounds[i];
+                // Strictly within the bounds, so that nothing is divided by a mass of zero.
+                if *value <= low {
+                    *value = if high.is_finite() { f64::midpoint(low, high) } else { low + value.abs().max(1.0) };
+                } else if *value >= high {
+                    *value = if low.is_finite() { f64::midpoint(low, high) } else { high - value.abs().max(1.0) };
+                }
+                *value = self.frozen[i].unwrap_or(*value);
+            }
+        }
+        starts.dedup();
+        starts
+    }
+
+    /// Minimises within the bounds: a parameter that leaves them is held at the bound, and released when that pays.
+    fn minimise(&self, map: &ParameterMap, weighted: &Weighted, start: Vec<f64>) -> Solution {
+        let count = start.len();
+        let mut values = start;
+        let mut held = vec![false; count];
+        let mut converged = false;
+        // Every pass holds or releases one parameter; more passes would repeat earlier choices.
+        for _ in 0..2 * count + 2 {
+            let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !held[i]).collect();
+            let before = values.clone();
+            if !free.is_empty() && weighted.rows.nrows() > 0 {
+                let problem = Problem::new(self, map, weighted, values.clone(), free);
+                let (problem, report) = LevenbergMarquardt::new()
+                    .with_ftol(1e-14)
+                    .with_xtol(1e-14)
+                    .with_gtol(1e-14)
+                    .with_patience(200)
+                    .minimize(problem);
+                converged = report.termination.was_successful()
+                    || matches!(report.termination, levenberg_marquardt::TerminationReason::NoImprovementPossible(_));
+                values = problem.values;
+            } else {
+                converged = true;
+            }
+            // The first parameter to leave its bounds on the way from the values before.
+            let beyond = (0..count).filter(|&i| !held[i] && self.frozen[i].is_none()).filter_map(|i| {
+                let (low, high) = self.bounds[i];
+                let bound = if values[i] < low {
+                    low
+                } else if values[i] > high {
+                    high
+                } else {
+                    return None;
+                };
+                let share = (bound - before[i]) / (values[i] - before[i]);
+                Some((share, i, bound))
+            });
+            if let Some((share, i, bound)) = beyond.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                for (value, old) in values.iter_mut().zip(&before) {
+                    *value = old + share.clamp(0.0, 1.0) * (*value - old);
+                }
+                values[i] = bound;
+                held[i] = true;
+                continue;
+            }
+            // A parameter is released when the misfit falls from its bound inwards.
+            let Some(gradient) = self.gradient(map, weighted, &values) else { break };
+            let inward = (0..count).find(|&i| {
+                held[i] && if values[i] <= self.bounds[i].0 { gradient[i] < 0.0 } else { gradient[i] > 0.0 }
+            });
+            match inward {
+                Some(i) if converged => held[i] = false,
+                _ => break,
+            }
+        }
+        let misfit = self.residuals(map, weighted, &values).map_or(f64::INFINITY, |r| r.norm_squared());
+        Solution { values, held, misfit, converged }
+    }
+
+    /// Root of the summed squares by which every parameter moves when the estimate moves by one deviation along one combination, the mean
+    /// of up and down; by as much as it is large where no parameters follow from an estimate that is moved so. It is no less than what
+    /// other `points` say, which may explain the estimate nearly as well. Nothing for a linear map, where the Jacobian says the same.
+    fn spread(&self, map: &ParameterMap, weighted: &Weighted, solution: &Solution, points: &[Vec<f64>]) -> Vec<f64> {
+        let mut squares = vec![0.0; solution.values.len()];
+        if map.is_linear() {
+            return squares;
+        }
+        for (row, sign) in (0..weighted.right.len()).flat_map(|row| [(row, 1.0), (row, -1.0)]) {
+            let mut right = weighted.right.clone();
+            right[row] += sign;
+            let moved = Weighted { rows: weighted.rows.clone(), right };
+            let there = self.minimise(map, &moved, solution.values.clone());
+            let follows = there.misfit.is_finite();
+            for ((square, there), here) in squares.iter_mut().zip(&there.values).zip(&solution.values) {
+                let by = if follows { there - here } else { *here };
+                *square += 0.5 * by * by;
+            }
+        }
+        for point in points {
+            let Some(residuals) = self.residuals(map, weighted, point) else { continue };
+            let more = (residuals.norm_squared() - solution.misfit).max(1.0);
+            for ((square, there), here) in squares.iter_mut().zip(point).zip(&solution.values) {
+                *square = square.max((there - here).powi(2) / more);
+            }
+        }
+        squares.into_iter().map(f64::sqrt).collect()
+    }
+
+    fn residuals(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
+        let lumped = DVector::from_vec(map.evaluate(self.lookup(map, values)));
+        let residuals = &weighted.rows * lumped - &weighted.right;
+        residuals.iter().all(|value| value.is_finite()).then_some(residuals)
+    }
+
+    fn jacobian(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DMatrix<f64>> {
+        let rows = map.jacobian_at(self.lookup(map, values));
+        let lumped = DMatrix::from_fn(rows.len(), values.len(), |r, c| rows[r][c]);
+        let jacobian = &weighted.rows * lumped;
+        jacobian.iter().all(|value| value.is_finite()).then_some(jacobian)
+    }
+
+    fn gradient(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
+        Some(self.jacobian(map, weighted, values)?.transpose() * self.residuals(map, weighted, values)?)
+    }
+
+    fn report(
+        &self,
+        units: &[Option<String>],
+        map: &ParameterMap,
+        weighted: &Weighted,
+        solution: &Solution,
+        spread: &[f64],
+    ) -> Physical {
+        let count = solution.values.len();
+        let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !solution.held[i]).collect();
+        let mut covariance: DMatrix<f64> = DMatrix::zeros(count, count);
+        let mut hidden = vec![false; count];
+        let mut rank = 0;
+        let mut condition = f64::INFINITY;
+        let mut unobservable = Vec::new();
+        let mut warnings = Vec::new();
+        match self.jacobian(map, weighted, &solution.values) {
+            Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
+                let (scaled, scale) = unit_columns(jacobian.select_columns(&free));
+                let singular = Singular::new(&scaled, RANK_TOLERANCE);
+                rank = singular.rank();
+                condition = singular.condition();
+                for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
+                    for (r, &i) in free.iter().enumerate() {
+                        for (c, &j) in free.iter().enumerate() {
+                            covariance[(i, j)] += direction[r] * direction[c] / (value * value * scale[r] * scale[c]);
+                        }
+                    }
+                }
+                for direction in singular.null().column_iter() {
+                    let mut raw = vec![0.0; count];
+                    for (r, &i) in free.iter().enumerate() {
+                        hidden[i] |= direction[r].abs() > COMPONENT;
+                        raw[i] = direction[r] / scale[r];
+                    }
+                    unobservable.push(largest_one(&raw));
+                }
+            }
+            Some(_) => hidden.iter_mut().enumerate().for_each(|(i, hidden)| *hidden = free.contains(&i)),
+            None => {
+                warnings
+                    .push("the physical parameters came to a place where the lumped ones have no value".to_string());
+                hidden = vec![true; count];
+            }
+        }
+        // What the data do not show, or is held, has no deviation that could grow.
+        let widened = |i: usize| {
+            let std = covariance[(i, i)].max(0.0).sqrt();
+            if std > 0.0 && !hidden[i] { (spread[i] / std).max(1.0) } else { 1.0 }
+        };
+        let widened: Vec<f64> = (0..count).map(widened).collect();
+        let std: Vec<f64> = (0..count).map(|i| covariance[(i, i)].max(0.0).sqrt() * widened[i]).collect();
+        let covariance = DMatrix::from_fn(count, count, |i, j| match covariance[(i, j)] {
+            0.0 => 0.0,
+            entry => entry * widened[i] * widened[j],
+        });
+        let status: Vec<Status> = (0..count)
+            .map(|i| {
+                let evidence = if self.frozen[i].is_some() {
+                    Evidence::Frozen
+                } else if hidden[i] {
+                    Evidence::Hidden
+                } else if solution.held[i] {
+                    Evidence::AtBound
+                } else {
+                    Evidence::Shown { value: solution.values[i], std: std[i], felt: f64::INFINITY }
+                };
+                Status::of(evidence, POOR_PHYSICAL)
+            })
+            .collect();
+        // The search starts from the prior, and leaves it along what the lumped parameters show only.
+        let stated = |i: usize| {
+            let with: Vec<&Vec<f64>> = unobservable.iter().filter(|d: &&Vec<f64>| d[i].abs() > COMPONENT).collect();
+            let all = |d: &&Vec<f64>| (0..count).all(|j| d[j].abs() <= COMPONENT || self.prior[j].is_some());
+            !with.is_empty() && with.iter().all(all)
+        };
+        let parameters: Vec<ParameterReport> = (0..count)
+            .map(|i| {
+                let (name, value) = (map.name(map.parameters()[i]), solution.values[i]);
+                match status[i] {
+                    Status::Identified | Status::Frozen | Status::Untrusted => {}
+                    Status::Unobservable => {
+                        warnings.push(format!("the lumped parameters do not determine {name}"));
+                    }
+                    Status::PoorlyDetermined if solution.held[i] => warnings.push(format!(
+                        "{name} is held at its bound {value}: the lumped parameters ask for a value beyond it, which no such machine has"
+                    )),
+                    Status::PoorlyDetermined => warnings.push(format!("{name} is poorly determined")),
+                }
+                let seen = status[i] != Status::Unobservable;
+                ParameterReport {
+                    name: name.to_string(),
+                    unit: units[i].clone(),
+                    interval: None,
+                    prior: self.prior[i].or(self.frozen[i]),
+                    value: seen.then_some(value),
+                    std: (seen && !solution.held[i]).then_some(std[i]),
+                    status: status[i],
+                    truth: None,
+                    with_prior: (!seen && stated(i)).then_some(value),
+                }
+            })
+            .collect();
+        let freedom = weighted.rows.nrows().saturating_sub(rank);
+        if !solution.converged {
+            warnings.push("the search for the physical parameters did not converge".to_string());
+        }
+        let deviation = deviation(solution.misfit, freedom);
+        if deviation > INCONSISTENT {
+            warnings.push(format!(
+                "the lumped parameters are not those of any machine of this structure: what the best physical ones leave is {deviation:.1} standard deviations from chance ({freedom} relations tested)"
+            ));
+        }
+        Physical {
+            parameters,
+            status,
+            values: solution.values.clone(),
+            lumped: map.evaluate(self.lookup(map, &solution.values)),
+            covariance: Matrix::of(covariance),
+            unobservable,
+            condition,
+            rank,
+            misfit: solution.misfit,
+            freedom,
+            warnings,
+        }
+    }
+}
+
+/// The problem that the Levenberg-Marquardt library solves: the free parameters, each as a share of its scale.
+struct Problem<'a> {
+    fixed: &'a Fixed,
+    map: &'a ParameterMap,
+    weighted: &'a Weighted,
+    values: Vec<f64>,
+    free: Vec<usize>,
+    scale: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(
+        fixed: &'a Fixed,
+        map: &'a ParameterMap,
+        weighted: &'a Weighted,
+        values: Vec<f64>,
+        free: Vec<usize>,
+    ) -> Self {
+        let scale = free.iter().map(|&i| if values[i] == 0.0 { 1.0 } else { values[i].abs() }).collect();
+        Self { fixed, map, weighted, values, free, scale }
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, params: &DVector<f64>) {
+        for ((&i, share), scale) in self.free.iter().zip(params.iter()).zip(&self.scale) {
+            self.values[i] = share * scale;
+        }
+    }
+
+    fn params(&self) -> DVector<f64> {
+        DVector::from_iterator(self.free.len(), self.free.iter().zip(&self.scale).map(|(&i, s)| self.values[i] / s))
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.fixed.residuals(self.map, self.weighted, &self.values)
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let whole = self.fixed.jacobian(self.map, self.weighted, &self.values)?;
+        Some(DMatrix::from_fn(whole.nrows(), self.free.len(), |r, c| whole[(r, self.free[c])] * self.scale[c]))
+    }
+}

@@ -1,0 +1,113 @@
+//! A machine behind a process, as a bench.
+
+use crate::process::child::Process;
+use crate::process::command::words;
+use crate::process::error::{MachineFault, MachineRunError};
+use crate::process::play::{Signals, play_run, play_samples};
+use crate::process::protocol::{FromMachine, PROTOCOL, Plays, ToMachine};
+use crate::process::talk::Talk;
+use std::time::Duration;
+use tpm_core::model::Model;
+use tpm_motion::{Bench, BenchError, Record, Trial};
+
+/// Longest wait for a program to end of itself once its input is closed.
+const LONGEST_GRACE: Duration = Duration::from_secs(5);
+
+/// How a program is started, and how patiently it is waited for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProcessSettings {
+    /// The program with its arguments: words between blanks, or in quotes. No shell takes part.
+    pub command: String,
+    /// Longest wait for a line. A machine that plays runs may be silent for the duration of the run beside it.
+    pub timeout: Duration,
+    /// Fewest periods of a run that pass before anything is measured; the terms of a run say so.
+    pub settle_periods: usize,
+}
+
+/// A run that the machine stopped before its end.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MachineStop {
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// The machine's reason.
+    pub reason: String,
+}
+
+/// A machine behind a process, which is started when the first run is played. Dropping this value ends the process: its input is
+/// closed, and it is killed where it does not end soon after.
+pub struct ProcessMachine<'a> {
+    model: &'a dyn Model<f64>,
+    settings: ProcessSettings,
+    go_on: &'a dyn Fn() -> bool,
+    open: Option<(Talk<'a>, Plays)>,
+    stops: Vec<MachineStop>,
+}
+
+impl<'a> ProcessMachine<'a> {
+    /// The machine of a model behind a program. `go_on` is asked while the program is waited for; once it says no, the machine is
+    /// told to stop, and the run ends with [`MachineFault::Interrupted`].
+    #[must_use]
+    pub const fn new(model: &'a dyn Model<f64>, settings: ProcessSettings, go_on: &'a dyn Fn() -> bool) -> Self {
+        ProcessMachine { model, settings, go_on, open: None, stops: Vec::new() }
+    }
+
+    /// The runs that the machine stopped before their end, in their order.
+    #[must_use]
+    pub fn stops(&self) -> &[MachineStop] {
+        &self.stops
+    }
+
+    /// Starts the program, and exchanges greetings.
+    fn greet(&self, signals: &Signals) -> Result<(Talk<'a>, Plays), MachineFault> {
+        let ProcessSettings { command, timeout, .. } = &self.settings;
+        let words = words(command).map_err(|reason| MachineFault::Command { command: command.clone(), reason })?;
+        let process = Process::start(&words, LONGEST_GRACE.min(*timeout))
+            .map_err(|source| MachineFault::Start { program: words[0].clone(), source })?;
+        let mut talk = Talk::new(process, *timeout, self.go_on);
+        talk.say(&ToMachine::Hello {
+            protocol: PROTOCOL.to_string(),
+            model: self.model.name().to_string(),
+            coordinates: signals.coordinates.clone(),
+            inputs: signals.inputs.clone(),
+        });
+        let awaited = "its greeting";
+        match talk.hear(awaited, Duration::ZERO)? {
+            FromMachine::Hello { protocol, plays, .. } if protocol == PROTOCOL => Ok((talk, plays)),
+            FromMachine::Hello { protocol, .. } => {
+                Err(talk.wrong(format!("it speaks `{protocol}`, this program {PROTOCOL}")))
+            }
+            other => Err(talk.unexpected(&other, awaited)),
+        }
+    }
+
+    fn played(&mut self, trial: &Trial) -> Result<Record, MachineFault> {
+        let signals = Signals::of(self.model);
+        // A fault leaves the talk where nobody knows what comes next: the process ends with it.
+        let (mut talk, plays) = match self.open.take() {
+            Some(open) => open,
+            None => self.greet(&signals)?,
+        };
+        talk.say(&signals.run(self.model, trial, self.settings.settle_periods));
+        let outcome = match plays {
+            Plays::Runs => play_run(&mut talk, &signals, trial),
+            Plays::Samples => play_samples(&mut talk, &signals, self.model.dims(), trial),
+        };
+        match outcome {
+            Ok((record, stopped)) => {
+                self.stops.extend(stopped.map(|reason| MachineStop { run: trial.run + 1, reason }));
+                self.open = Some((talk, plays));
+                Ok(record)
+            }
+            Err(fault) => {
+                talk.stop(&fault.to_string());
+                Err(fault)
+            }
+        }
+    }
+}
+
+impl Bench for ProcessMachine<'_> {
+    fn play(&mut self, trial: &Trial) -> Result<Record, BenchError> {
+        self.played(trial).map_err(|fault| Box::new(MachineRunError { run: trial.run + 1, fault }) as BenchError)
+    }
+}

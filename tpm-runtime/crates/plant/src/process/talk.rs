@@ -1,0 +1,71 @@
+//! The exchange of messages with the program of a machine.
+
+use crate::process::child::{Heard, Process};
+use crate::process::error::MachineFault;
+use crate::process::protocol::{FromMachine, ToMachine, quoted};
+use std::time::Duration;
+
+/// A program that was started, with the number of its lines so far.
+pub(super) struct Talk<'a> {
+    process: Process,
+    lines: usize,
+    /// Longest wait for a line.
+    patience: Duration,
+    /// Whether to go on waiting.
+    go_on: &'a dyn Fn() -> bool,
+}
+
+impl<'a> Talk<'a> {
+    /// A talk with a program that has just been started.
+    pub(super) const fn new(process: Process, patience: Duration, go_on: &'a dyn Fn() -> bool) -> Self {
+        Talk { process, lines: 0, patience, go_on }
+    }
+
+    /// Sends a message.
+    pub(super) fn say(&self, message: &ToMachine) {
+        self.process.say(message.line());
+    }
+
+    /// Tells the machine to stop.
+    pub(super) fn stop(&self, reason: &str) {
+        self.say(&ToMachine::Stop { reason: reason.into() });
+    }
+
+    /// Waits for the next message, of which `awaited` says what it should be, for as long as for any line and `longer`.
+    pub(super) fn hear(&mut self, awaited: &'static str, longer: Duration) -> Result<FromMachine, MachineFault> {
+        let patience = self.patience.saturating_add(longer);
+        let heard = self.process.hear(patience, self.go_on);
+        let lines = self.lines;
+        match heard {
+            Heard::Line(line) => {
+                self.lines += 1;
+                match FromMachine::parse(&line) {
+                    Ok(FromMachine::Error { message }) => Err(MachineFault::Said { message }),
+                    Ok(message) => Ok(message),
+                    Err(reason) => Err(MachineFault::Garbage { line: self.lines, reason, quoted: quoted(&line) }),
+                }
+            }
+            Heard::NoText(reason) => {
+                // A line that does not end is what a program leaves behind that died while it wrote.
+                let ending = self.process.ending();
+                Err(MachineFault::Ended { ending: format!("{ending}; {reason}"), awaited, lines })
+            }
+            Heard::Closed => Err(MachineFault::Ended { ending: self.process.ending(), awaited, lines }),
+            Heard::Silence => {
+                let (seconds, last_words) = (patience.as_secs_f64(), self.process.last_words());
+                Err(MachineFault::Silent { seconds, awaited, lines, last_words })
+            }
+            Heard::Interrupted => Err(MachineFault::Interrupted),
+        }
+    }
+
+    /// The fault of the last message, which is of the wrong kind.
+    pub(super) const fn unexpected(&self, message: &FromMachine, awaited: &'static str) -> MachineFault {
+        MachineFault::Unexpected { line: self.lines, kind: message.kind(), awaited }
+    }
+
+    /// The fault of the last message, which does not fit.
+    pub(super) const fn wrong(&self, reason: String) -> MachineFault {
+        MachineFault::Content { line: self.lines, reason }
+    }
+}

@@ -1,0 +1,193 @@
+//! How far the loop of one input may be off before a sampled loop loses its stability.
+//!
+//! A loop `x[n+1] = A x[n] + B u[n]`, `u = -C x` is opened at one input while the others stay closed; what comes back to the opening is
+//! `L(z) = C_i (z - A_i)^-1 B_i` with `A_i = A - sum_j B_j C_j`, j other than i. The loop is at the border of stability where a factor
+//! on L takes it through -1 on the unit circle: a real factor is a gain, one of magnitude 1 a phase. Invariant: crossings are
+//! found on a grid of frequencies that is dense about every lightly damped mode, and refined by bisection.
+
+use num_complex::Complex;
+use std::f64::consts::{PI, TAU};
+use tpm_numerics::eigenvalues::eigenvalues;
+use tpm_numerics::{DMatrix, DVector};
+
+/// Frequencies of the grid up to half the sampling frequency.
+const POINTS: usize = 6000;
+/// Decades that the grid reaches down from half the sampling frequency.
+const DECADES: f64 = 7.0;
+/// Frequencies about every mode, and the share of its frequency that they reach to either side, in dampings.
+const ABOUT: (usize, f64) = (60, 20.0);
+/// Halvings of an interval that holds a crossing.
+const HALVINGS: usize = 60;
+
+/// Margins of a stable loop at one input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Margins {
+    /// Factors on the input between which the loop stays stable: at least 0 below 1, and infinite where none ends it above 1.
+    pub gain: (f64, f64),
+    /// Largest change of phase to either side, rad; pi where the loop never has gain 1.
+    pub phase: f64,
+    /// Largest delay, s; infinite where the loop never has gain 1.
+    pub delay: f64,
+}
+
+/// A sampled loop, opened at one of its inputs.
+struct Opened {
+    a: DMatrix<Complex<f64>>,
+    b: DVector<Complex<f64>>,
+    c: DVector<Complex<f64>>,
+}
+
+impl Opened {
+    /// L at `e^{j angle}`.
+    fn response(&self, angle: f64) -> Complex<f64> {
+        let n = self.a.nrows();
+        let z = Complex::from_polar(1.0, angle);
+        let matrix = DMatrix::from_fn(n, n, |r, c| if r == c { z - self.a[(r, c)] } else { -self.a[(r, c)] });
+        let solved = matrix.lu().solve(&self.b);
+        solved.map_or(Complex::new(f64::INFINITY, 0.0), |x| self.c.iter().zip(x.iter()).map(|(c, x)| c * x).sum())
+    }
+}
+
+/// Margins at every input of the loop `x[n+1] = A x[n] + B u[n]`, `u = -C x`, sampled every `sample_time` seconds, which must be
+/// stable. A is states times states, B states times inputs, C inputs times states.
+#[must_use]
+pub fn margins(
+    a: &tpm_numerics::Matrix,
+    b: &tpm_numerics::Matrix,
+    c: &tpm_numerics::Matrix,
+    sample_time: f64,
+) -> Vec<Margins> {
+    let (a, b, c) = (a.dense(), b.dense(), c.dense());
+    (0..b.ncols())
+        .map(|input| {
+            let others = (0..b.ncols()).filter(|&j| j != input);
+            let open = others.fold(a.clone(), |open, j| open - b.column(j) * c.row(j));
+            let grid = angles(&open);
+            let complex = |x: f64| Complex::new(x, 0.0);
+            let opened = Opened {
+                a: open.map(complex),
+                b: b.column(input).into_owned().map(complex),
+                c: c.row(input).transpose().map(complex),
+            };
+            of_loop(&opened, &grid, sample_time)
+        })
+        .collect()
+}
+
+/// Angles of the grid from nearly 0 to pi, ascending.
+fn angles(open: &DMatrix<f64>) -> Vec<f64> {
+    let even = (0..=POINTS).map(|i| PI * 10.0_f64.powf(DECADES * (i as f64 / POINTS as f64 - 1.0)));
+    let mut grid: Vec<f64> = even.collect();
+    for mode in eigenvalues(open).iter().filter(|z| z.im > 0.0) {
+        let reach = ABOUT.1 * mode.norm().ln().abs();
+        let about = (0..=ABOUT.0).map(|i| mode.arg() + reach * (2.0 * i as f64 / ABOUT.0 as f64 - 1.0));
+        grid.extend(about.filter(|angle| (0.0..PI).contains(angle)));
+    }
+    grid.sort_by(f64::total_cmp);
+    grid
+}
+
+fn of_loop(opened: &Opened, grid: &[f64], sample_time: f64) -> Margins {
+    let mut found = Margins { gain: (0.0, f64::INFINITY), phase: PI, delay: f64::INFINITY };
+    let mut gain = |response: Complex<f64>| {
+        if response.re < 0.0 && response.re.is_finite() {
+            let factor = -1.0 / response.re;
+            if factor < 1.0 {
+                found.gain.0 = found.gain.0.max(factor);
+            } else {
+                found.gain.1 = found.gain.1.min(factor);
+            }
+        }
+    };
+    // At rest and at half the sampling frequency the response is real.
+    gain(opened.response(0.0));
+    gain(opened.response(PI));
+    let responses: Vec<Complex<f64>> = grid.iter().map(|angle| opened.response(*angle)).collect();
+    let refined = |at: usize, of: &dyn Fn(Complex<f64>) -> f64| {
+        let (mut low, mut high) = (grid[at], grid[at + 1]);
+        let sign = of(responses[at]) > 0.0;
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if (of(opened.response(middle)) > 0.0) == sign {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        0.5 * (low + high)
+    };
+    let beyond_one = |response: Complex<f64>| response.norm() - 1.0;
+    for (at, pair) in responses.windows(2).enumerate() {
+        if (pair[0].im > 0.0) != (pair[1].im > 0.0) && pair[0].re < 0.0 && pair[1].re < 0.0 {
+            gain(opened.response(refined(at, &|response| response.im)));
+        }
+        if (beyond_one(pair[0]) > 0.0) != (beyond_one(pair[1]) > 0.0) {
+            let angle = refined(at, &beyond_one);
+            // L = -e^{j phase} there: a lag by this phase takes it to -1.
+            let phase = (-opened.response(angle)).arg();
+            found.phase = found.phase.min(phase.abs());
+            let lag = if phase >= 0.0 { phase } else { phase + TAU };
+            found.delay = found.delay.min(lag / angle * sample_time);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::margins;
+    use crate::regulator::optimal::{Regulator, RegulatorWeights, held};
+    use num_complex::Complex;
+    use tpm_numerics::eigenvalues::eigenvalues;
+    use tpm_numerics::{DMatrix, Matrix};
+
+    /// Largest magnitude of a pole with a complex factor on the feedback.
+    fn radius(a: &DMatrix<f64>, b: &DMatrix<f64>, c: &DMatrix<f64>, factor: Complex<f64>) -> f64 {
+        // A - f B C with complex f in real numbers; its eigenvalues are those of the complex matrix and their conjugates.
+        let n = a.nrows();
+        let back = b * c;
+        let doubled = DMatrix::from_fn(2 * n, 2 * n, |r, k| {
+            let (row, column) = (r % n, k % n);
+            match (r < n, k < n) {
+                (true, true) | (false, false) => a[(row, column)] - factor.re * back[(row, column)],
+                (true, false) => factor.im * back[(row, column)],
+                (false, true) => -factor.im * back[(row, column)],
+            }
+        });
+        eigenvalues(&doubled).iter().map(|z| z.norm()).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn margins_are_where_the_poles_cross_the_circle() {
+        // The pendulum upright (Fong, Eqn 24) under its regulator.
+        let a = DMatrix::from_row_slice(
+            4,
+            4,
+            &[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.9797, -8.1420, -0.1098, 0.0, 57.626, -6.9789, -1.0584],
+        );
+        let b = DMatrix::from_row_slice(4, 1, &[0.0, 0.0, 28.845, 24.725]);
+        let weights = RegulatorWeights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] };
+        let regulator =
+            Regulator::optimal(&Matrix::of(a.clone()), &Matrix::of(b.clone()), 1e-3, &weights).expect("reached");
+        let (a, b) = held(&a, &b, 1e-3).expect("finite");
+        let found = margins(&Matrix::of(a.clone()), &Matrix::of(b.clone()), regulator.gain(), 1e-3)[0];
+        let k = regulator.gain().dense();
+        let gain = |factor: f64| radius(&a, &b, k, Complex::new(factor, 0.0));
+        assert!(found.gain.0 > 0.0 && found.gain.1.is_finite(), "{found:?}");
+        assert!(gain(found.gain.0 * 1.0001) < 1.0 && gain(found.gain.0 * 0.9999) > 1.0, "{found:?}");
+        assert!(gain(found.gain.1 * 0.9999) < 1.0 && gain(found.gain.1 * 1.0001) > 1.0, "{found:?}");
+        let turned = |phase: f64| radius(&a, &b, k, Complex::from_polar(1.0, -phase));
+        assert!(turned(found.phase * 0.9999) < 1.0 && turned(found.phase * 1.0001) > 1.0, "{found:?}");
+        // The regulator of continuous time has 60 degrees and half the gain to spare; sampling at 1 kHz takes little of that.
+        assert!(found.phase > 1.0 && found.gain.0 < 0.55, "{found:?}");
+    }
+
+    #[test]
+    fn a_loop_that_is_far_below_one_has_no_end() {
+        let one = |x: f64| Matrix::from_rows(&[vec![x]]).expect("a row");
+        let found = margins(&one(0.5), &one(0.1), &one(1.0), 0.01)[0];
+        // x[n+1] = (.5 - .1 k) x[n]: stable from k = -5 to 15; L(z) has its largest magnitude, .2, at z = 1.
+        assert!((found.gain.1 - 15.0).abs() < 1e-9 && found.gain.0 == 0.0, "{found:?}");
+        assert!(found.phase > 3.1 && found.delay.is_infinite());
+    }
+}

@@ -1,0 +1,12 @@
+//! Values in JSON as people read them.
+
+use serde::Serializer;
+use std::fmt::Display;
+
+/// Serialises a value as its text, for `serialize_with`.
+///
+/// # Errors
+/// What the serialiser gives.
+pub fn displayed<T: Display, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(value)
+}

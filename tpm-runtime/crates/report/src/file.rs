@@ -1,0 +1,196 @@
+//! Files that are written whole or not at all.
+
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::path::Path;
+
+/// The beginning of the names of temporary files.
+pub const TEMPORARY: &str = ".tpm-";
+
+/// How many symbolic links may lead from one to the next.
+const MOST_LINKS: usize = 40;
+
+/// The most bytes of a model, an experiment, a result or a manifest: far beyond what people write.
+pub const MOST_TEXT: u64 = 16 << 20;
+
+/// Writes a result where the user wants it. A regular file is written whole or not at all; where a symbolic link stands, its target
+/// is. A device or a pipe, such as `/dev/stdout`, is written into and stays what it is.
+///
+/// # Errors
+/// The system's reason; no part of a regular file is left behind then.
+pub fn write_output(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    if is_special(path) {
+        let mut special = std::fs::OpenOptions::new().write(true).open(path)?;
+        special.write_all(bytes)?;
+        return special.flush();
+    }
+    let mut target = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = std::fs::read_link(&target) else { return write_whole(&target, bytes) };
+        target = target.parent().unwrap_or(Path::new("")).join(next);
+    }
+    Err(invalid("symbolic links lead round in a circle".into()))
+}
+
+/// Whether a path leads to a device, a pipe or a socket.
+#[must_use]
+pub fn is_special(path: &Path) -> bool {
+    std::fs::metadata(path).is_ok_and(|present| !present.is_file() && !present.is_dir())
+}
+
+/// Reads a file of the user, of at most `most` bytes. Of a device or a pipe, which may have no end, no more is read either.
+///
+/// # Errors
+/// The system's reason, or that the file is longer.
+pub fn read_input(path: &Path, most: u64) -> std::io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    std::fs::File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > most {
+        return Err(invalid(format!("the file is longer than {} MiB, the limit for files like it", most >> 20)));
+    }
+    Ok(bytes)
+}
+
+/// Reads a text of the user, of at most [`MOST_TEXT`] bytes.
+///
+/// # Errors
+/// Those of [`read_input`], and that the file is no UTF-8.
+pub fn read_text(path: &Path) -> std::io::Result<String> {
+    let bytes = read_input(path, MOST_TEXT)?;
+    String::from_utf8(bytes).map_err(|error| std::io::Error::new(ErrorKind::InvalidData, error))
+}
+
+fn invalid(reason: String) -> std::io::Error {
+    std::io::Error::new(ErrorKind::InvalidInput, reason)
+}
+
+/// Replaces a file, by way of a temporary one beside it, which is renamed when it is complete: whoever reads the file finds the old
+/// content or the new one. A symbolic link is replaced, and nothing is written through it.
+///
+/// # Errors
+/// The system's reason; nothing is left behind then.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    operation()?;
+    let mut file = tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(folder)?;
+    #[cfg(feature = "faults")]
+    file.disable_cleanup(faults::kills());
+    if let Err(error) = operation() {
+        // A full disk takes a part of the content.
+        file.write_all(&bytes[..bytes.len() / 2])?;
+        return Err(error);
+    }
+    file.write_all(bytes)?;
+    operation()?;
+    file.as_file().sync_all()?;
+    operation()?;
+    // A temporary file is private to its owner; a result gets what any new file here would get.
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        let mode = std::fs::metadata(path).map_or(0o644, |present| present.permissions().mode());
+        file.as_file().set_permissions(std::fs::Permissions::from_mode(mode))?;
+    }
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Stands before every operation on a file that is written. Tests make it fail.
+///
+/// # Errors
+/// The fault that a test has asked for.
+fn operation() -> std::io::Result<()> {
+    #[cfg(feature = "faults")]
+    faults::next()?;
+    Ok(())
+}
+
+/// Faults of the operations on files that this thread writes.
+#[cfg(feature = "faults")]
+pub mod faults {
+    use std::cell::Cell;
+    use std::thread_local;
+
+    thread_local! {
+        /// How many operations succeed before the first that fails.
+        static LEFT: Cell<Option<usize>> = const { Cell::new(None) };
+        static KILLS: Cell<bool> = const { Cell::new(false) };
+    }
+
+    /// Lets all operations fail after the first `count`. With `kills` they leave their files behind, as a process does that is killed.
+    pub fn after(count: usize, kills: bool) {
+        LEFT.set(Some(count));
+        KILLS.set(kills);
+    }
+
+    /// Lets all operations succeed. Says whether one failed since [`after`].
+    pub fn end() -> bool {
+        KILLS.set(false);
+        LEFT.take() == Some(0)
+    }
+
+    pub(super) fn kills() -> bool {
+        KILLS.get()
+    }
+
+    pub(super) fn next() -> std::io::Result<()> {
+        match LEFT.get() {
+            Some(0) => Err(std::io::Error::other("a fault of this test")),
+            Some(left) => {
+                LEFT.set(Some(left - 1));
+                Ok(())
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{read_input, write_output, write_whole};
+
+    #[test]
+    fn a_failed_write_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let target = folder.path().join("table.json");
+        std::fs::create_dir(&target).expect("a folder stands in the way");
+        assert!(write_whole(&target, b"{}").is_err());
+        let left: Vec<_> = std::fs::read_dir(folder.path()).expect("readable").collect();
+        assert_eq!(left.len(), 1, "only the folder that was there: {left:?}");
+    }
+
+    #[test]
+    fn a_file_is_replaced_whole() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let target = folder.path().join("table.json");
+        for text in ["a long first text", "short"] {
+            write_whole(&target, text.as_bytes()).expect("writable");
+            assert_eq!(std::fs::read_to_string(&target).expect("readable"), text);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn special_files_are_written_into_and_links_followed() {
+        use std::os::unix::fs::{FileTypeExt as _, symlink};
+        write_output(std::path::Path::new("/dev/null"), b"text").expect("writable");
+        assert!(std::fs::metadata("/dev/null").expect("there").file_type().is_char_device());
+        assert!(read_input(std::path::Path::new("/dev/zero"), 1 << 20).is_err());
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let [target, link] = ["target", "link"].map(|name| folder.path().join(name));
+        symlink("target", &link).expect("a link");
+        for text in ["made", "written again"] {
+            write_output(&link, text.as_bytes()).expect("writable");
+            assert_eq!(std::fs::read_to_string(&target).expect("readable"), text);
+            assert!(std::fs::symlink_metadata(&link).expect("there").is_symlink());
+        }
+        let circle = folder.path().join("circle");
+        symlink("circle", &circle).expect("a link");
+        assert!(write_output(&circle, b"text").is_err());
+        write_whole(&link, b"replaced").expect("writable");
+        assert_eq!(std::fs::read_to_string(&target).expect("readable"), "written again");
+        assert!(read_input(&target, 5).is_err());
+    }
+}

@@ -1,0 +1,82 @@
+//! What a user can do about a warning or an error.
+
+use crate::displayed::displayed;
+use serde::Serialize;
+use tpm_core::harmonics::Hold;
+
+/// A setting that would remove a warning or an error. The library states it as data; a front end spells it in its own words, such
+/// as the name of a flag.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(tag = "setting", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Remedy {
+    /// Name the column of the file in which a signal of the model stands.
+    MapColumn {
+        /// The signal, as the model names it.
+        signal: String,
+    },
+    /// Name the columns of the file in which these signals of the model stand.
+    MapColumns {
+        /// The signals, as the model names them.
+        signals: Vec<String>,
+    },
+    /// State the factor from the column of a signal to the signal's unit.
+    Scale {
+        /// The signal, as the model names it; `t_s` for the time.
+        signal: String,
+    },
+    /// State from which sample on the motion repeats, and its period.
+    PeriodAndStart,
+    /// State the period in seconds.
+    Period,
+    /// State the first sample to use.
+    FromSample,
+    /// State that the inputs behave so between samples.
+    Hold {
+        /// The other choice.
+        #[serde(serialize_with = "displayed")]
+        hold: Hold,
+    },
+    /// State that an input's force lags behind its recorded value by this time.
+    InputDelay {
+        /// The input, as the model names it.
+        input: String,
+        /// The time, ns.
+        nanoseconds: u64,
+    },
+    /// Use every sample in the time domain, even of a record that repeats.
+    TimeDomain,
+    /// Use the harmonics of the longest stretch that repeats, even of a record with gaps.
+    HarmonicsOfOneStretch,
+    /// Use the harmonics up to this one.
+    Harmonics {
+        /// The highest harmonic.
+        highest: usize,
+    },
+    /// Refine by a simulation, however long it takes.
+    Simulation,
+    /// State which coordinate an input drives.
+    DrivenCoordinate {
+        /// The input, as the model names it.
+        input: String,
+    },
+    /// Say that the machine stopped the run.
+    Stopped,
+    /// Hold a parameter at a value.
+    HoldParameter {
+        /// The parameter, as the model names it.
+        parameter: String,
+    },
+    /// Name the file of an experiment.
+    Experiment,
+    /// Begin a campaign in a folder.
+    BeginCampaign {
+        /// The folder.
+        folder: String,
+    },
+    /// Give a value to a constant of the model that is known at run time only.
+    Constants {
+        /// The constants without a value.
+        names: Vec<String>,
+    },
+}

@@ -1,0 +1,238 @@
+//! What is simulated of a log or a campaign.
+
+use std::borrow::Cow;
+use std::sync::OnceLock;
+use tpm_campaign::SteadyRun;
+use tpm_core::harmonics::Hold;
+use tpm_estimate::{Course, Rate, Signals, Stretch};
+use tpm_log::Periodic;
+use tpm_numerics::differences::white_noise;
+
+/// Most samples that are simulated one by one; of a longer record it is means of stretches, its last periods, or blocks of it.
+const MOST_SAMPLES: usize = 50_000;
+/// Samples of such means together, unless two periods have more.
+const AVERAGED: usize = 12_000;
+/// Most means, which tell whether the machine changes over the record.
+const MEANS: usize = 4;
+/// Samples of the last periods: two periods at least.
+const LAST: usize = 24_000;
+/// Samples of all blocks of a long record that does not repeat.
+const IN_BLOCKS: usize = 32_000;
+/// Blocks of such a record, evenly spread over it.
+const BLOCKS: usize = 8;
+
+/// A record, or what stands for it where it is too long to be simulated sample by sample.
+pub(super) struct Excerpt<'a> {
+    /// Coordinates, then inputs, then measured rates.
+    channels: Vec<Cow<'a, [f64]>>,
+    /// Coordinates whose rates were measured.
+    rates: Vec<usize>,
+    /// Stretches of the record of which each simulated one is the mean.
+    pub(super) averaged: usize,
+    /// Blocks of a record of which the rest is not simulated; none where all of it is, or a mean or its last periods.
+    pub(super) blocks: usize,
+    /// Samples at which another stretch begins.
+    joins: Vec<usize>,
+    /// Middle of the part of the record that it stands for, and half its length, samples of the record.
+    pub(super) middle: f64,
+    pub(super) half: f64,
+    /// Samples of that part.
+    pub(super) of: usize,
+}
+
+impl<'a> Excerpt<'a> {
+    /// A few means of stretches of whole periods, in the order of the record, or its last periods where these are no whole numbers of
+    /// samples; a short record as it is.
+    ///
+    /// The motion at the end of a mean is not that at the beginning of the next, because a loop passes the noise of its sensors on.
+    ///
+    /// Behind coordinates and inputs the channels are the measured rates of the coordinates in `rates`.
+    pub(super) fn of_periods(channels: &[&'a [f64]], rates: Vec<usize>, periodic: &Periodic) -> Self {
+        let samples = channels.first().map_or(0, |channel| channel.len());
+        let exact = periodic.samples_per_period;
+        let period = exact.round() as usize;
+        let part = |from: usize| Excerpt {
+            channels: channels.iter().map(|channel| Cow::Borrowed(&channel[from..])).collect(),
+            rates: rates.clone(),
+            averaged: 1,
+            blocks: 0,
+            joins: Vec::new(),
+            middle: periodic.from as f64 + 0.5 * (from + samples) as f64,
+            half: 0.5 * (samples - from) as f64,
+            of: samples,
+        };
+        if samples <= MOST_SAMPLES || period == 0 {
+            return part(0);
+        }
+        if (exact - period as f64).abs() >= 1e-9 {
+            let shown = ((LAST as f64 / exact) as usize).max(2).min(periodic.periods);
+            return part(samples.saturating_sub((shown as f64 * exact).round() as usize));
+        }
+        let means = (AVERAGED / period).clamp(2, MEANS).min(periodic.periods);
+        let length = (AVERAGED / (means * period)).clamp(1, periodic.periods / means) * period;
+        let averaged = samples / (means * length);
+        let mean = |channel: &&[f64]| {
+            let mut out = Vec::with_capacity(means * length);
+            for part in channel.chunks_exact(averaged * length).take(means) {
+                for i in 0..length {
+                    out.push(part[i..].iter().step_by(length).sum::<f64>() / averaged as f64);
+                }
+            }
+            Cow::Owned(out)
+        };
+        let half = 0.5 * (means * averaged * length) as f64;
+        let joins = (1..means).map(|mean| mean * length).collect();
+        let channels = channels.iter().map(mean).collect();
+        let middle = periodic.from as f64 + half;
+        Excerpt { channels, rates, averaged, blocks: 0, joins, middle, half, of: samples }
+    }
+
+    /// The stretches of a record one behind the other; of a long one, blocks that are evenly spread over them.
+    pub(super) fn of_stretches(stretches: &[Stretch<'a>]) -> Self {
+        let whole: usize = stretches.iter().map(samples).sum();
+        if whole <= MOST_SAMPLES {
+            return Self::joined(stretches);
+        }
+        let half = 0.5 * whole as f64;
+        let parts = blocks(stretches, BLOCKS, IN_BLOCKS / BLOCKS);
+        Excerpt { blocks: BLOCKS, middle: half, half, of: whole, ..Self::joined(&parts) }
+    }
+
+    /// Stretches one behind the other, however long they are together.
+    pub(super) fn joined(parts: &[Stretch<'a>]) -> Self {
+        let whole: usize = parts.iter().map(samples).sum();
+        let channel = |of: &dyn Fn(&Stretch<'a>) -> &'a [f64]| match parts {
+            [part] => Cow::Borrowed(of(part)),
+            parts => Cow::Owned(parts.iter().flat_map(|part| of(part).iter()).copied().collect()),
+        };
+        let (coordinates, inputs) = parts.first().map_or((0, 0), |first| (first.coordinates.len(), first.inputs.len()));
+        // A rate that is missing in one of the stretches is not used.
+        let measured = |c: &usize| parts.iter().all(|part| part.rates.get(*c).is_some_and(Option::is_some));
+        let rates: Vec<usize> = (0..coordinates).filter(measured).collect();
+        let coordinates = (0..coordinates).map(|c| channel(&|stretch| stretch.coordinates[c]));
+        let inputs = (0..inputs).map(|i| channel(&|stretch| stretch.inputs[i]));
+        let of_rates = rates.iter().map(|&c| channel(&|stretch| stretch.rates[c].unwrap_or_default()));
+        let channels = coordinates.chain(inputs).chain(of_rates).collect();
+        let mut joins = Vec::new();
+        let mut end = 0;
+        for part in parts {
+            joins.extend((end > 0).then_some(end));
+            end += samples(part);
+        }
+        let half = 0.5 * whole as f64;
+        Excerpt { channels, rates, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
+    }
+
+    /// The ends of the settled parts of runs, one behind the other: at most so many samples together, and as many of every run.
+    pub(super) fn of_runs(runs: &[&'a SteadyRun], most: usize) -> Self {
+        let each = most / runs.len().max(1);
+        let channels = runs.first().map_or(0, |run| run.channels.len());
+        let channel = |c: usize| runs.iter().flat_map(|run| run.last(c, each)).copied().collect();
+        let mut ends: Vec<usize> = runs.iter().map(|run| run.samples().min(each)).collect();
+        (1..ends.len()).for_each(|run| ends[run] += ends[run - 1]);
+        let half = 0.5 * ends.pop().unwrap_or(0) as f64;
+        Excerpt {
+            channels: (0..channels).map(|c| Cow::Owned(channel(c))).collect(),
+            rates: Vec::new(),
+            averaged: 1,
+            blocks: 0,
+            joins: ends,
+            middle: half,
+            half,
+            of: runs.iter().map(|run| run.of).sum(),
+        }
+    }
+
+    /// Samples that are simulated.
+    pub(super) fn samples(&self) -> usize {
+        self.channels.first().map_or(0, |channel| channel.len())
+    }
+
+    /// The signals to be simulated, the first so many of the channels being coordinates; `steps` has the step of every sensor.
+    pub(super) fn signals(
+        &self,
+        coordinates: usize,
+        sample_time: f64,
+        hold: Hold,
+        (course, steps): (Course, &[f64]),
+    ) -> Signals<'_> {
+        let channels: Vec<&[f64]> = self.channels.iter().map(AsRef::as_ref).collect();
+        let (channels, rates) = channels.split_at(channels.len() - self.rates.len());
+        let (coordinates, inputs) = channels.split_at(coordinates);
+        let rates = self.rates.iter().zip(rates);
+        let rates = rates.map(|(&coordinate, &readings)| Rate { coordinate, readings, noise: white_noise(readings) });
+        Signals {
+            sample_time,
+            hold,
+            coordinates: coordinates.to_vec(),
+            rates: rates.collect(),
+            inputs: inputs.to_vec(),
+            course,
+            white: coordinates.iter().map(|signal| white_noise(signal)).collect(),
+            joins: self.joins.clone(),
+            // A mean of several roundings is on no grid.
+            steps: steps.iter().map(|step| if self.averaged > 1 { 0.0 } else { *step }).collect(),
+            calm: OnceLock::new(),
+        }
+    }
+}
+
+/// Samples of a stretch.
+pub(super) fn samples(stretch: &Stretch<'_>) -> usize {
+    stretch.coordinates.first().map_or(0, |signal| signal.len())
+}
+
+/// So many blocks of a length that are evenly spread over stretches, which together are longer; a block across a gap is two.
+pub(super) fn blocks<'a>(stretches: &[Stretch<'a>], count: usize, length: usize) -> Vec<Stretch<'a>> {
+    let whole: usize = stretches.iter().map(samples).sum();
+    let starts = (0..count).map(|block| block * whole.saturating_sub(length) / (count - 1).max(1));
+    let parts = starts.flat_map(|start| within(stretches.iter().map(samples), start..start + length));
+    let part = |(s, range): (usize, std::ops::Range<usize>)| {
+        let Stretch { coordinates, rates, inputs } = &stretches[s];
+        let cut = |signal: &&'a [f64]| &signal[range.clone()];
+        Stretch {
+            coordinates: coordinates.iter().map(cut).collect(),
+            rates: rates.iter().map(|rate| rate.as_ref().map(cut)).collect(),
+            inputs: inputs.iter().map(cut).collect(),
+        }
+    };
+    parts.map(part).collect()
+}
+
+/// The parts of stretches of these lengths, one behind the other, that lie within a range of all their samples.
+fn within(lengths: impl Iterator<Item = usize>, range: std::ops::Range<usize>) -> Vec<(usize, std::ops::Range<usize>)> {
+    let mut parts = Vec::new();
+    let mut begin = 0;
+    for (s, length) in lengths.enumerate() {
+        let (from, to) = (range.start.max(begin), range.end.min(begin + length));
+        if from < to {
+            parts.push((s, from - begin..to - begin));
+        }
+        begin += length;
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Excerpt, IN_BLOCKS, within};
+    use tpm_estimate::Stretch;
+
+    #[test]
+    fn a_range_of_all_samples_is_found_in_its_stretches() {
+        assert_eq!(within([10, 5, 20].into_iter(), 8..17), [(0, 8..10), (1, 0..5), (2, 0..2)]);
+        assert_eq!(within([10, 5].into_iter(), 10..12), [(1, 0..2)]);
+    }
+
+    #[test]
+    fn blocks_of_a_long_record_join_where_something_is_left_out() {
+        let signal: Vec<f64> = (0..200_000).map(f64::from).collect();
+        let stretch = Stretch { coordinates: vec![&signal], rates: vec![None], inputs: vec![&signal] };
+        let excerpt = Excerpt::of_stretches(&[stretch]);
+        assert_eq!(excerpt.channels[0].len(), IN_BLOCKS);
+        let apart: Vec<usize> =
+            (1..IN_BLOCKS).filter(|&k| excerpt.channels[0][k] != excerpt.channels[0][k - 1] + 1.0).collect();
+        assert_eq!(apart, excerpt.joins);
+        assert_eq!(excerpt.channels[0][IN_BLOCKS - 1], 199_999.0);
+    }
+}

@@ -1,0 +1,19 @@
+//! What is found in a log, whichever way it is used.
+
+use crate::log_report::{HoldResiduals, Way};
+use crate::refinement_report::RefinementReport;
+use crate::warning::Warning;
+use tpm_estimate::Estimate;
+
+/// What is found in a log.
+pub(super) struct Found {
+    pub(super) estimate: Estimate,
+    /// Highest harmonic used; zero in the time domain.
+    pub(super) harmonics: usize,
+    pub(super) way: Way,
+    /// Residual per row, as a share of its force.
+    pub(super) row_residuals: Vec<f64>,
+    pub(super) hold_residuals: HoldResiduals,
+    pub(super) refinement: Option<RefinementReport>,
+    pub(super) warnings: Vec<Warning>,
+}

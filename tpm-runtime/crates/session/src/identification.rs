@@ -1,0 +1,328 @@
+//! The one result of every identification.
+
+use crate::log_report::{LogReport, PoolReport};
+use crate::method_report::MethodReport;
+use crate::refinement_report::RefinementReport;
+use crate::warning::Warning;
+use serde::ser::SerializeSeq as _;
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+use tpm_campaign::{Outcome, RunReport};
+use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
+use tpm_core::harmonics::Hold;
+use tpm_estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, Status, no_result};
+use tpm_plant::actuator::LimitUse;
+use tpm_plant::stability::LoopStability;
+
+pub use tpm_codegen::identified::{READABLE_SCHEMAS, SCHEMA};
+
+/// Where the data of an identification come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// One log of a machine.
+    Log,
+    /// Runs that were played on a simulated machine.
+    SimulatedPlant,
+    /// Runs that were played on whatever stands behind a [`Bench`](tpm_motion::Bench).
+    Machine,
+    /// Runs that are kept in a campaign's folder.
+    Folder,
+}
+
+/// What has to be the same for a result to come out the same again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Provenance {
+    /// Name and version of the program.
+    pub tool: String,
+    /// Fingerprint of the model's text; nothing for a model without one.
+    pub model: Option<String>,
+    /// Fingerprint of the experiment with all changes; nothing for a log.
+    pub experiment: Option<String>,
+    /// Every log, or every kept run, with its fingerprint.
+    pub logs: Vec<LogFingerprint>,
+    /// Seed of the simulated noise; nothing for data of a machine.
+    pub seed: Option<u64>,
+    /// What was asked for, by name.
+    pub options: BTreeMap<String, serde_json::Value>,
+}
+
+/// A file, and what tells it from others.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LogFingerprint {
+    /// The file.
+    pub path: String,
+    /// Fingerprint of its bytes.
+    pub hash: String,
+}
+
+/// Identified parameters, and everything that is known about them; serialises as `tpm.identification/2`.
+///
+/// Invariant: an unobservable parameter has neither value nor deviation, and rows and columns of the covariance that belong to it
+/// are empty; where stated priors tell it they stand apart, in [`with_prior`](ParameterReport::with_prior). Values are in the units of
+/// the model.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Identification {
+    /// Where the data come from.
+    pub source: Source,
+    /// Name of the model.
+    pub model: String,
+    /// The estimator.
+    pub estimator: Method,
+    /// Name of the frequency in the model's pattern; empty for a log. Not serialised.
+    pub frequency_name: String,
+    /// Why the campaign ended; nothing for a log, and while a campaign goes on.
+    pub outcome: Option<Outcome>,
+    /// The limit that ended the campaign, when one did.
+    pub stop: Option<LimitUse>,
+    /// Seed of the experiment; nothing for a log.
+    pub seed: Option<u64>,
+    /// What the inputs do between samples.
+    pub hold: Hold,
+    /// Highest harmonic used (of the last run, in a campaign).
+    pub harmonics: usize,
+    /// Parameters in which the model is linear.
+    pub parameters: Vec<ParameterReport>,
+    /// Physical parameters, where parameters were lumped.
+    pub physical: Vec<ParameterReport>,
+    /// Directions that the data do not show: parameter to weight.
+    pub unobservable: Vec<BTreeMap<String, String>>,
+    /// What the data do show of the unobservable parameters.
+    pub combinations: Vec<CombinationReport>,
+    /// Covariance of the parameters; nothing where unobservable.
+    pub covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of every combination with all parameters, nothing where unobservable, and then with all combinations.
+    pub combination_covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of the physical parameters; nothing where unobservable or held at a bound.
+    pub physical_covariance: Vec<Vec<Option<f64>>>,
+    /// Independent combinations of the parameters that the data show.
+    pub rank: usize,
+    /// Condition number of the scaled equations; nothing when nothing is observable.
+    pub condition: Option<f64>,
+    /// Root mean square of what is not explained, as a share: of the force; where it was refined by a simulation, of the motion or of the
+    /// inputs, whichever is larger.
+    pub residual: f64,
+    /// The runs of a campaign; none for a log.
+    pub runs: Vec<RunReport>,
+    /// Poles of the closed loop, and what was found over the stated ranges, before the first run.
+    pub stability: Option<LoopStability>,
+    /// What a simulation along the runs of a campaign did to the estimates; nothing for a log, whose own report has it, and where nothing
+    /// was simulated.
+    pub refinement: Option<RefinementReport>,
+    /// How a campaign came to its parameters, where that was asked for.
+    pub method: Option<MethodReport>,
+    /// What was found about the log; nothing for a campaign, or where there are several logs.
+    pub log: Option<LogReport>,
+    /// What was found about several logs that were used together; nothing for one.
+    pub pool: Option<PoolReport>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// What has to be the same for the result to come out the same again.
+    pub provenance: Provenance,
+    /// What the next feed-forward would use: the estimate, and along directions that the data do not show the prior, or zero where
+    /// none was stated. Not serialised, since it is no result along these directions.
+    pub current: Vec<f64>,
+    /// The estimate itself, for further computation; nothing when no run was accepted. Not serialised.
+    pub estimate: Option<Estimate>,
+}
+
+impl Identification {
+    /// Whether everything that was asked for was identified by a model that explains the data, and a campaign ended as planned.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.shortfall().is_none()
+    }
+
+    /// How many of the parameters were to be identified: all but those that were held.
+    #[must_use]
+    pub fn wanted(&self) -> usize {
+        self.parameters.iter().filter(|parameter| parameter.status != Status::Frozen).count()
+    }
+
+    /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
+    #[must_use]
+    pub fn is_explained(&self) -> bool {
+        self.residual <= LARGE_RESIDUAL
+    }
+
+    /// Adds a parameter whose value was known, behind the others.
+    pub(super) fn add_known(&mut self, parameter: ParameterReport) {
+        let count = self.parameters.len();
+        self.parameters.push(parameter);
+        for row in &mut self.covariance {
+            row.push(Some(0.0));
+        }
+        self.covariance.push(vec![Some(0.0); count + 1]);
+        for row in &mut self.combination_covariance {
+            row.insert(count, Some(0.0));
+        }
+    }
+
+    /// Why this is not all that was asked for; nothing when it is.
+    #[must_use]
+    pub fn shortfall(&self) -> Option<String> {
+        let untrusted = self.warnings.iter().find(|warning| warning.is_distrust());
+        if let Some(untrusted) = untrusted {
+            return Some(untrusted.to_string());
+        }
+        let divided =
+            self.warnings.iter().find(|warning| matches!(warning, Warning::Contradicts { majority: false, .. }));
+        if let (Some(divided), Some(_)) = (divided, self.outcome) {
+            return Some(divided.to_string());
+        }
+        match (self.source, self.outcome) {
+            (Source::Log, _) if !self.is_explained() => Some(no_result(self.residual)),
+            (Source::Log, _) => (self.rank < self.wanted()).then(|| {
+                format!("the data determine {} independent combinations of the parameters, not all of them", self.rank)
+            }),
+            (_, None) => Some("not everything was identified: the campaign is not finished".to_string()),
+            (_, Some(_)) if !self.is_explained() => Some(no_result(self.residual)),
+            (_, Some(outcome)) => {
+                // Where there are physical parameters the lumped ones are means to an end.
+                let wanted = if self.physical.is_empty() { &self.parameters } else { &self.physical };
+                let known =
+                    |parameter: &ParameterReport| matches!(parameter.status, Status::Identified | Status::Frozen);
+                let whole = wanted.iter().all(known) && self.estimate.is_some() && outcome.is_normal();
+                let open: Vec<&str> = wanted
+                    .iter()
+                    .filter(|parameter| !known(parameter))
+                    .map(|parameter| parameter.name.as_str())
+                    .collect();
+                (!whole).then(|| match (outcome.is_normal(), open.is_empty()) {
+                    // A campaign that went as planned is no reason: its runs are what shows too little.
+                    (true, false) => format!("not everything was identified: the runs do not show {}", open.join(", ")),
+                    _ => format!("not everything was identified: {}", outcome.describe()),
+                })
+            }
+        }
+    }
+}
+
+/// Serialised: what the fields say, `warnings` as the texts that people read, and `findings` as the same warnings with their numbers
+/// and remedies.
+#[derive(Serialize)]
+struct Form<'a> {
+    schema: &'static str,
+    source: Source,
+    model: &'a str,
+    estimator: &'static str,
+    outcome: Option<Outcome>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stop: Option<&'a LimitUse>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+    hold: String,
+    harmonics: usize,
+    parameters: &'a [ParameterReport],
+    physical: &'a [ParameterReport],
+    unobservable: &'a [BTreeMap<String, String>],
+    combinations: &'a [CombinationReport],
+    covariance: &'a [Vec<Option<f64>>],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    combination_covariance: &'a [Vec<Option<f64>>],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    physical_covariance: &'a [Vec<Option<f64>>],
+    rank: usize,
+    condition: Option<f64>,
+    residual: f64,
+    runs: &'a [RunReport],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stability: Option<&'a LoopStability>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<&'a RefinementReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    method: Option<&'a MethodReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    log: Option<&'a LogReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pool: Option<&'a PoolReport>,
+    warnings: Vec<String>,
+    findings: Findings<'a>,
+    provenance: &'a Provenance,
+}
+
+struct Findings<'a>(&'a [Warning]);
+
+impl Serialize for Findings<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Finding<'a> {
+            #[serde(flatten)]
+            warning: &'a Warning,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            remedy: Option<tpm_report::Remedy>,
+        }
+        let mut list = serializer.serialize_seq(Some(self.0.len()))?;
+        for warning in self.0 {
+            list.serialize_element(&Finding { warning, remedy: warning.remedy() })?;
+        }
+        list.end()
+    }
+}
+
+impl Serialize for Identification {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Form {
+            schema: SCHEMA,
+            source: self.source,
+            model: &self.model,
+            estimator: self.estimator.name(),
+            outcome: self.outcome,
+            stop: self.stop.as_ref(),
+            seed: self.seed,
+            hold: self.hold.to_string(),
+            harmonics: self.harmonics,
+            parameters: &self.parameters,
+            physical: &self.physical,
+            unobservable: &self.unobservable,
+            combinations: &self.combinations,
+            covariance: &self.covariance,
+            combination_covariance: &self.combination_covariance,
+            physical_covariance: &self.physical_covariance,
+            rank: self.rank,
+            condition: self.condition,
+            residual: self.residual,
+            runs: &self.runs,
+            stability: self.stability.as_ref(),
+            refinement: self.refinement.as_ref(),
+            method: self.method.as_ref(),
+            log: self.log.as_ref(),
+            pool: self.pool.as_ref(),
+            warnings: self.warnings.iter().map(ToString::to_string).collect(),
+            findings: Findings(&self.warnings),
+            provenance: &self.provenance,
+        }
+        .serialize(serializer)
+    }
+}
+
+/// What the result knows of the parameters, as the verbs that compute with it read it.
+impl From<&Identification> for Identified {
+    fn from(result: &Identification) -> Self {
+        let parameter = |report: &ParameterReport| IdentifiedParameter {
+            name: report.name.clone(),
+            value: report.value,
+            std: report.std,
+            prior: report.prior,
+            with_prior: report.with_prior,
+            status: report.status.name().to_string(),
+        };
+        // Weights are printed numbers.
+        let weights = |terms: &BTreeMap<String, String>| -> Weights {
+            terms.iter().filter_map(|(name, weight)| Some((name.clone(), weight.parse().ok()?))).collect()
+        };
+        let combination = |shown: &CombinationReport| IdentifiedCombination {
+            terms: weights(&shown.terms),
+            value: shown.value,
+            std: shown.std,
+        };
+        Identified {
+            model: result.model.clone(),
+            parameters: result.parameters.iter().map(parameter).collect(),
+            physical: result.physical.iter().map(parameter).collect(),
+            directions: result.unobservable.iter().map(weights).collect(),
+            combinations: result.combinations.iter().map(combination).collect(),
+        }
+    }
+}

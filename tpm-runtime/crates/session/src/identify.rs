@@ -1,0 +1,226 @@
+//! From a log to its result, whichever way the log is used.
+
+use crate::found::Found;
+use crate::identification::{Identification, Source};
+use crate::log_fault::LogFault;
+use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
+use crate::options::LogOptions;
+use crate::warning::Warning;
+use crate::{any_log, periodic_log, summary};
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+use tpm_estimate::Domain;
+use tpm_estimate::named::EstimateReport;
+use tpm_estimate::{Differentiable, EstimateError, Settings};
+use tpm_log::{Log, ReadingReport};
+use tpm_motion::Dynamics;
+
+/// The other hold explains a log clearly better when it leaves less than this share of the residual.
+const CLEARLY_BETTER: f64 = 0.7;
+/// Share of the record that must be unexplained for exchanged columns to be looked for.
+const NOTICED: f64 = 0.1;
+/// Columns are exchanged when the model then leaves less than this share of the residual.
+const FAR_BETTER: f64 = 0.1;
+
+/// Identifies the parameters in which a model is linear from one log.
+///
+/// # Errors
+/// [`LogFault`].
+pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> Result<Identification, LogFault> {
+    identify_segments(model, None, &[log], options)
+}
+
+/// Identifies the parameters in which a model is linear from the segments of one record, of which there is one at least; refined by
+/// simulating the model where the derivatives of its rows are known. Several segments are used in the time domain, all of them.
+///
+/// # Errors
+/// [`LogFault`].
+pub(super) fn identify_segments(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+) -> Result<Identification, LogFault> {
+    let mut result = identify_from(model, machine, segments, options, &[])?;
+    if let Some(warning) = exchanged(model, segments, options, &result) {
+        // Whatever else was noticed follows from the exchange.
+        result.warnings.insert(0, warning);
+        summary::distrust(&mut result);
+    }
+    Ok(result)
+}
+
+/// Says that the model explains a record far better when a coordinate and an input are exchanged, given the result without the exchange.
+fn exchanged(
+    model: &dyn Model<f64>,
+    segments: &[&Log],
+    options: &LogOptions,
+    result: &Identification,
+) -> Option<Warning> {
+    if result.residual < NOTICED {
+        return None;
+    }
+    // A refined residual is a share of the motion, which the exchanged record, that is not refined, cannot be compared with.
+    let left = result.log.as_ref()?.hold_residuals.with(options.hold)?;
+    let dims = model.dims();
+    let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
+    let of = |(c, i): (usize, usize)| {
+        let exchange = |log: &&Log| {
+            let mut log = (*log).clone();
+            log.channels.swap(c, dims.coordinates + i);
+            if let Some(rate) = log.rates.get_mut(c) {
+                *rate = None;
+            }
+            log
+        };
+        let logs: Vec<Log> = segments.iter().map(exchange).collect();
+        let logs: Vec<&Log> = logs.iter().collect();
+        let result = identify_from(model, None, &logs, options, &[]).ok()?;
+        Some(((c, i), result.residual))
+    };
+    let ((c, i), left_by_exchange) = pairs.filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (left_by_exchange < FAR_BETTER * left).then(|| Warning::Exchanged {
+        coordinate: model.coordinate(c).name.into(),
+        input: model.input(i).name.into(),
+        left,
+        left_by_exchange,
+    })
+}
+
+/// [`identify_segments`] with what directions that the data do not show keep where no prior was stated, one value per parameter; zeros
+/// when `start` is empty.
+pub(super) fn identify_from(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    start: &[f64],
+) -> Result<Identification, LogFault> {
+    let dims = model.dims();
+    let begun = |j: usize| start.get(j).copied().unwrap_or(0.0);
+    if options.constants.len() != dims.constants {
+        return Err(LogFault::Constants {
+            needed: dims.constants,
+            given: options.constants.len(),
+            names: (0..dims.constants).map(|i| model.constant(i).name.into()).collect(),
+        });
+    }
+    let settings = Settings {
+        harmonics: options.harmonics,
+        weights: options.weights,
+        prior: if options.prior.is_empty() {
+            start.to_vec()
+        } else {
+            options.prior.iter().enumerate().map(|(j, value)| value.unwrap_or(begun(j))).collect()
+        },
+        frozen: options.frozen.clone(),
+        hidden: options.hidden.clone(),
+        ..Settings::default()
+    };
+    let whole = match segments {
+        [log] => Some(*log),
+        _ => None,
+    };
+    let periodic = match (options.domain, whole) {
+        (Some(Domain::Time), _) | (None, None) => None,
+        (Some(Domain::Harmonics), _) => {
+            // Whoever wants harmonics of a record with gaps gives the segment that repeats.
+            let log = segments.first().copied().ok_or_else(nothing)?;
+            Some((log, periodic_log::spectra(log, dims.coordinates, options)?))
+        }
+        (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
+    };
+    let found = match &periodic {
+        Some((log, (periodic, spectra))) => {
+            periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
+        }
+        None => {
+            let found = any_log::identify(model, machine, segments, options, &settings);
+            match (found, options.domain, whole) {
+                // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
+                (Err(LogFault::Estimate { source: EstimateError::NoSignal, path }), None, Some(log)) => {
+                    periodic_log::spectra(log, dims.coordinates, options)?;
+                    return Err(LogFault::Estimate { source: EstimateError::NoSignal, path });
+                }
+                (found, ..) => found?,
+            }
+        }
+    };
+    result(model, segments, options, found).ok_or_else(nothing)
+}
+
+/// The error of a record without samples.
+fn nothing() -> LogFault {
+    LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal }
+}
+
+/// The result of what was found in the segments of a record; nothing without a segment.
+fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found: Found) -> Option<Identification> {
+    let log = segments.first()?;
+    let dims = model.dims();
+    let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings } = found;
+    let actuator = |(i, dynamics): (usize, &Dynamics)| {
+        let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
+        let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth: dynamics.bandwidth };
+        (model.input(i).name.to_string(), report)
+    };
+    let actuators = options.actuators.iter().take(dims.inputs).enumerate();
+    let log_report = LogReport {
+        path: log.path.clone(),
+        reading: ReadingReport::default(),
+        samples: segments.iter().map(|log| log.len()).sum(),
+        sample_time: log.sample_time,
+        way,
+        row_residuals,
+        actuators: actuators.filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect(),
+        hold_residuals,
+        refinement,
+    };
+    let mut all: Vec<Warning> = other_hold(options.hold, hold_residuals).into_iter().collect();
+    all.extend(warnings);
+    let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
+        EstimateReport::new(model, &options.prior, Some(&estimate));
+    let mut result = Identification {
+        source: Source::Log,
+        model: model.name().into(),
+        estimator: Default::default(),
+        frequency_name: Default::default(),
+        outcome: None,
+        stop: None,
+        seed: None,
+        hold: options.hold,
+        harmonics,
+        parameters,
+        physical: Vec::new(),
+        unobservable,
+        combinations,
+        covariance,
+        combination_covariance,
+        physical_covariance: Vec::new(),
+        rank: estimate.rank,
+        condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
+        residual: estimate.residual,
+        runs: Vec::new(),
+        stability: None,
+        refinement: None,
+        method: None,
+        log: Some(log_report),
+        pool: None,
+        warnings: all,
+        provenance: summary::provenance(),
+        current: estimate.values.clone(),
+        estimate: Some(estimate),
+    };
+    let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+    let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
+    summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
+    summary::distrust(&mut result);
+    Some(result)
+}
+
+/// Says that the other hold explains a log clearly better.
+fn other_hold(stated: Hold, residuals: HoldResiduals) -> Option<Warning> {
+    let better = stated.other();
+    let (left, left_by_better) = (residuals.with(stated)?, residuals.with(better)?);
+    (left_by_better < CLEARLY_BETTER * left).then_some(Warning::OtherHold { stated, left, better, left_by_better })
+}

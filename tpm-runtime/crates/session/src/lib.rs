@@ -1,0 +1,105 @@
+//! Identification in three lines: from a log, on a simulated machine, on a machine of one's own.
+//!
+//! ```no_run
+//! use tpm_session::{self as session, DeclaredModel};
+//!
+//! # fn main() -> Result<(), session::SessionError> {
+//! let model = DeclaredModel::open("models/emps.tpm")?;
+//! let result = session::from_log(&model, "run.csv")?;
+//! println!("{result}");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Whatever the data are, the result is one [`Identification`]: parameters with standard deviations, the physical parameters
+//! behind lumped ones, what the data do not show, warnings, and what has to be the same for the result to come out the same again.
+//! [`from_log`] takes a log, [`on_simulated_plant`] an experiment with a simulated machine, [`on_machine`] an experiment and whoever
+//! plays its runs; a [`Session`] is for those who want the steps one by one. [`inspect`](fn@inspect) and [`inspect_for`] look at a log before
+//! anything is identified from it.
+
+#[cfg(test)]
+mod actuator_tests;
+mod agreeing;
+mod any_log;
+mod campaign;
+mod compare;
+#[cfg(test)]
+mod contradiction_tests;
+mod error;
+mod excerpt;
+mod excite;
+#[cfg(test)]
+mod experiment_tests;
+#[cfg(test)]
+mod fault_tests;
+mod folder;
+mod found;
+mod identification;
+mod identify;
+mod inspect;
+mod live;
+mod log;
+mod log_fault;
+mod log_report;
+mod machine;
+mod method_report;
+mod model;
+mod options;
+mod periodic_log;
+mod play;
+mod pooled_logs;
+mod refine;
+mod refine_campaign;
+#[cfg(test)]
+mod refine_tests;
+mod refinement_report;
+mod rows;
+mod separable;
+#[cfg(test)]
+mod separable_tests;
+mod simulation;
+mod simulation_figure;
+mod spelling;
+mod summary;
+#[cfg(test)]
+mod synthetic_tests;
+mod text;
+mod truth;
+mod validate;
+mod warning;
+mod whiteness;
+
+pub use self::log::{LogRequest, from_log, from_logs};
+pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
+pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
+pub use compare::{
+    CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,
+};
+pub use error::{MachineError, SessionError, Setting};
+pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
+pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
+pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
+pub use identify::identify_log;
+pub use inspect::{
+    ChannelReport, End, Finding, Inspection, Lone, Plateau, Relation, RelationKind, Repeats, Rest, Sampling, inspect,
+    inspect_for,
+};
+pub use log_fault::LogFault;
+pub use log_report::{
+    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, UntestedReport, Way,
+};
+pub use machine::Machine;
+pub use method_report::{
+    MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,
+};
+pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
+pub use options::LogOptions;
+pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
+pub use refinement_report::{MissingTerm, RateReport, RefinementReport};
+pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
+pub use spelling::{Given, Spelling};
+pub use summary::of_campaign;
+pub use text::closed_loop;
+pub use validate::{RowCourse, RowPrediction, RowUnpredicted, Validation, validate, validate_log};
+pub use warning::{Data, Warning};
+pub use whiteness::{CorrelationTest, FALSE_ALARM, LAGS};

@@ -1,0 +1,366 @@
+//! From a log to parameters.
+
+use crate::error::{SessionError, Setting};
+use crate::identification::{Identification, LogFingerprint, Provenance};
+use crate::log_fault::LogFault;
+use crate::model::{DeclaredModel, Identifiable};
+use crate::options::LogOptions;
+use crate::periodic_log::repeats;
+use crate::pooled_logs::pooled;
+use crate::rows::Rows;
+use crate::summary::{self, Lumped};
+use crate::warning::Warning;
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+use tpm_estimate::{Domain, Refine};
+use tpm_estimate::{EstimateError, Frozen, Weights};
+use tpm_log::{Log, LogSource, ReadingReport, ReadingSettings, Recording, Samples};
+use tpm_motion::Dynamics;
+use tpm_physical::PhysicalSettings;
+use tpm_report::displayed;
+use tpm_symbolic::number::rational::{Rational, to_f64};
+use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
+use tpm_symbolic::regressor::prepare::Prepared;
+
+/// A log to identify from, and what is known about it. Every setting is by the model's names and in its units.
+///
+/// A path alone is a request with nothing known: `"run.csv".into()`.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct LogRequest {
+    /// The file: columns of text with a header, or another format that is built in.
+    pub path: PathBuf,
+    /// The log itself, where it is in memory; the path is then its name in messages.
+    #[serde(skip)]
+    pub samples: Option<Samples>,
+    /// Column of a coordinate or input (or of `t_s`), where it is not called like it.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub map: BTreeMap<String, String>,
+    /// Factor from the numbers of a signal's column to its unit in the model; it stands in place of a unit that the column states.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub scale: BTreeMap<String, f64>,
+    /// Value that is added to a signal after the factor, unit of the signal.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub offset: BTreeMap<String, f64>,
+    /// First sample to use, from 0; found when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from_sample: Option<usize>,
+    /// Period of the motion, s; found when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub period: Option<f64>,
+    /// What the inputs do between samples.
+    #[serde(serialize_with = "displayed")]
+    pub hold: Hold,
+    /// Known dynamics between the recorded value of an input and its force, by input.
+    #[serde(skip)]
+    pub actuators: BTreeMap<String, Dynamics>,
+    /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub domain: Option<Domain>,
+    /// Highest harmonic to use; chosen from the spectrum when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub harmonics: Option<usize>,
+    /// How much every equation counts.
+    pub weights: Weights,
+    /// Whether the estimates are refined by simulating the model.
+    pub refine: Refine,
+    /// Values of the constants that are known at run time, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub constants: BTreeMap<String, f64>,
+    /// Values known before, by parameter or physical parameter: what an unobservable direction keeps, or where the search for a
+    /// physical parameter starts.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub prior: BTreeMap<String, f64>,
+    /// Values that are held, by parameter or physical parameter.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub frozen: BTreeMap<String, f64>,
+    /// Least and largest value of a physical parameter; infinite for none.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub bounds: BTreeMap<String, (f64, f64)>,
+}
+
+impl LogRequest {
+    /// A log of which nothing is known beside its file.
+    #[must_use]
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        LogRequest { path: path.into(), ..LogRequest::default() }
+    }
+
+    /// A log in memory of which nothing else is known; messages call it `name`.
+    #[must_use]
+    pub fn of_samples(name: impl Into<PathBuf>, samples: Samples) -> Self {
+        LogRequest { samples: Some(samples), ..LogRequest::new(name) }
+    }
+
+    /// Where its columns are.
+    pub(super) fn source(&self) -> LogSource<'_> {
+        match &self.samples {
+            Some(samples) => LogSource::Memory(&self.path, samples),
+            None => LogSource::File(&self.path),
+        }
+    }
+
+    /// Says in which column a signal stands.
+    #[must_use]
+    pub fn map(mut self, signal: &str, column: &str) -> Self {
+        self.map.insert(signal.to_string(), column.to_string());
+        self
+    }
+
+    /// Gives a constant that is known at run time its value.
+    #[must_use]
+    pub fn constant(mut self, name: &str, value: f64) -> Self {
+        self.constants.insert(name.to_string(), value);
+        self
+    }
+
+    /// Says what the inputs do between samples.
+    #[must_use]
+    pub fn hold(mut self, hold: Hold) -> Self {
+        self.hold = hold;
+        self
+    }
+
+    /// The settings by index, with every name checked against the model; physical parameters are those named so.
+    pub(super) fn options(&self, model: &dyn Model<f64>, physical: &[String]) -> Result<LogOptions, SessionError> {
+        let dims = model.dims();
+        let names = |count: usize, name: &dyn Fn(usize) -> String| -> Vec<String> { (0..count).map(name).collect() };
+        let parameters = names(dims.parameters, &|j| model.parameter(j).name.to_string());
+        let either: Vec<String> = parameters.iter().chain(physical).cloned().collect();
+        let constants = names(dims.constants, &|i| model.constant(i).name.to_string());
+        let inputs = names(dims.inputs, &|i| model.input(i).name.to_string());
+        for (setting, given, known) in [
+            (Setting::Prior, self.prior.keys().collect::<Vec<_>>(), &either),
+            (Setting::Frozen, self.frozen.keys().collect(), &either),
+            (Setting::Constant, self.constants.keys().collect(), &constants),
+            (Setting::Actuator, self.actuators.keys().collect(), &inputs),
+        ] {
+            if let Some(name) = given.into_iter().find(|name| !known.contains(name)) {
+                if setting == Setting::Constant && either.contains(name) {
+                    return Err(SessionError::ParameterAsConstant { name: name.clone() });
+                }
+                return Err(SessionError::UnknownName { setting, name: name.clone(), known: known.clone() });
+            }
+        }
+        for (j, name) in parameters.iter().enumerate() {
+            if let (Some(&value), Some(interval)) = (self.frozen.get(name), model.parameter_interval(j))
+                && !(interval[0]..=interval[1]).contains(&value)
+            {
+                let setting = Setting::Frozen;
+                return Err(SessionError::OutsideInterval { setting, name: name.clone(), value, interval });
+            }
+        }
+        let missing: Vec<String> =
+            constants.iter().filter(|name| !self.constants.contains_key(*name)).cloned().collect();
+        if !missing.is_empty() {
+            return Err(SessionError::Constants { names: missing });
+        }
+        let held = parameters.iter().enumerate();
+        Ok(LogOptions {
+            reading: self.reading(),
+            from_sample: self.from_sample,
+            period: self.period,
+            hold: self.hold,
+            actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
+            domain: self.domain,
+            harmonics: self.harmonics,
+            weights: self.weights,
+            refine: self.refine,
+            constants: constants.iter().map(|name| self.constants[name]).collect(),
+            prior: if parameters.iter().all(|name| !self.prior.contains_key(name)) {
+                Vec::new()
+            } else {
+                parameters.iter().map(|name| self.prior.get(name).copied()).collect()
+            },
+            frozen: held
+                .filter_map(|(parameter, name)| Some(Frozen { parameter, value: *self.frozen.get(name)? }))
+                .collect(),
+            hidden: Vec::new(),
+        })
+    }
+
+    /// What is said of the columns alone.
+    pub(super) fn reading(&self) -> ReadingSettings {
+        ReadingSettings { map: self.map.clone(), scale: self.scale.clone(), offset: self.offset.clone() }
+    }
+
+    /// What is said of physical parameters.
+    fn physical(&self) -> PhysicalSettings {
+        PhysicalSettings {
+            prior: self.prior.clone(),
+            frozen: self.frozen.clone(),
+            bounds: self.bounds.clone(),
+            constants: self.constants.clone(),
+        }
+    }
+}
+
+impl From<&str> for LogRequest {
+    fn from(path: &str) -> Self {
+        LogRequest::new(path)
+    }
+}
+
+impl From<&Path> for LogRequest {
+    fn from(path: &Path) -> Self {
+        LogRequest::new(path)
+    }
+}
+
+impl From<PathBuf> for LogRequest {
+    fn from(path: PathBuf) -> Self {
+        LogRequest::new(path)
+    }
+}
+
+/// Identifies a model from a log: parameters, physical parameters behind lumped ones, what the log does not show.
+///
+/// # Errors
+/// [`SessionError`] when the log cannot be read or shows nothing, or a setting does not fit the model.
+pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result<Identification, SessionError> {
+    from_logs(model, [log])
+}
+
+/// Identifies a model from several logs of one machine: each by itself, then all together, weighed by what each of them shows. What
+/// is known of the machine (priors, held values, bounds, constants) is taken from the first request, what is known of a log from its own.
+///
+/// # Errors
+/// [`SessionError`] without a log, when one cannot be read or shows nothing, or a setting does not fit the model.
+pub fn from_logs<R: Into<LogRequest>>(
+    model: &impl Identifiable,
+    logs: impl IntoIterator<Item = R>,
+) -> Result<Identification, SessionError> {
+    let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
+    let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
+    let declared = model.declaration()?;
+    let rows = Rows::new(model, declared.as_deref());
+    let evaluated = rows.model();
+    let coordinates = evaluated.dims().coordinates;
+    let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
+    let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
+    if let (None, Some(name)) = (&lumped, first.bounds.keys().next()) {
+        return Err(SessionError::NothingLumped { name: name.clone() });
+    }
+    let mut known = first.options(evaluated, &physical)?;
+    if let Some(lumped) = &lumped {
+        lumped.state(&mut known.prior, &first.prior, &first.constants);
+    }
+    if let Some(declared) = declared.as_deref().filter(|declared| declared.parsed().mechanism.is_some()) {
+        known.hidden = hidden(declared.prepared(), &first.constants, &known.frozen);
+    }
+    let mut parts = Vec::with_capacity(requests.len());
+    let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());
+    for request in &requests {
+        let options = LogOptions {
+            constants: known.constants.clone(),
+            prior: known.prior.clone(),
+            frozen: known.frozen.clone(),
+            hidden: known.hidden.clone(),
+            ..LogRequest { constants: first.constants.clone(), ..request.clone() }.options(evaluated, &physical)?
+        };
+        let mut recording = Recording::open(request.source(), evaluated, &options.reading)?;
+        let path = request.path.display().to_string();
+        let hash = std::mem::take(&mut recording.fingerprint);
+        if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {
+            return Err(SessionError::LogTwice { path, other: same.path.clone() });
+        }
+        fingerprints.push(LogFingerprint { path, hash });
+        if options.domain == Some(Domain::Harmonics) {
+            recording = alone(recording, coordinates, &options);
+        }
+        let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
+        let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
+        for log in &mut recording.segments {
+            let mended = log.mend(coordinates);
+            replaced.extend(lone_readings(evaluated, log, &mended));
+        }
+        let segments: Vec<&Log> = recording.segments.iter().collect();
+        let mut part = rows.identify(&segments, &options).map_err(|error| of_pieces(error, &recording.report))?;
+        part.warnings.extend(replaced);
+        if let Some(report) = &mut part.log {
+            report.reading = recording.report;
+        }
+        parts.push(part);
+    }
+    let mut result = pooled(evaluated, parts, &known)
+        .map_err(|source| LogFault::Estimate { path: first.path.display().to_string(), source })?;
+    if let Some(lumped) = lumped {
+        lumped.complete(&mut result, first.physical())?;
+    }
+    result.provenance = Provenance {
+        model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
+        logs: fingerprints,
+        options: summary::options(first),
+        ..summary::provenance()
+    };
+    Ok(result)
+}
+
+/// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.
+fn of_pieces(error: LogFault, report: &ReadingReport) -> LogFault {
+    match (error, report.segments.as_slice()) {
+        (LogFault::Estimate { path, source: EstimateError::NoSignal }, [first, .., last]) => LogFault::ShortSegments {
+            path,
+            from: first.from_line,
+            to: last.to_line,
+            segments: report.segments.len(),
+            longest: report.segments.iter().map(|segment| segment.samples).max().unwrap_or(0),
+            cut: report
+                .segments
+                .iter()
+                .find_map(|segment| segment.cut.as_ref())
+                .map(|cut| cut.to_string())
+                .unwrap_or_default(),
+        },
+        (error, _) => error,
+    }
+}
+
+/// Directions in parameter space that no motion shows while some parameters are held, exact but for one rounding: noise seems to show
+/// them, and the combinations that the data show would be those of the noise. Nothing where they are not known.
+fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Frozen]) -> Vec<Vec<f64>> {
+    let model = &prepared.model;
+    let value = |symbol| Some((symbol, Rational::from_float(*constants.get(model.quantity(symbol).name.as_str())?)?));
+    let motions = Motions { values: model.run_time_constants().filter_map(value).collect(), ..Motions::default() };
+    let Ok(base) = base_parameters(model, &prepared.form, &motions) else { return Vec::new() };
+    let held: Vec<usize> = frozen.iter().map(|frozen| frozen.parameter).collect();
+    let dense = |direction: Vec<(usize, Rational)>| {
+        let mut whole = vec![0.0; base.parameters.len()];
+        direction.iter().for_each(|(column, factor)| whole[*column] = to_f64(factor));
+        whole
+    };
+    base.hidden(&held).into_iter().map(dense).collect()
+}
+
+/// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
+pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
+    let segments = &recording.segments;
+    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
+    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
+    let used = match longest_first[..] {
+        [] | [_] => return recording,
+        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, options)),
+    };
+    let used = used.unwrap_or(longest_first[0]);
+    recording.report.used = Some(used);
+    recording.segments = vec![recording.segments.swap_remove(used)];
+    recording
+}
+
+/// One warning for every coordinate of which readings were replaced.
+fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64)]) -> Vec<Warning> {
+    let of = |c: usize| {
+        let own: Vec<_> = mended.iter().filter(|(channel, ..)| *channel == c).collect();
+        own.first().map(|(_, first, _)| Warning::LoneReadings {
+            coordinate: model.coordinate(c).name.into(),
+            count: own.len(),
+            line: log.lines[*first],
+            farthest: own.iter().map(|(.., by)| by.abs()).fold(0.0, f64::max),
+            unit: model.coordinate(c).unit.map(Into::into),
+        })
+    };
+    (0..model.dims().coordinates).filter_map(of).collect()
+}

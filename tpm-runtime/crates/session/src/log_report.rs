@@ -1,0 +1,204 @@
+//! What was found about a log on the way to its parameters.
+
+use crate::refinement_report::RefinementReport;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use tpm_core::harmonics::Hold;
+use tpm_estimate::BandReport;
+use tpm_log::ReadingReport;
+use tpm_report::{digits, number};
+
+/// Residuals with either choice of hold, as shares of the force.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct HoldResiduals {
+    /// Inputs as recorded.
+    pub none: Option<f64>,
+    /// Inputs held between samples.
+    pub zoh: Option<f64>,
+}
+
+impl HoldResiduals {
+    /// The residual with the hold that is stated, and with the other one.
+    pub(super) const fn of(stated: Hold, residual: f64, other: Option<f64>) -> Self {
+        match stated {
+            Hold::None => HoldResiduals { none: Some(residual), zoh: other },
+            Hold::Zoh => HoldResiduals { none: other, zoh: Some(residual) },
+        }
+    }
+
+    /// The residual with this hold.
+    pub(super) const fn with(self, hold: Hold) -> Option<f64> {
+        match hold {
+            Hold::None => self.none,
+            Hold::Zoh => self.zoh,
+        }
+    }
+}
+
+/// How a log was used, and what was found on the way.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "domain", rename_all = "snake_case")]
+pub enum Way {
+    /// By the harmonics of the part that repeats.
+    Harmonics(PeriodicReport),
+    /// Sample by sample behind a low pass.
+    Time(BandReport),
+}
+
+/// What was found about a log that repeats.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PeriodicReport {
+    /// First sample of the part that repeats, from 0.
+    pub steady_from_sample: usize,
+    /// First sample used, from 0.
+    pub from_sample: usize,
+    /// Its line in the file.
+    pub from_line: u64,
+    /// Period, s.
+    pub period: f64,
+    /// Period in samples.
+    pub samples_per_period: f64,
+    /// Whole periods used.
+    pub periods: usize,
+    /// Difference between the last two periods as a share of the motion.
+    pub mismatch: f64,
+    /// Window on the samples.
+    pub window: String,
+    /// Harmonics used, per row of the model.
+    pub lines: Vec<Vec<usize>>,
+    /// Highest harmonic of the motion from which regressors were built.
+    pub motion_harmonics: usize,
+    /// Parameters that the log does not test: a force that the model lacks changes them, and nothing shows it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub untested: Vec<UntestedReport>,
+}
+
+/// A parameter that a small force at one harmonic, which the model lacks, would change beyond its deviation while the residual stays as
+/// small as it is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UntestedReport {
+    /// The parameter.
+    pub parameter: String,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// Row of the model on which the force acts.
+    pub row: String,
+    /// Harmonic at which it acts.
+    pub harmonic: usize,
+    /// Its root mean square as a share of the force of the row.
+    pub share: f64,
+    /// How far it changes the parameter, unit of the parameter.
+    pub change: f64,
+    /// The same in standard deviations of the parameter.
+    pub deviations: f64,
+}
+
+/// What was found about a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LogReport {
+    /// The file.
+    pub path: String,
+    /// What was assumed in reading the file, how the record was split, and what was left out.
+    #[serde(skip_serializing_if = "ReadingReport::is_plain")]
+    pub reading: ReadingReport,
+    /// Samples in the log.
+    pub samples: usize,
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// How they were used.
+    #[serde(flatten)]
+    pub way: Way,
+    /// Residual per row, as a share of its force.
+    pub row_residuals: Vec<f64>,
+    /// Known dynamics of the actuators, by input, that were corrected.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub actuators: BTreeMap<String, ActuatorReport>,
+    /// Residual with either hold.
+    pub hold_residuals: HoldResiduals,
+    /// What simulating the model sample by sample did; nothing where it was not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<RefinementReport>,
+}
+
+/// One of several logs that were used together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PooledLog {
+    /// Share of the information about all parameters that comes from this log.
+    pub share: f64,
+    /// Residual of the log alone, as a share: of the force, or where it was refined of the motion or of the inputs, whichever is larger.
+    pub residual: f64,
+    /// Values by this log alone; nothing where it does not show a parameter.
+    pub alone: BTreeMap<String, Option<(f64, f64)>>,
+    /// Difference of every parameter from the other logs together, in deviations of that difference; nothing where either does not show
+    /// it.
+    pub deviations: BTreeMap<String, Option<f64>>,
+    /// What was found about it.
+    pub log: LogReport,
+}
+
+/// What was found about several logs that were used together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PoolReport {
+    /// The logs.
+    pub logs: Vec<PooledLog>,
+    /// Weighted sum of the squares of all differences between the logs.
+    pub chi_squared: f64,
+    /// Its degrees of freedom.
+    pub freedom: usize,
+    /// Factor on all variances because the logs differ by more than their deviations; one where they agree.
+    pub inflation: f64,
+}
+
+impl PeriodicReport {
+    /// What a reader should know of the parameters that the log does not test; nothing where it tests all.
+    #[must_use]
+    pub fn untested_remark(&self) -> Option<String> {
+        let share = self.untested.first()?.share;
+        let names: Vec<&str> = self.untested.iter().map(|own| own.parameter.as_str()).collect();
+        let change = |own: &UntestedReport| {
+            let unit = own.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
+            let (parameter, change, deviations) = (&own.parameter, digits(own.change, 2), digits(own.deviations, 2));
+            format!(
+                "{parameter} by {change}{unit} ({deviations} deviations, at harmonic {} of {})",
+                own.harmonic, own.row
+            )
+        };
+        Some(format!(
+            "this log does not test {}: a force that the model lacks, of {} % of the force and at one harmonic, would change {}, and the residual would stay as it is; what tests them is a motion with more harmonics, or another log at another frequency",
+            names.join(", "),
+            number(100.0 * share),
+            self.untested.iter().map(change).collect::<Vec<_>>().join(", "),
+        ))
+    }
+}
+
+impl LogReport {
+    /// What was found about the part that repeats; nothing in the time domain.
+    #[must_use]
+    pub const fn periodic(&self) -> Option<&PeriodicReport> {
+        match &self.way {
+            Way::Harmonics(periodic) => Some(periodic),
+            Way::Time(_) => None,
+        }
+    }
+
+    /// What was found in the time domain; nothing where harmonics were used.
+    #[must_use]
+    pub const fn band(&self) -> Option<&BandReport> {
+        match &self.way {
+            Way::Time(band) => Some(band),
+            Way::Harmonics(_) => None,
+        }
+    }
+}
+
+/// What was known to lie between an input and its force.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ActuatorReport {
+    /// Delay, s.
+    pub delay: f64,
+    /// Natural frequency (rad/s) and quality factor of a low pass.
+    pub low_pass: Option<(f64, f64)>,
+    /// Bandwidth of the current loop, rad/s.
+    pub bandwidth: Option<f64>,
+}

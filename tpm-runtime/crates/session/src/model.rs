@@ -1,0 +1,219 @@
+//! A model that is read at run time, from its file or from the text that a compiled model carries.
+
+use std::borrow::Cow;
+use std::path::Path;
+use tpm_codegen::diagnostic;
+use tpm_codegen::language::AtTerm;
+use tpm_codegen::source::Source;
+use tpm_codegen::{Parsed, parse_model};
+use tpm_core::model::Model;
+use tpm_interpret::{Interpreted, InterpretedDerivatives, Separable};
+use tpm_log::fingerprint;
+use tpm_report::{MOST_TEXT, read_input};
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::number::rational::to_f64;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+
+/// Why a model cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelFault {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The text is not a model; every fault is given at its place.
+    #[error("{diagnostics}")]
+    Text {
+        /// The faults with their places, for printing.
+        diagnostics: String,
+    },
+    /// A compiled model does not carry the text that it was declared with, as those written by hand do not.
+    #[error(
+        "model {name} was written by hand: its physical parameters and patterns are not known; declare it in a model file or with the macro"
+    )]
+    NoText {
+        /// The model.
+        name: String,
+    },
+}
+
+/// A parameter in which the equations of a model are not linear.
+pub(super) struct NonlinearParameter {
+    pub(super) name: String,
+    pub(super) unit: Option<String>,
+    /// Least and largest value.
+    pub(super) interval: [f64; 2],
+}
+
+/// A declared model: its text, its exact form sorted into parameters, and its evaluation.
+///
+/// Invariant: evaluated, it has the rows and the parameters that remain after eliminations and lumping.
+#[derive(Clone, Debug)]
+pub struct DeclaredModel {
+    source: Source,
+    parsed: Parsed,
+    prepared: Prepared,
+    evaluated: Interpreted,
+}
+
+impl DeclaredModel {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// [`ModelFault::Read`], [`ModelFault::Text`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, ModelFault> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let bytes = read_input(path, MOST_TEXT).map_err(|source| ModelFault::Read { path: name.clone(), source })?;
+        Self::of_source(Source::from_bytes(name, bytes)).map_err(|fault| match fault {
+            ModelFault::Text { diagnostics } => ModelFault::Text { diagnostics: diagnostics + &other_kind(path) },
+            other => other,
+        })
+    }
+
+    /// Reads a model from its text; `name` stands in messages.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`].
+    pub fn parse(name: &str, text: &str) -> Result<Self, ModelFault> {
+        Self::of_source(Source::new(name, text))
+    }
+
+    /// Reads a model from a source.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`].
+    pub fn of_source(source: Source) -> Result<Self, ModelFault> {
+        let parsed = parse_model(&source).map_err(|faults| ModelFault::Text { diagnostics: faults.render(&source) })?;
+        let prepared = prepare(parsed.model.clone())
+            .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
+        let evaluated = Interpreted::new(&prepared.model, &prepared.form);
+        Ok(Self { source, parsed, prepared, evaluated })
+    }
+
+    /// The derivatives of its rows.
+    pub(super) fn derivatives(&self) -> InterpretedDerivatives {
+        let prepared = self.prepared();
+        InterpretedDerivatives::new(&prepared.model, &prepared.form)
+    }
+
+    /// The model with its nonlinear parameters behind the others; nothing for a model without any.
+    pub(super) fn separable(&self) -> Option<Separable> {
+        Separable::new(&self.prepared.model, &self.prepared.form)
+    }
+
+    /// Its nonlinear parameters.
+    pub(super) fn nonlinear(&self) -> impl Iterator<Item = NonlinearParameter> + '_ {
+        let model = &self.prepared.model;
+        model.nonlinear.iter().map(move |own| {
+            let quantity = model.quantity(own.symbol);
+            NonlinearParameter {
+                name: quantity.name.to_string(),
+                unit: quantity.unit.as_ref().map(ToString::to_string),
+                interval: [to_f64(&own.from), to_f64(&own.to)],
+            }
+        })
+    }
+
+    /// The derivatives of its rows, with its nonlinear parameters behind the others.
+    pub(super) fn separable_derivatives(&self) -> InterpretedDerivatives {
+        InterpretedDerivatives::separable(&self.prepared.model, &self.prepared.form)
+    }
+
+    /// The exact form, sorted into the parameters that the model is linear in.
+    #[must_use]
+    pub const fn prepared(&self) -> &Prepared {
+        &self.prepared
+    }
+
+    /// What the parser found, with the way back to the text.
+    #[must_use]
+    pub const fn parsed(&self) -> &Parsed {
+        &self.parsed
+    }
+
+    /// The text.
+    #[must_use]
+    pub const fn text(&self) -> &Source {
+        &self.source
+    }
+
+    /// What tells the model's text from others.
+    #[must_use]
+    pub fn hash(&self) -> String {
+        fingerprint(self.source.text().as_bytes())
+    }
+
+    /// Remarks about the text that do not keep it from being used; empty when there are none.
+    #[must_use]
+    pub fn remarks(&self) -> String {
+        let remarks = &self.parsed.warnings;
+        if remarks.is_empty() { String::new() } else { remarks.render(&self.source).trim_end().to_string() }
+    }
+
+    /// The pattern of this name, the first one when no name is given.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`], at the model's name, when there is no such pattern.
+    pub fn pattern(&self, name: Option<&str>) -> Result<&Pattern, ModelFault> {
+        self.parsed
+            .pattern(name, "leave the name out")
+            .map_err(|fault| ModelFault::Text { diagnostics: diagnostic::render(&self.source, &fault) })
+    }
+}
+
+/// What to say beside the faults of a text that does not stand in a model file; nothing for a model file.
+#[must_use]
+pub fn other_kind(path: &Path) -> String {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some(kind @ ("toml" | "csv" | "json" | "urdf")) => {
+            format!("\n{} ends in .{kind}, and a model file stands here: give one ending in .tpm\n", path.display())
+        }
+        _ => String::new(),
+    }
+}
+
+fn located(source: &Source, parsed: &Parsed, fault: &impl AtTerm) -> String {
+    diagnostic::render(source, &parsed.locate(fault))
+}
+
+/// What can be identified: a declared model, or any model that evaluates its rows.
+///
+/// A model that was compiled by the macro carries its declaration; one that was written by hand has none, and is identified in the
+/// parameters that it states.
+pub trait Identifiable {
+    /// The rows, evaluated.
+    fn evaluated(&self) -> &dyn Model<f64>;
+
+    /// The declaration; nothing for a model that was written by hand.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`] when the text that the model carries is not a model.
+    fn declaration(&self) -> Result<Option<Cow<'_, DeclaredModel>>, ModelFault>;
+}
+
+impl Identifiable for DeclaredModel {
+    fn evaluated(&self) -> &dyn Model<f64> {
+        &self.evaluated
+    }
+
+    fn declaration(&self) -> Result<Option<Cow<'_, DeclaredModel>>, ModelFault> {
+        Ok(Some(Cow::Borrowed(self)))
+    }
+}
+
+impl<M: Model<f64>> Identifiable for M {
+    fn evaluated(&self) -> &dyn Model<f64> {
+        self
+    }
+
+    fn declaration(&self) -> Result<Option<Cow<'_, DeclaredModel>>, ModelFault> {
+        let Some(text) = self.source() else { return Ok(None) };
+        DeclaredModel::parse(self.name(), text).map(|declared| Some(Cow::Owned(declared)))
+    }
+}

@@ -1,0 +1,259 @@
+//! Estimates of a log or a campaign refined by simulating the model sample by sample.
+
+use crate::excerpt::Excerpt;
+use crate::options::LogOptions;
+use crate::refinement_report::{MissingTerm, RateReport, RefinementReport};
+use crate::warning::Warning;
+use std::borrow::Cow;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Label, Model};
+use tpm_estimate::Refine;
+use tpm_estimate::{
+    Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Settings,
+};
+use tpm_motion::Dynamics;
+use tpm_numerics::Matrix;
+
+/// Share of the force that rounding leaves unexplained; an estimate that leaves no more has nothing that a refinement could use.
+const EXPLAINED: f64 = 1e-7;
+/// Share of a parameter by which something that is missing must move it to be spoken of.
+const NEGLIGIBLE: f64 = 1e-3;
+/// Deviations by which the halves of a record must contradict each other for its numbers not to be trusted.
+const CONTRADICTION: f64 = 3.5;
+
+/// Most work of one linearisation of a record about a motion, in floating-point operations, that is done without being asked for. A fit
+/// that does not settle at once takes some hundred linearisations: two and a half minutes at 2.5e8 operations.
+const WORK: f64 = 1.5e8;
+/// Evaluations of the derivatives in one step of the integration.
+const STAGES: f64 = 4.0;
+
+/// A refined estimate.
+pub(super) struct Refined {
+    pub(super) estimate: Estimate,
+    /// Nothing where no refinement was asked for, or the model cannot be simulated with what is known.
+    pub(super) report: Option<RefinementReport>,
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// What a refinement begins with.
+pub(super) struct Start<'a> {
+    /// The estimate.
+    pub(super) estimate: &'a Estimate,
+    /// What is simulated.
+    pub(super) excerpt: Excerpt<'a>,
+    /// What is known of its motion beforehand.
+    pub(super) course: Course,
+    /// Step of every sensor; zero where its values lie on no grid.
+    pub(super) steps: Vec<f64>,
+    /// Samples of the whole record.
+    pub(super) samples: usize,
+    /// Time between samples, s.
+    pub(super) sample_time: f64,
+}
+
+/// What holds for a record, and what is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Conditions<'a> {
+    /// Constants of the model.
+    pub(super) constants: &'a [f64],
+    /// What the inputs do between samples.
+    pub(super) hold: Hold,
+    /// What lies between every recorded input and the machine.
+    pub(super) actuators: &'a [Dynamics],
+    pub(super) refine: Refine,
+}
+
+impl<'a> Conditions<'a> {
+    pub(super) fn of_log(options: &'a LogOptions) -> Self {
+        let LogOptions { constants, hold, actuators, refine, .. } = options;
+        Conditions { constants, hold: *hold, actuators, refine: *refine }
+    }
+}
+
+/// Refines an estimate by simulating the model, where its derivatives are known, the inputs act as they are recorded, and the record
+/// was not explained but for rounding. `restate` makes an estimate of other values and their covariance.
+pub(super) fn refined(
+    machine: Option<Differentiable<'_>>,
+    start: Start<'_>,
+    conditions: Conditions<'_>,
+    settings: &Settings,
+    restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
+) -> Refined {
+    let estimate = start.estimate;
+    let ideal = conditions.actuators.iter().all(Dynamics::is_ideal);
+    let wanted = conditions.refine != Refine::None && ideal && estimate.residual > EXPLAINED;
+    let Some(machine) = machine.filter(|_| wanted) else {
+        return Refined { estimate: estimate.clone(), report: None, warnings: Vec::new() };
+    };
+    let work = work(machine, &start, settings);
+    if conditions.refine == Refine::Auto && work > WORK {
+        let warning = Warning::LongSimulation { work, most: WORK };
+        let report = RefinementReport::left_out(&estimate.values, warning.to_string());
+        let warnings = vec![warning];
+        return Refined { estimate: estimate.clone(), report: Some(report), warnings };
+    }
+    refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {
+        let report = RefinementReport::refused(&estimate.values, &fault);
+        let remark = |message| match fault {
+            OutputErrorFault::NotConverged { .. } => Warning::Unsettled { message },
+            _ => Warning::Estimator { message },
+        };
+        let warnings = report.note.iter().cloned().map(remark).collect();
+        Refined { estimate: estimate.clone(), report: Some(report), warnings }
+    })
+}
+
+/// The work of linearising a record about a motion, in floating-point operations: per sample the derivatives of the rows, and products
+/// of the matrices of states and parameters.
+fn work(machine: Differentiable<'_>, start: &Start<'_>, settings: &Settings) -> f64 {
+    let model = machine.model;
+    let dims = model.dims();
+    let states: usize = (0..dims.coordinates).map(|c| model.coordinate_order(c)).sum();
+    let unknowns = states + dims.parameters.saturating_sub(settings.frozen.len());
+    let rows = machine.derivatives.workspace_len() + model.workspace_len();
+    start.excerpt.samples() as f64 * (STAGES * rows as f64 + (states * states * unknowns) as f64)
+}
+
+fn refine(
+    machine: Differentiable<'_>,
+    start: &Start<'_>,
+    conditions: Conditions<'_>,
+    settings: &Settings,
+    restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
+) -> Result<Refined, OutputErrorFault> {
+    let model = machine.model;
+    let dims = model.dims();
+    let Start { estimate, excerpt, .. } = start;
+    let known = (start.course.clone(), start.steps.as_slice());
+    let signals = excerpt.signals(dims.coordinates, start.sample_time, conditions.hold, known);
+    let free: Vec<usize> =
+        (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
+    let hidden: Vec<Vec<f64>> =
+        estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
+    let found = OutputError::fit(machine, conditions.constants, &signals, &estimate.values, &free, &hidden)?;
+    let misfit = &found.misfit;
+    let shift = &misfit.shift;
+    // A parameter that drifts has gone on drifting where the log was left out.
+    let reach = excerpt.middle.max(start.samples as f64 - excerpt.middle) / excerpt.half;
+    let range: Vec<f64> = misfit.range.iter().map(|range| range * reach).collect();
+    let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate() {
+            let own = match found.iterations {
+                Some(_) => found.covariance(a, b).unwrap_or_default() * misfit.inflation,
+                None => estimate.covariance[(i, j)],
+            };
+            covariance[i][j] = own + shift[a] * shift[b];
+        }
+        covariance[i][i] += range[a].powi(2) + misfit.bent[a].powi(2);
+    }
+    let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
+    let report = RefinementReport {
+        used: found.iterations.is_some(),
+        note: found.iterations.is_none().then(|| {
+            "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them".to_string()
+        }),
+        samples: signals.coordinates.first().map_or(0, |c| c.len()),
+        averaged: excerpt.averaged,
+        blocks: excerpt.blocks,
+        runs: 0,
+        of: excerpt.of,
+        steps: found.iterations.unwrap_or(0),
+        sensor_noise: found.sensor_noise.clone(),
+        input_noise: found.input_noise.clone(),
+        rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
+        residual: found.residual.clone(),
+        before: estimate.values.clone(),
+        missing: misfit.terms.iter().map(|term| missing(model, term)).collect(),
+    };
+    // What moves nothing by more than this is too small to look for, however surely it is there.
+    let matters = |moved: &dyn Fn(usize) -> f64| {
+        free.iter().enumerate().any(|(a, &j)| moved(a).abs() > NEGLIGIBLE * found.values[j].abs())
+    };
+    let lacking = matters(&|a| shift[a].hypot(range[a]));
+    let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
+    let mut warnings: Vec<Warning> =
+        report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
+    let (limits, others) = report.missing.split_at(usize::from(misfit.limited));
+    warnings.extend(limits.iter().cloned().map(|term| Warning::Limited { term }));
+    if lacking {
+        warnings.extend(others.iter().cloned().map(|term| Warning::MissingTerm { term }));
+    }
+    if misfit.repeats && wide {
+        warnings.push(Warning::Repeats { power: misfit.periodic });
+    }
+    if let Some(frequency) = misfit.vibration.filter(|_| matters(&|a| misfit.bent[a])) {
+        warnings.push(Warning::Vibration { frequency });
+    }
+    for ((a, half), &j) in misfit.halves.iter().enumerate().zip(&free) {
+        let known = shift[a].powi(2) + range[a].powi(2) + misfit.bent[a].powi(2);
+        // A half has twice the variance of the whole, so that the difference of two has four times as much.
+        let deviation = (half.variance * misfit.scale * misfit.inflation + 4.0 * known).sqrt();
+        if half.moved.abs() > CONTRADICTION * deviation && half.moved.abs() > NEGLIGIBLE * found.values[j].abs() {
+            let parameter = model.parameter(j).name.to_string();
+            warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
+        }
+    }
+    let (share, settled) = (found.share, found.iterations.is_some());
+    let mut restated = restate(found.values, covariance);
+    if settled {
+        restated.residual = share;
+    }
+    Ok(Refined { estimate: restated, report: Some(report), warnings })
+}
+
+fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
+    let name = |label: Label<'_>| label.name.to_string();
+    let q = |c: usize| name(model.coordinate(c));
+    let (term, meaning): (String, Cow<'static, str>) = match candidate.term {
+        CandidateKind::Offset => ("1".into(), "a constant force, or an offset of a sensor or an input".into()),
+        CandidateKind::Power { coordinate, exponent } => {
+            (format!("{}^{exponent}", q(coordinate)), "a force that is not linear in the position".into())
+        }
+        CandidateKind::Product { coordinate, other } => {
+            (format!("{}*{}", q(coordinate), q(other)), "a coupling of two coordinates".into())
+        }
+        CandidateKind::RatePower { coordinate, exponent } => {
+            (format!("dot({})^{exponent}", q(coordinate)), "a force that is not linear in the velocity".into())
+        }
+        CandidateKind::Drag { coordinate } => {
+            (format!("dot({0})*abs(dot({0}))", q(coordinate)), "drag that grows with the square of the velocity".into())
+        }
+        CandidateKind::Friction { coordinate } => {
+            (format!("sign(dot({}))", q(coordinate)), "dry (Coulomb) friction".into())
+        }
+        CandidateKind::Stribeck { coordinate } => (
+            format!("sign(dot({0}))*exp(-(dot({0})/vs)^2)", q(coordinate)),
+            "friction that is larger at low speed (Stribeck)".into(),
+        ),
+        CandidateKind::Drift { parameter } => {
+            let name = name(model.parameter(parameter));
+            let meaning = format!("{name} changes over the record (drift)");
+            (format!("{name} * time"), meaning.into())
+        }
+        CandidateKind::Delay { input } => (
+            format!("rate of {}", name(model.input(input))),
+            format!("a delay or lag of one channel, {:.3} ms if it is the input's", 1e3 * candidate.value).into(),
+        ),
+        CandidateKind::Flexible { input } => (
+            format!("second rate of {}", name(model.input(input))),
+            "dynamics between input and sensor: a flexible mode, or a lag".into(),
+        ),
+        CandidateKind::Limit { input, limit } => (
+            format!("{0} beyond {limit:.4}", name(model.input(input))),
+            format!("clipping: the input is limited (saturation) at about {limit:.4}").into(),
+        ),
+        CandidateKind::Backlash { coordinate } => (
+            format!("sign(dot({})) on its reading", q(coordinate)),
+            "backlash or hysteresis between machine and sensor".into(),
+        ),
+    };
+    MissingTerm {
+        term,
+        row: candidate.row.map(|row| name(model.row(row))),
+        value: candidate.value,
+        std: candidate.std,
+        gain: candidate.gain,
+        meaning: meaning.into_owned(),
+    }
+}

@@ -1,0 +1,135 @@
+//! What a refinement by output error did with a log or a campaign.
+
+use serde::Serialize;
+use tpm_core::model::Model;
+use tpm_estimate::{OutputErrorFault, RateFault, RateUse};
+use tpm_report::number;
+
+/// What the refinement did with a log or a campaign.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RefinementReport {
+    /// Whether its values are those of the result.
+    pub used: bool,
+    /// Why they are not, or what else there is to say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+    /// Samples that were simulated.
+    pub samples: usize,
+    /// Stretches of the log of which each simulated one is the mean.
+    pub averaged: usize,
+    /// Blocks of the log that were simulated while the rest was not; zero where all of it, means or its last periods were.
+    #[serde(skip_serializing_if = "none")]
+    pub blocks: usize,
+    /// Runs of a campaign whose ends were simulated; zero for a log.
+    #[serde(skip_serializing_if = "none")]
+    pub runs: usize,
+    /// Samples of the log, or of its whole periods, of which these are the mean or a part.
+    pub of: usize,
+    /// Gauss-Newton steps.
+    pub steps: usize,
+    /// Standard deviation of every sensor's noise, unit of the coordinate.
+    pub sensor_noise: Vec<f64>,
+    /// Standard deviation of every recorded input's noise, unit of the input; zero for an exact record.
+    pub input_noise: Vec<f64>,
+    /// Measured rates, where there are any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rates: Vec<RateReport>,
+    /// Root mean square of measured less simulated motion, unit of the coordinate.
+    pub residual: Vec<f64>,
+    /// Values before the refinement, by parameter.
+    pub before: Vec<f64>,
+    /// Terms whose lack the residual shows.
+    pub missing: Vec<MissingTerm>,
+}
+
+/// What a measured rate was to the refinement.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RateReport {
+    /// The coordinate.
+    pub coordinate: String,
+    /// Whether its readings were used: they are the rate of the motion but for white noise.
+    pub used: bool,
+    /// Standard deviation of their noise, unit of the coordinate per second; nothing where they were not compared with the motion.
+    pub noise: Option<f64>,
+    /// Why they were not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+}
+
+impl RateReport {
+    /// What a rate was to a fit.
+    pub(super) fn of(model: &dyn Model<f64>, found: &RateUse) -> Self {
+        let why = found.fault.map(|fault| match fault {
+            RateFault::Gain(gain) => format!("it is {} times the rate of the measured position", number(gain)),
+            RateFault::Late(late) if late < 0.0 => {
+                format!("it comes {} ms before the motion", number(-1e3 * late))
+            }
+            RateFault::Late(late) => format!("it comes {} ms after the motion", number(1e3 * late)),
+            RateFault::Offset(offset) => format!("it is off by {}", number(offset)),
+            RateFault::Coloured(by) => {
+                format!("its errors are correlated by {} from sample to sample", number(by))
+            }
+            _ => "the simulation found no motion with which it could be compared".into(),
+        });
+        RateReport {
+            coordinate: model.coordinate(found.coordinate).name.into(),
+            used: why.is_none(),
+            noise: found.noise,
+            why,
+        }
+    }
+}
+
+/// A term that would take what a model leaves unexplained.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MissingTerm {
+    /// The term, in the words of the model.
+    pub term: String,
+    /// The row on which it acts; nothing for one that acts on a reading.
+    pub row: Option<String>,
+    /// Its factor, in the units of row and term.
+    pub value: f64,
+    /// Standard deviation of the factor.
+    pub std: f64,
+    /// Share of the unexplained sum of squares that it takes.
+    pub gain: f64,
+    /// What the term would mean.
+    pub meaning: String,
+}
+
+// What serde calls takes a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+const fn none(count: &usize) -> bool {
+    *count == 0
+}
+
+impl RefinementReport {
+    /// A refinement that was not begun.
+    pub(super) fn left_out(values: &[f64], why: String) -> Self {
+        RefinementReport { note: Some(why), ..Self::refused(values, &OutputErrorFault::NotSimulable) }
+    }
+
+    /// A refinement that came to nothing.
+    pub(super) fn refused(values: &[f64], fault: &OutputErrorFault) -> Self {
+        let note = match fault {
+            OutputErrorFault::NotSimulable => None,
+            fault => Some(format!("not refined by a simulation: {fault}")),
+        };
+        RefinementReport {
+            used: false,
+            note,
+            samples: 0,
+            averaged: 1,
+            blocks: 0,
+            runs: 0,
+            of: 0,
+            steps: 0,
+            sensor_noise: Vec::new(),
+            input_noise: Vec::new(),
+            rates: Vec::new(),
+            residual: Vec::new(),
+            before: values.to_vec(),
+            missing: Vec::new(),
+        }
+    }
+}

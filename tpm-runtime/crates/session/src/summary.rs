@@ -1,0 +1,323 @@
+//! What every result says in the same way, wherever its data come from.
+
+use crate::identification::{Identification, Provenance, Source};
+use crate::refine::Refined;
+use crate::warning::{Data, Warning};
+use std::collections::BTreeMap;
+use tpm_campaign::{Campaign, Contradiction, RunReport};
+use tpm_core::model::Model;
+use tpm_estimate::named::EstimateReport;
+use tpm_estimate::{Estimate, LARGE_RESIDUAL, Status, Weights};
+use tpm_motion::RunEnding;
+use tpm_physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
+use tpm_plant::stability::LoopStability;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::Prepared;
+
+/// Components of a direction below this one are rounding.
+const NOTHING: f64 = 1e-9;
+/// A step of more than so many of its own deviations went where its linearisation does not hold.
+const MOVING: f64 = 3.0;
+
+/// Name and version of the program.
+pub(super) fn provenance() -> Provenance {
+    Provenance { tool: format!("tpm {}", env!("CARGO_PKG_VERSION")), ..Provenance::default() }
+}
+
+/// What was asked for, by name.
+pub(super) fn options(request: &impl serde::Serialize) -> BTreeMap<String, serde_json::Value> {
+    match serde_json::to_value(request) {
+        Ok(serde_json::Value::Object(fields)) => fields.into_iter().collect(),
+        _ => BTreeMap::new(),
+    }
+}
+
+/// The result of a campaign so far, in the parameters that its estimator gives; `stability` is what its loop was found to be.
+#[must_use]
+pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
+    of_estimate(campaign, campaign.estimate(), stability, source, seed)
+}
+
+/// The result of a campaign so far whose estimate was refined.
+pub(super) fn of_refined(
+    campaign: &Campaign<'_>,
+    refined: Refined,
+    stability: LoopStability,
+    source: Source,
+    seed: u64,
+) -> Identification {
+    let mut result = of_estimate(campaign, Some(&refined.estimate), stability, source, seed);
+    if refined.report.as_ref().is_some_and(|report| report.used) {
+        result.residual = refined.estimate.residual;
+    }
+    result.current = refined.estimate.values;
+    result.refinement = refined.report;
+    result.warnings.extend(refined.warnings);
+    distrust(&mut result);
+    result
+}
+
+/// Weights other than the usual ones, which a result of a model that leaves something out depends on.
+fn equal_weights(weights: Weights) -> Option<(String, serde_json::Value)> {
+    (weights == Weights::Equal).then(|| ("weights".to_string(), "equal".into()))
+}
+
+/// The result of a campaign so far with an estimate that its runs gave.
+fn of_estimate(
+    campaign: &Campaign<'_>,
+    estimate: Option<&Estimate>,
+    stability: LoopStability,
+    source: Source,
+    seed: u64,
+) -> Identification {
+    let model = campaign.model();
+    let setup = campaign.setup();
+    // A step that no run has confirmed is as uncertain as it is long.
+    let widened = estimate.zip(campaign.unsettled()).map(|(found, moved)| found.moving(&moved, &setup.estimation));
+    let estimate = widened.as_ref().or(estimate);
+    let own = EstimateReport::new(model, &setup.stated_prior(), estimate);
+    // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
+    let (linear, found, report, physical, physical_covariance) = match campaign.estimator().lumped() {
+        Some((lumped, found)) => {
+            let report = EstimateReport::new(lumped, &[], Some(found));
+            (lumped, Some(found), report, own.parameters, own.covariance)
+        }
+        None => (model, estimate, own, Vec::new(), Vec::new()),
+    };
+    let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } = report;
+    let mut result = Identification {
+        source,
+        model: model.name().into(),
+        estimator: setup.method,
+        frequency_name: setup.pattern.frequency.clone(),
+        outcome: campaign.outcome(),
+        stop: campaign.stop().cloned(),
+        seed: Some(seed),
+        hold: setup.procedure.hold,
+        harmonics: campaign.runs().iter().rev().find_map(|run| run.harmonics).unwrap_or(0),
+        parameters,
+        physical,
+        unobservable,
+        combinations,
+        covariance,
+        combination_covariance,
+        physical_covariance,
+        rank: found.map_or(0, |e| e.rank),
+        condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
+        residual: found.map_or(0.0, |e| e.residual),
+        runs: campaign.runs().to_vec(),
+        stability: Some(stability),
+        refinement: None,
+        method: None,
+        log: None,
+        pool: None,
+        warnings: campaign_warnings(linear, found, campaign),
+        provenance: Provenance {
+            seed: (source == Source::SimulatedPlant).then_some(seed),
+            options: equal_weights(setup.estimation.weights).into_iter().collect(),
+            ..provenance()
+        },
+        current: campaign.current().to_vec(),
+        estimate: estimate.cloned(),
+    };
+    if estimate.is_some() {
+        let mut position = vec![0.0; model.dims().motion_len()];
+        if let Some(stage) = setup.procedure.stages.first() {
+            stage.trajectory(&setup.pattern, 1.0).motion(0.0, &mut position);
+        }
+        position.truncate(model.dims().coordinates);
+        warn_of_negative_inertias(&mut result, model, &setup.constants, &position);
+        distrust(&mut result);
+    }
+    result
+}
+
+fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Campaign<'_>) -> Vec<Warning> {
+    let runs = campaign.runs();
+    let stopped = runs.iter().filter(|run| run.ending != RunEnding::Complete);
+    let goes_on = |run: &RunReport| campaign.outcome().is_none() || run.run < runs.len();
+    let mut warnings: Vec<Warning> =
+        stopped.map(|run| Warning::Run { run: run.run, ending: run.ending, goes_on: goes_on(run) }).collect();
+    warnings.extend(contradictions(runs));
+    warnings.extend(runs.iter().filter_map(|run| {
+        let mode = run.near_mode.clone()?;
+        Some(Warning::NearMode { run: run.run, fundamental: run.frequency, mode })
+    }));
+    if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
+        warnings.push(Warning::EndedEarly { outcome, limit: campaign.stop().cloned() });
+    }
+    let moves = |(moved, estimate): (Vec<f64>, &Estimate)| {
+        moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > MOVING * std)
+    };
+    // A schedule may end as planned, or by its share of effort, before the updates have settled.
+    if !campaign.estimator().is_final() && campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {
+        warnings.push(Warning::FarFromLinear { estimator: campaign.estimator().name() });
+    }
+    let plant = campaign.model();
+    for (i, mounted) in campaign.setup().procedure.motors.iter().enumerate() {
+        if let Some(mounted) = mounted.filter(|mounted| mounted.motor.rotor_inertia > 0.0) {
+            warnings.push(Warning::RotorIncluded {
+                coordinate: plant.coordinate(mounted.coordinate).name.to_string(),
+                input: plant.input(i).name.to_string(),
+                inertia: mounted.motor.rotor_inertia * mounted.motor.ratio.powi(2),
+            });
+        }
+    }
+    match estimate {
+        None => warnings.push(Warning::NothingAccepted),
+        Some(estimate) => warnings.extend(doubts(model, estimate, Data::Runs)),
+    }
+    let said = campaign.estimator().warnings();
+    warnings.extend(said.iter().map(|message| Warning::Estimator { message: message.clone() }));
+    warnings
+}
+
+/// The runs that contradict those that are pooled.
+fn contradictions(runs: &[RunReport]) -> impl Iterator<Item = Warning> + '_ {
+    let pooled: Vec<usize> = runs.iter().filter(|run| run.is_pooled()).map(|run| run.run).collect();
+    let outside = runs.iter().filter(|run| run.contradicts.is_some()).count();
+    let majority = pooled.len() > outside;
+    runs.iter().filter_map(move |run| {
+        let Contradiction { parameter, deviations } = run.contradicts.clone()?;
+        Some(Warning::Contradicts { run: run.run, parameter, deviations, pooled: pooled.clone(), majority })
+    })
+}
+
+/// What is unexplained, and which parameters the data do not tell well.
+pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) -> Vec<Warning> {
+    let name = |j: usize| model.parameter(j).name.to_string();
+    let combinations = estimate.combinations();
+    let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > NOTHING);
+    let (mut doubts, mut together) = (Vec::new(), Vec::new());
+    if estimate.residual > LARGE_RESIDUAL {
+        doubts.push(Warning::Unexplained { residual: estimate.residual });
+    }
+    for (j, status) in estimate.status.iter().enumerate() {
+        match status {
+            Status::Unobservable if shared(j) => together.push(name(j)),
+            Status::Unobservable => doubts.push(Warning::NotVisible { parameter: name(j), data }),
+            Status::PoorlyDetermined => doubts.push(Warning::PoorlyDetermined {
+                parameter: name(j),
+                value: estimate.values[j],
+                std: estimate.std[j],
+            }),
+            Status::Identified | Status::Frozen | Status::Untrusted => {}
+        }
+    }
+    if !together.is_empty() {
+        doubts.push(Warning::OnlyInCombinations { parameters: together, data });
+    }
+    doubts
+}
+
+/// Warns of masses and inertias that came out negative, and trusts them no more, unless the matrix of accelerations at rest at a
+/// position is that of some machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
+pub(super) fn warn_of_negative_inertias(
+    result: &mut Identification,
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    position: &[f64],
+) {
+    if has_inertia(model, &result.current, constants, position) {
+        return;
+    }
+    let named = if result.physical.is_empty() { &mut result.parameters } else { &mut result.physical };
+    let negative = negative_inertias(named);
+    for parameter in named.iter_mut().filter(|own| negative.iter().any(|(name, _)| *name == own.name)) {
+        parameter.status = parameter.status.in_result(false);
+    }
+    result
+        .warnings
+        .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
+}
+
+/// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record, or
+/// its columns are exchanged.
+pub(super) fn distrust(result: &mut Identification) {
+    for warning in &result.warnings {
+        let all = is_about_all(warning);
+        for parameter in result.physical.iter_mut().filter(|_| all) {
+            parameter.status = parameter.status.in_result(false);
+        }
+        for parameter in &mut result.parameters {
+            if all || matches!(warning, Warning::Halves { parameter: name, .. } if *name == parameter.name) {
+                parameter.status = parameter.status.in_result(false);
+            }
+        }
+    }
+}
+
+/// Whether a warning says that no number of a result is to be trusted.
+const fn is_about_all(warning: &Warning) -> bool {
+    matches!(
+        warning,
+        Warning::Exchanged { .. }
+            | Warning::Unsettled { .. }
+            | Warning::FarFromLinear { .. }
+            | Warning::EndOfInterval { .. }
+    )
+}
+
+/// A model whose parameters were lumped.
+pub(super) struct Lumped<'a>(&'a Prepared);
+
+impl<'a> Lumped<'a> {
+    /// The model, when it is one whose parameters were lumped.
+    pub(super) fn of(prepared: &'a Prepared) -> Option<Self> {
+        is_lumped(prepared).then_some(Self(prepared))
+    }
+
+    /// Names of the physical parameters.
+    pub(super) fn names(&self) -> Vec<String> {
+        let quantities = self.0.model.symbols.iter().filter(|quantity| quantity.kind == Kind::Parameter);
+        quantities.map(|quantity| quantity.name.to_string()).collect()
+    }
+
+    /// States the priors of columns that are sums of parameters of which every one has a prior in `physical`.
+    pub(super) fn state(
+        &self,
+        prior: &mut Vec<Option<f64>>,
+        physical: &BTreeMap<String, f64>,
+        constants: &BTreeMap<String, f64>,
+    ) {
+        let map = ParameterMap::new(self.0);
+        if physical.is_empty() || !map.is_linear() {
+            return;
+        }
+        let of = |name: &str| physical.get(name).or_else(|| constants.get(name)).copied().unwrap_or(f64::NAN);
+        let columns = map.evaluate(|symbol| of(&self.0.model.quantity(symbol).name));
+        prior.resize(columns.len(), None);
+        for (prior, sum) in prior.iter_mut().zip(columns) {
+            *prior = prior.or(Some(sum).filter(|sum| sum.is_finite()));
+        }
+    }
+
+    /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them. The prior and the
+    /// frozen values of `settings` may name other parameters too, which are left out.
+    pub(super) fn complete(
+        &self,
+        result: &mut Identification,
+        mut settings: PhysicalSettings,
+    ) -> Result<(), PhysicalError> {
+        let Some(estimate) = &result.estimate else { return Ok(()) };
+        let names = self.names();
+        for values in [&mut settings.prior, &mut settings.frozen] {
+            values.retain(|name, _| names.contains(name));
+        }
+        let estimate = &estimate.of_first(self.0.form.columns.len());
+        let found = physical(self.0, estimate, &settings)?;
+        // A value at a bound has no deviation, and so no covariance.
+        let known = |i: usize| found.parameters[i].std.is_some();
+        let count = found.parameters.len();
+        let entry = |r: usize, c: usize| (known(r) && known(c)).then(|| found.covariance[(r, c)]);
+        result.physical_covariance = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
+        let explained = estimate.is_explained() && !result.warnings.iter().any(is_about_all);
+        result.physical = found.parameters;
+        for parameter in &mut result.physical {
+            parameter.status = parameter.status.in_result(explained);
+        }
+        result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
+        Ok(())
+    }
+}

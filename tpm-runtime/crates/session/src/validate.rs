@@ -1,0 +1,298 @@
+//! Prediction of another log by identified parameters: the inputs from the motion, and the motion from the inputs.
+//!
+//! Invariant: no parameter is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
+//! inputs that they predict are compared with the recorded inputs: harmonic by harmonic, over the harmonics that stand
+//! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
+//! is named.
+
+use crate::any_log::stretches;
+use crate::error::SessionError;
+use crate::log::{LogRequest, alone};
+use crate::log_fault::LogFault;
+use crate::model::Identifiable;
+use crate::options::LogOptions;
+use crate::periodic_log::{repeating, spectra};
+use crate::rows::Rows;
+use crate::simulation::{Simulation, simulate};
+use num_complex::Complex;
+use serde::Serialize;
+use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
+use tpm_core::derivatives::RowDerivatives;
+use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_estimate::Domain;
+use tpm_estimate::{Differentiable, ForceCourse, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
+use tpm_log::{Log, ReadingReport, Recording};
+
+/// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
+const CANCELLED: f64 = 1e-3;
+
+/// Measured and predicted force of one row.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RowCourse {
+    /// Harmonic by harmonic: its number, phasor of the applied force, phasor of the predicted one, unit of the row.
+    Harmonics(Vec<(usize, Complex<f64>, Complex<f64>)>),
+    /// Over time, behind the low pass.
+    Time(ForceCourse),
+}
+
+/// Prediction error of one row.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RowPrediction {
+    /// Name of the row.
+    pub name: String,
+    /// Unit of the row.
+    pub unit: Option<String>,
+    /// Root mean square of the applied force at the used harmonics; of the row's own terms where no force is applied.
+    pub force: f64,
+    /// Root mean square of the prediction error at the used harmonics.
+    pub missed: f64,
+    /// The prediction error as a share of `force`.
+    pub share: f64,
+    /// Measured and predicted force, for figures.
+    #[serde(skip)]
+    pub course: RowCourse,
+}
+
+/// A row that is not predicted, since it changes along a direction of the parameters that neither data nor stated priors determine.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RowUnpredicted {
+    /// Name of the row.
+    pub name: String,
+    /// The direction.
+    pub direction: String,
+    /// The parameters that take part in it.
+    pub parameters: Vec<String>,
+}
+
+/// How well parameters predict a log; serialises as `tpm.validation/1`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Validation {
+    /// `tpm.validation/1`.
+    pub schema: &'static str,
+    /// Name of the model.
+    pub model: String,
+    /// Name of the log.
+    pub log: String,
+    /// What was assumed in reading the file, how the record was split, and what was left out.
+    #[serde(skip_serializing_if = "ReadingReport::is_plain")]
+    pub reading: ReadingReport,
+    /// First sample that was used.
+    pub from_sample: usize,
+    /// Period, s; nothing where the log was used in the time domain.
+    pub period: Option<f64>,
+    /// Whole periods.
+    pub periods: usize,
+    /// Cut-off of the low pass on forces and predictions, Hz; nothing where harmonics were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_off: Option<f64>,
+    /// Hold of the inputs: `none` or `zoh`.
+    pub hold: String,
+    /// Highest harmonic that was compared; zero in the time domain.
+    pub harmonics: usize,
+    /// Prediction errors of the rows that are predicted.
+    pub rows: Vec<RowPrediction>,
+    /// Rows that are not predicted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unpredicted: Vec<RowUnpredicted>,
+    /// Largest share of any row that is predicted; nothing when none is.
+    pub prediction_error: Option<f64>,
+    /// The motion simulated from the inputs; nothing where the model cannot be simulated with what is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulation: Option<Simulation>,
+    /// Why the motion is not simulated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_simulated: Option<String>,
+}
+
+impl Validation {
+    /// Why not all rows are predicted; nothing when they are.
+    #[must_use]
+    pub fn shortfall(&self) -> Option<String> {
+        let row = |row: &RowUnpredicted| {
+            let direction = &row.direction;
+            format!("the result does not determine {direction}, and {} on this log changes along it", row.name)
+        };
+        let all: Vec<String> = self.unpredicted.iter().map(row).collect();
+        let parameters = &self.unpredicted.first()?.parameters;
+        Some(format!("{}; {}", all.join("; "), remedy(parameters)))
+    }
+}
+
+/// Predicts the inputs of a log from its motion, and simulates its motion from the inputs, with what an identification knows of the
+/// parameters in which the model is linear.
+///
+/// # Errors
+/// [`SessionError::NotIdentified`] where nothing is known of a parameter; another [`SessionError`] when the log cannot be read
+/// or analysed.
+pub fn validate(
+    model: &impl Identifiable,
+    log: impl Into<LogRequest>,
+    known: impl Into<Identified>,
+) -> Result<Validation, SessionError> {
+    let (request, known) = (log.into(), known.into());
+    let declared = model.declaration()?;
+    let rows = Rows::new(model, declared.as_deref());
+    let evaluated = rows.model();
+    let unknown = |name: &str| SessionError::NotIdentified { name: name.to_string() };
+    let settled = known.settled().map_err(|error| match error {
+        IdentifiedError::Missing(name) => unknown(&name),
+        other => SessionError::File { path: "the identified values".into(), message: other.to_string() },
+    })?;
+    let value = |j: usize| {
+        let name = evaluated.parameter(j).name;
+        settled.value(name).ok_or_else(|| unknown(name))
+    };
+    let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
+    let options = request.options(evaluated, &[])?;
+    let mut recording = Recording::open(request.source(), evaluated, &options.reading)?;
+    if options.domain == Some(Domain::Harmonics) {
+        recording = alone(recording, evaluated.dims().coordinates, &options);
+    }
+    let segments: Vec<&Log> = recording.segments.iter().collect();
+    let fault =
+        |error: EvalError| LogFault::Estimate { path: request.path.display().to_string(), source: error.into() };
+    let rows = rows.about(&parameters).map_err(fault)?;
+    let machine = rows.machine();
+    let derivatives = machine.map(|machine| machine.derivatives);
+    let found = validate_segments(rows.model(), derivatives, &segments, &options, &parameters, &settled.open)?;
+    let (simulation, not_simulated) = match simulate(machine, &segments, &options, &parameters, &settled.open)? {
+        Ok(simulation) => (Some(simulation), None),
+        Err(why) => (None, Some(why)),
+    };
+    Ok(Validation { reading: recording.report, simulation, not_simulated, ..found })
+}
+
+/// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model. Rows that change along
+/// one of the `open` directions are left out. Harmonic by harmonic where the log repeats, otherwise in the time domain. The motion is
+/// not simulated: [`validate`] does that with a declared model.
+///
+/// # Errors
+/// [`LogFault`] when the log is too short, or the rows cannot be evaluated on its motion.
+pub fn validate_log(
+    model: &dyn Model<f64>,
+    log: &Log,
+    options: &LogOptions,
+    parameters: &[f64],
+    open: &[Weights],
+) -> Result<Validation, LogFault> {
+    validate_segments(model, None, &[log], options, parameters, open)
+}
+
+/// Predicts and simulates the measured part of a run with what its campaign identified. `derivatives` are those of the plant's rows; the
+/// motion is simulated where they are given. `parameters` has one value per parameter of the plant, `open` the directions not determined.
+///
+/// # Errors
+/// [`LogFault`].
+pub(super) fn validate_run(
+    machine: (&dyn Model<f64>, Option<&dyn RowDerivatives<f64>>),
+    log: &Log,
+    options: &LogOptions,
+    parameters: &[f64],
+    open: &[Weights],
+) -> Result<Validation, LogFault> {
+    let (model, derivatives) = machine;
+    let found = validate_segments(model, derivatives, &[log], options, parameters, open)?;
+    let differentiable = derivatives.map(|derivatives| Differentiable { model, derivatives });
+    let (simulation, not_simulated) =
+        match (&differentiable, simulate(differentiable, &[log], options, parameters, open)?) {
+            (None, _) => {
+                (None, Some("the derivatives of a model with eliminated coordinates are not known".to_string()))
+            }
+            (_, Ok(simulation)) => (Some(simulation), None),
+            (_, Err(why)) => (None, Some(why)),
+        };
+    Ok(Validation { simulation, not_simulated, ..found })
+}
+
+fn validate_segments(
+    model: &dyn Model<f64>,
+    derivatives: Option<&dyn RowDerivatives<f64>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    parameters: &[f64],
+    open: &[Weights],
+) -> Result<Validation, LogFault> {
+    let dims = model.dims();
+    let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
+    let fault = |source| LogFault::Estimate { path: path.clone(), source };
+    require_len(Buffer::Parameters, parameters.len(), dims.parameters).map_err(|error| fault(error.into()))?;
+    let along = |direction: &Weights| -> Vec<f64> {
+        let weight = |j: usize| direction.get(model.parameter(j).name).copied().unwrap_or(0.0);
+        (0..dims.parameters).map(weight).collect()
+    };
+    let directions: Vec<Vec<f64>> = open.iter().map(along).collect();
+    let periodic = match (segments, options.domain) {
+        ([log], None) => repeating(log, dims.coordinates, options)?,
+        ([log], Some(Domain::Harmonics)) => Some(spectra(log, dims.coordinates, options)?),
+        _ => None,
+    };
+    let mut found = Validation {
+        schema: "tpm.validation/1",
+        model: model.name().into(),
+        log: path.clone(),
+        reading: ReadingReport::default(),
+        from_sample: options.from_sample.unwrap_or(0),
+        period: None,
+        periods: 0,
+        cut_off: None,
+        hold: options.hold.to_string(),
+        harmonics: 0,
+        rows: Vec::new(),
+        unpredicted: Vec::new(),
+        prediction_error: None,
+        simulation: None,
+        not_simulated: None,
+    };
+    let rows: Vec<(Missed, Option<Vec<_>>)> = match (&periodic, segments.first()) {
+        (Some((periodic, spectra)), Some(log)) => {
+            let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
+            let record =
+                MeasuredMotion::new(model, &options.constants, spectra, options.hold, &settings).map_err(fault)?;
+            found.from_sample = periodic.from;
+            found.period = Some(periodic.samples_per_period * log.sample_time);
+            found.periods = periodic.periods;
+            found.harmonics = record.harmonics();
+            let row = |r: usize| {
+                let (missed, force) = record.row_power(r, parameters);
+                let changes = directions.iter().map(|direction| {
+                    let (change, terms) = record.row_change(r, direction);
+                    if terms > 0.0 { change / terms } else { 0.0 }
+                });
+                let missed = Missed { force, missed, changes: changes.collect(), course: ForceCourse::default() };
+                (missed, Some(record.row_lines(r, parameters)))
+            };
+            (0..dims.rows).map(row).collect()
+        }
+        _ => {
+            let stretches = stretches(segments, dims.coordinates, options)?;
+            let record = TimeRecord {
+                sample_time: segments.first().map_or(0.0, |log| log.sample_time),
+                hold: options.hold,
+                actuators: &options.actuators,
+                stretches,
+            };
+            let predicted = predict_in_band(model, derivatives, &options.constants, &record, parameters, &directions)
+                .map_err(fault)?;
+            found.cut_off = Some(predicted.cut_off);
+            predicted.rows.into_iter().map(|row| (row, None)).collect()
+        }
+    };
+    for (r, (Missed { force, missed, changes, course }, lines)) in rows.into_iter().enumerate() {
+        let label = model.row(r);
+        match open.iter().zip(changes).find(|(_, change)| *change > CANCELLED) {
+            Some((direction, _)) => found.unpredicted.push(RowUnpredicted {
+                name: label.name.into(),
+                direction: display(direction),
+                parameters: direction.keys().cloned().collect(),
+            }),
+            None => {
+                let share = if force > 0.0 { missed / force } else { 0.0 };
+                let (name, unit) = (label.name.into(), label.unit.map(String::from));
+                let course = lines.map_or(RowCourse::Time(course), RowCourse::Harmonics);
+                found.rows.push(RowPrediction { name, unit, force, missed, share, course });
+            }
+        }
+    }
+    found.prediction_error = found.rows.iter().map(|row| row.share).reduce(f64::max);
+    Ok(found)
+}

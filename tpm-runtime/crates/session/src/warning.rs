@@ -1,0 +1,532 @@
+//! What a user should know beside the numbers of a result.
+
+use crate::refinement_report::MissingTerm;
+use serde::Serialize;
+use std::fmt;
+use tpm_campaign::{NearMode, Outcome};
+use tpm_core::harmonics::Hold;
+use tpm_log::Repeated;
+use tpm_motion::RunEnding;
+use tpm_plant::actuator::LimitUse;
+use tpm_report::{Remedy, digits, displayed, number, plus_minus};
+
+/// Significant digits of a term that a model lacks, which a few logs hardly show better.
+const TERM_DIGITS: usize = 3;
+
+/// Which data a statement is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Data {
+    /// One log.
+    Log,
+    /// Several logs.
+    Logs,
+    /// The runs of a campaign.
+    Runs,
+}
+
+impl fmt::Display for Data {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Data::Log => "this log",
+            Data::Logs => "these logs",
+            Data::Runs => "these runs",
+        })
+    }
+}
+
+/// A warning of a result. Its text names no front end's options; [`remedy`](Self::remedy) says which setting would help.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Warning {
+    /// Another assumption about the inputs between samples leaves a clearly smaller residual.
+    OtherHold {
+        /// The hold that was assumed.
+        #[serde(serialize_with = "displayed")]
+        stated: Hold,
+        /// Share of the force that it leaves unexplained.
+        left: f64,
+        /// The hold that explains the log better.
+        #[serde(serialize_with = "displayed")]
+        better: Hold,
+        /// Share of the force that the better hold leaves unexplained.
+        left_by_better: f64,
+    },
+    /// The model explains the log with the readings of a coordinate and of an input exchanged, and not as they are.
+    Exchanged {
+        /// The coordinate.
+        coordinate: String,
+        /// The input.
+        input: String,
+        /// Share of the force that is left unexplained as the readings are.
+        left: f64,
+        /// Share of the force that is left unexplained with both exchanged.
+        left_by_exchange: f64,
+    },
+    /// The estimates are not refined by a simulation, because that would take long.
+    LongSimulation {
+        /// Floating-point operations of one step.
+        work: f64,
+        /// The most that are spent without being asked for.
+        most: f64,
+    },
+    /// The log holds one whole period only.
+    OnePeriod,
+    /// A period was stated, and the record is used in the time domain, where it does not count.
+    PeriodNotUsed {
+        /// The stated period, s.
+        period: f64,
+        /// Stretches of the record.
+        stretches: usize,
+    },
+    /// Readings of a coordinate repeat the one before, and were replaced by what the fresh ones around them say.
+    RepeatedReadings {
+        /// The coordinate, and how many.
+        #[serde(flatten)]
+        repeated: Repeated,
+    },
+    /// Single readings of a coordinate were far from their neighbours, and were replaced by what these say.
+    LoneReadings {
+        /// The coordinate.
+        coordinate: String,
+        /// How many.
+        count: usize,
+        /// Line of the first, from 1.
+        line: u64,
+        /// Largest distance of a reading from what its neighbours say, unit of the coordinate.
+        farthest: f64,
+        /// Unit of the coordinate.
+        unit: Option<String>,
+    },
+    /// A measured rate is not the rate of the measured position.
+    RateDiffers {
+        /// The coordinate.
+        coordinate: String,
+        /// Measured rate over the rate of the measured position.
+        gain: f64,
+    },
+    /// Something about one of several logs.
+    InLog {
+        /// The log.
+        path: String,
+        /// What is to be said of it.
+        warning: Box<Warning>,
+    },
+    /// A log contradicts the other logs.
+    LogsDisagree {
+        /// The log.
+        path: String,
+        /// The parameter that differs most.
+        parameter: String,
+        /// By how many deviations of the difference it differs from the other logs together.
+        deviations: f64,
+    },
+    /// The last two periods of a log differ.
+    Unsteady {
+        /// Root mean square of their difference, as a share of the motion.
+        mismatch: f64,
+    },
+    /// More than half of a log does not repeat with the period of its end.
+    MostlyLeftOut {
+        /// Samples at the start that are left out.
+        left_out: usize,
+        /// Samples of the log.
+        samples: usize,
+    },
+    /// Harmonics are excited that the model does not explain as it does the lower ones; they are not used.
+    HarmonicsLeftOut {
+        /// The lowest of them.
+        from: usize,
+        /// The highest of them.
+        to: usize,
+    },
+    /// The model leaves a large part of the force unexplained.
+    Unexplained {
+        /// Root mean square of the residual, as a share of the force.
+        residual: f64,
+    },
+    /// A parameter takes no part in what the data show.
+    NotVisible {
+        /// The parameter.
+        parameter: String,
+        /// The data.
+        data: Data,
+    },
+    /// A parameter's standard deviation is of the size of its value.
+    PoorlyDetermined {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+        /// Its standard deviation, in its unit.
+        std: f64,
+    },
+    /// The data show these parameters only in combinations with each other.
+    OnlyInCombinations {
+        /// The parameters.
+        parameters: Vec<String>,
+        /// The data.
+        data: Data,
+    },
+    /// A mass or a moment of inertia came out negative.
+    NegativeInertia {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
+    /// A run ended before all of its samples were used, or had to be played again.
+    Run {
+        /// Number of the run, from 1.
+        run: usize,
+        /// How it ended.
+        ending: RunEnding,
+        /// Whether the campaign goes on after the run.
+        goes_on: bool,
+    },
+    /// A run differs from the runs that are pooled by more than chance, and is left out of the result.
+    Contradicts {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The parameter that differs most.
+        parameter: String,
+        /// Its difference, in standard deviations of the difference.
+        deviations: f64,
+        /// Numbers of the runs that are pooled.
+        pooled: Vec<usize>,
+        /// Whether the runs that are pooled are more than those that are not.
+        majority: bool,
+    },
+    /// A harmonic that was played lies near a natural frequency of the machine.
+    NearMode {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Fundamental frequency of the run, rad/s.
+        fundamental: f64,
+        /// The harmonic and the mode.
+        mode: NearMode,
+    },
+    /// The campaign ended before it had done what its schedule asks.
+    EndedEarly {
+        /// Why.
+        outcome: Outcome,
+        /// The limit that ended it, when one did.
+        limit: Option<LimitUse>,
+    },
+    /// An identified inertia contains that of a motor's rotor.
+    RotorIncluded {
+        /// The coordinate whose inertia it is.
+        coordinate: String,
+        /// The input that the motor drives.
+        input: String,
+        /// The rotor's inertia, seen from the coordinate, in the unit of the coordinate's inertia.
+        inertia: f64,
+    },
+    /// No run of a campaign could be used.
+    NothingAccepted,
+    /// The residual shows that the model lacks a term.
+    MissingTerm {
+        /// The term, its size and what it would mean.
+        #[serde(flatten)]
+        term: MissingTerm,
+    },
+    /// The halves of a log contradict each other.
+    Halves {
+        /// The parameter.
+        parameter: String,
+        /// By how much its value in the second half is larger, in its unit.
+        moved: f64,
+        /// Widened standard deviation of that difference.
+        deviation: f64,
+    },
+    /// No parameters of the model make it follow the record sample by sample.
+    Unsettled {
+        /// How the simulation went.
+        message: String,
+    },
+    /// The updates of a linearised estimator ended further from where it was linearised than their deviations allow.
+    FarFromLinear {
+        /// The estimator.
+        estimator: &'static str,
+    },
+    /// An input was cut off at a limit behind the place where it was recorded.
+    Limited {
+        /// The limit.
+        #[serde(flatten)]
+        term: MissingTerm,
+    },
+    /// What the model leaves unexplained repeats with the motion, and no single term explains it.
+    Repeats {
+        /// Power at the harmonics of the motion, in units of that of the noise.
+        power: f64,
+    },
+    /// The machine vibrates at a frequency at which the model does not.
+    Vibration {
+        /// The frequency, Hz.
+        frequency: f64,
+    },
+    /// The data ask for a value of a nonlinear parameter beyond an end of its interval, at which it is held.
+    EndOfInterval {
+        /// The parameter.
+        parameter: String,
+        /// That end, in its unit.
+        end: f64,
+        /// Its interval.
+        interval: [f64; 2],
+    },
+    /// Several values of the nonlinear parameters explain the data nearly alike.
+    SeveralMinima {
+        /// A parameter in which they differ.
+        parameter: String,
+        /// The value that explains the data best, in its unit.
+        value: f64,
+        /// Another value, in its unit.
+        other: f64,
+        /// What the other value leaves unexplained, in units of what the best one does.
+        left: f64,
+    },
+    /// Runs do not identify a nonlinear parameter: its value is that of the experiment.
+    TakenAsKnown {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
+    /// What an estimator says of its own equations.
+    Estimator {
+        /// The estimator's words.
+        message: String,
+    },
+    /// What the map from lumped to physical parameters shows.
+    Physical {
+        /// The words of [`Physical::warnings`](tpm_physical::Physical::warnings).
+        message: String,
+    },
+}
+
+impl Warning {
+    /// Whether numbers that follow from such data are not to be trusted.
+    #[must_use]
+    pub fn is_distrust(&self) -> bool {
+        match self {
+            Warning::Exchanged { .. }
+            | Warning::NegativeInertia { .. }
+            | Warning::Halves { .. }
+            | Warning::Unsettled { .. }
+            | Warning::FarFromLinear { .. }
+            | Warning::EndOfInterval { .. }
+            | Warning::LogsDisagree { .. } => true,
+            Warning::InLog { warning, .. } => warning.is_distrust(),
+            _ => false,
+        }
+    }
+
+    /// Whether the warning says that the model does not explain all of what was measured.
+    #[must_use]
+    pub fn is_misfit(&self) -> bool {
+        match self {
+            Warning::Unexplained { .. }
+            | Warning::MissingTerm { .. }
+            | Warning::Repeats { .. }
+            | Warning::Vibration { .. } => true,
+            Warning::InLog { warning, .. } => warning.is_misfit(),
+            _ => false,
+        }
+    }
+
+    /// The setting that would remove the warning, when there is one.
+    #[must_use]
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Warning::InLog { warning, .. } => warning.remedy(),
+            Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
+            Warning::Exchanged { coordinate, input, .. } => {
+                Some(Remedy::MapColumns { signals: vec![coordinate.clone(), input.clone()] })
+            }
+            Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
+            Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
+            Warning::LongSimulation { .. } => Some(Remedy::Simulation),
+            Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Warning::OtherHold { stated, left, better, left_by_better } => write!(
+                f,
+                "hold {better} explains the log clearly better: it leaves {:.3} % of the force, hold {stated} leaves {:.3} %",
+                100.0 * left_by_better,
+                100.0 * left
+            ),
+            Warning::Exchanged { coordinate, input, left, left_by_exchange } => write!(
+                f,
+                "the readings of {coordinate} and {input} seem to be exchanged: as they are the model leaves {:.3} % of the force \
+                 unexplained, and {:.3} % with both exchanged",
+                100.0 * left,
+                100.0 * left_by_exchange
+            ),
+            Warning::LongSimulation { work, most } => write!(
+                f,
+                "the estimates are not refined by simulating the model sample by sample: a step of that takes {work:.1e} operations, more than the {most:.1e} that are spent without being asked for"
+            ),
+            Warning::OnePeriod => f.write_str(
+                "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",
+            ),
+            Warning::PeriodNotUsed { period, stretches: 1 } => {
+                write!(f, "the stated period of {} s does not count in the time domain", number(*period))
+            }
+            Warning::PeriodNotUsed { period, stretches } => write!(
+                f,
+                "the stated period of {} s is not used: the record has {stretches} stretches, which need not share it and are used together in the time domain",
+                number(*period)
+            ),
+            Warning::RepeatedReadings { repeated } => repeated.fmt(f),
+            Warning::LoneReadings { coordinate, count, line, farthest, unit } => {
+                let unit = unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
+                write!(
+                    f,
+                    "{count} single readings of {coordinate}, the first in line {line}, stand up to {farthest:.3e}{unit} away from their neighbours: faults of the sensor or of its recording; \
+                     what these say was used instead"
+                )
+            }
+            Warning::InLog { path, warning } => write!(f, "{path}: {warning}"),
+            Warning::LogsDisagree { path, parameter, deviations } => write!(
+                f,
+                "{path} contradicts the other logs: {parameter} differs most, by {deviations:.1} deviations; the machine was another one, or a load, a setting, a scale of a column, or the model lacks a force that grows with the frequency, as that of a flexible part does; identify each log by itself"
+            ),
+            Warning::RateDiffers { coordinate, gain } => write!(
+                f,
+                "the measured rate of {coordinate} is {gain:.3} times the rate of its measured position: a scale or a unit of one of them is wrong, or a lag"
+            ),
+            Warning::Unsteady { mismatch } => write!(
+                f,
+                "the last two periods differ by {:.1} % of the motion: noise, or a motion that has not settled",
+                100.0 * mismatch
+            ),
+            Warning::MostlyLeftOut { left_out, samples } => write!(
+                f,
+                "more than half of the log is left out: samples 0 to {} of {samples} do not repeat with the period of the last ones; \
+                 the end of a motion whose frequency changes passes for periodic, and its parameters are not to be trusted; \
+                 say from which sample on the motion repeats",
+                left_out - 1
+            ),
+            Warning::HarmonicsLeftOut { from, to } => write!(
+                f,
+                "harmonics {from} to {to} are excited but left out: the model does not explain them as it does the lower ones"
+            ),
+            Warning::Unexplained { residual } => write!(
+                f,
+                "{:.1} % of the force is not explained by the model; terms may be missing, or a scale, a sign or a column may be wrong",
+                100.0 * residual
+            ),
+            Warning::NotVisible { parameter, data } => write!(f, "{parameter} is not visible in {data}"),
+            Warning::PoorlyDetermined { parameter, value, std } => {
+                write!(f, "{parameter} is poorly determined: {}", plus_minus(*value, *std))
+            }
+            Warning::OnlyInCombinations { parameters, data } => {
+                write!(f, "visible in {data} only in combinations with each other: {}", parameters.join(", "))
+            }
+            Warning::NegativeInertia { parameter, value } => write!(
+                f,
+                "{parameter} = {value:.4e} is negative, which no machine has: a term may be missing, or a scale, a sign or a column may be wrong"
+            ),
+            Warning::Run { run, ending, goes_on } => match (ending, goes_on) {
+                (RunEnding::Unsettled, true) => {
+                    write!(f, "run {run}: the motion had not settled; it was played again for longer")
+                }
+                (RunEnding::Unsettled, false) => write!(f, "run {run}: the motion had not settled"),
+                (RunEnding::SensorLost, _) => write!(f, "run {run}: a sensor gave no value; the run is not used"),
+                (ending, true) => write!(f, "run {run}: aborted ({ending}), amplitudes reduced"),
+                (ending, false) => write!(f, "run {run}: aborted ({ending})"),
+            },
+            Warning::Contradicts { run, parameter, deviations, pooled, majority } => {
+                let (runs, which) = if pooled.len() == 1 { ("run", "that run") } else { ("runs", "those runs") };
+                let list: Vec<String> = pooled.iter().map(ToString::to_string).collect();
+                write!(
+                    f,
+                    "run {run} contradicts {runs} {}: {parameter} differs most, by {deviations:.1} standard deviations; run {run} is kept but not pooled; ",
+                    list.join(", ")
+                )?;
+                if *majority {
+                    f.write_str(
+                        "something was different in that run: a load, a setting, a sensor, friction after a pause, an input that did not act as recorded",
+                    )
+                } else {
+                    write!(
+                        f,
+                        "it may be right and {which} wrong: play the run again, and the larger number of runs that agree is pooled"
+                    )
+                }
+            }
+            Warning::NearMode { run, fundamental, mode } => write!(
+                f,
+                "run {run}: harmonic {} of {} ({:.4} rad/s) lies near a natural mode of the machine ({:.4} rad/s): choose another frequency, or its vibration is measured",
+                mode.harmonic,
+                mode.signal,
+                f64::from(mode.harmonic) * fundamental,
+                mode.frequency
+            ),
+            Warning::EndedEarly { outcome, limit } => {
+                write!(f, "the campaign ended early: {}", outcome.describe())?;
+                limit.as_ref().map_or(Ok(()), |limit| write!(f, ": {limit}"))
+            }
+            Warning::RotorIncluded { coordinate, input, inertia } => write!(
+                f,
+                "what is identified of {coordinate}'s inertia contains the rotor on {input}, {inertia:.4e} in its unit: leave rotor_inertia out where these values meet this motor"
+            ),
+            Warning::MissingTerm { term } => write!(
+                f,
+                "the model leaves something unexplained, of which a term {} * {}{} takes {:.0} %: {}; deviations contain how far the parameters would move with it",
+                digits(term.value, TERM_DIGITS),
+                term.term,
+                term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),
+                100.0 * term.gain,
+                term.meaning
+            ),
+            Warning::Halves { parameter, moved, deviation } => write!(
+                f,
+                "the halves of the record contradict each other: {parameter} is {moved:+.3e} larger in the second half, {:.1} deviations: the machine changed, or the recording did",
+                moved.abs() / deviation
+            ),
+            Warning::Limited { term } => write!(
+                f,
+                "the recorded {} was not applied (clipping, saturation behind the recording): the values are those with this limit, without which the record makes no sense",
+                term.term
+            ),
+            Warning::Repeats { power } => write!(
+                f,
+                "what the model leaves unexplained repeats with the motion ({power:.1} times the noise at its harmonics), and no single term explains it: a term of the model, friction, a sensor that is not linear; deviations are widened"
+            ),
+            Warning::Vibration { frequency } => write!(
+                f,
+                "the residual vibrates at about {frequency:.1} Hz, where the model has no mode: a flexible mode between input and sensor; deviations contain how far its static part would move the parameters"
+            ),
+            Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
+            Warning::Unsettled { message } => write!(
+                f,
+                "{message}: no values were found with which the model follows the record; the model may lack something large, or a channel may not be what it is taken for"
+            ),
+            Warning::FarFromLinear { estimator } => write!(
+                f,
+                "the updates of {estimator} ended before they settled: an estimate is further from where its equations were linearised than its deviations allow, so that the linearisation does not hold: no value is to be trusted; begin nearer, or with a slower and smaller stage, allow more runs, or take measured-motion"
+            ),
+            Warning::EndOfInterval { parameter, end, interval: [from, to] } => write!(
+                f,
+                "{parameter} is held at {end:.4e}, an end of its interval from {from:.4e} to {to:.4e}, beyond which the data ask for it: no value is to be trusted; declare a wider interval, or look for what the model lacks"
+            ),
+            Warning::TakenAsKnown { parameter, value } => write!(
+                f,
+                "{parameter} was taken as known, {value:.4e}: runs identify only parameters in which the model is linear; deviations do not contain that of {parameter}; identify it from a log"
+            ),
+            Warning::SeveralMinima { parameter, value, other, left } => write!(
+                f,
+                "{parameter} = {other:.4e} explains the data nearly as well as {value:.4e}, it leaves {left:.3} times as much: declare a narrower interval if one of them is impossible, or record a motion that tells them apart"
+            ),
+            Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),
+        }
+    }
+}

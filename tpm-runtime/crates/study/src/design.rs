@@ -1,0 +1,590 @@
+//! Experiment design before anything moves: the information that candidates would give, and whether they keep within
+//! the limits.
+//!
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`information_root`]) for the noise of the simulated
+//! sensors ([`deviations`]), inputs known exactly, since a simulated machine records what it applies. Candidates and the runs of a
+//! study are predicted by one function ([`predict`]). Candidates are compared by the determinant of the scaled information matrix
+//! (D-optimality); of those that determine equally many parameters, candidates with a harmonic near a natural mode of the
+//! estimates come behind the others (Feng, 3.2.1). A candidate that passes a limit is ranked last, with the sample at which it does.
+
+use crate::content::{entries_along, showing};
+use rayon::prelude::*;
+use serde::{Serialize, Serializer};
+use std::f64::consts::PI;
+use tpm_campaign::{LEAST_PERIODS, NearMode, RunReport, Setup, Stage, near_mode};
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{EvalError, Model};
+use tpm_estimate::{RecordNoise, has_jumps, information_root};
+use tpm_experiment::{Experiment, ExperimentError};
+use tpm_motion::trajectory::{HarmonicSeries, Line, ReferencePattern, Trajectory};
+use tpm_motion::{Record, RunEnding, Trial, TrialError, TrialSettings};
+use tpm_numerics::DMatrix;
+use tpm_numerics::fourier::analyse;
+use tpm_numerics::singular::{Singular, unit_columns};
+use tpm_plant::simulated::{Rig, Sensor, SimulatedRun, simulate};
+use tpm_symbolic::harmonic::report::ShowingHarmonic;
+use tpm_symbolic::regressor::base_parameters::{BaseParameter, Motions, base_parameters};
+use tpm_symbolic::regressor::prepare::Prepared;
+
+/// Factors on the last stage's amplitudes and frequency that are tried.
+const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
+/// Multiples of the frequency that are tried for every coordinate when several move.
+const MULTIPLES: [u32; 3] = [1, 2, 3];
+/// Most coordinates for which multiples of the frequency are tried.
+const VARIED: usize = 3;
+/// Smallest singular value of the scaled information's square root that counts, as a share of the largest.
+const RANK: f64 = 1e-9;
+/// Highest harmonic to which the derivatives of the motion are followed, as a multiple of the motion's highest
+/// harmonic.
+const REACH: usize = 2;
+/// Highest harmonic that is said to show a parameter, as a multiple of the motion's highest harmonic.
+const SHOWN: usize = 4;
+/// Harmonics of an encoder's error that are added up; those that are left out hold less than a hundredth of its variance.
+const REPEATED_HARMONICS: u32 = 100;
+/// Noise that is assumed of a sensor without noise, as a share of the amplitude.
+const LEAST_NOISE: f64 = 1e-6;
+
+/// The predicted deviation of one parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Name of the parameter.
+    pub name: String,
+    /// Standard deviation; nothing when the candidate's motion does not determine the parameter.
+    pub std: Option<f64>,
+}
+
+/// Where a candidate passes a limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Passed {
+    /// The input.
+    pub input: String,
+    /// Sample of the period.
+    pub sample: usize,
+    /// Demand on the input at this sample, as a share of the limit.
+    pub share: f64,
+}
+
+/// Candidates, with the estimates and the noise from which they were predicted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Design {
+    /// Values of the parameters: the prior, and the simulated machine's value where the prior is zero.
+    #[serde(serialize_with = "by_name")]
+    pub estimates: Vec<(String, f64)>,
+    /// Standard deviation of the position noise of one sample at the last stage, unit of the coordinate; a millionth of the
+    /// amplitude for sensors without noise. Where the error of an encoder repeats in every period, it stands here as the white noise
+    /// that has the same mean over the periods.
+    #[serde(serialize_with = "by_name")]
+    pub noise: Vec<(String, f64)>,
+    /// Candidates, best first; those that pass a limit come last.
+    pub candidates: Vec<Candidate>,
+}
+
+/// One candidate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Names and values of the amplitudes.
+    #[serde(serialize_with = "by_name")]
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental frequency, rad/s.
+    pub frequency: f64,
+    /// Multiple of the frequency by coordinate.
+    #[serde(serialize_with = "by_name")]
+    pub multiples: Vec<(String, u32)>,
+    /// Rank of the scaled equations: the number of parameter combinations that the candidate determines.
+    pub rank: usize,
+    /// Condition number of the scaled equations over the directions that the candidate determines.
+    pub condition: f64,
+    /// Natural logarithm of the determinant of the information matrix, every parameter scaled by its estimate.
+    pub determinant: f64,
+    /// Predicted standard deviations of the parameters.
+    pub parameters: Vec<Predicted>,
+    /// Largest share of its limit that an input takes; nothing without limits.
+    pub effort_share: Option<f64>,
+    /// Highest harmonic of an input's feed-forward above a thousandth of that input's largest harmonic.
+    pub input_harmonics: usize,
+    /// A harmonic near a natural mode of the estimates; nothing where no harmonic is.
+    pub near_mode: Option<NearMode>,
+    /// The sample that passes a limit the most; nothing when all inputs keep within the stated share.
+    pub passed: Option<Passed>,
+    /// The motion.
+    #[serde(skip)]
+    pub trajectory: Trajectory,
+}
+
+/// What shows a base parameter: the leading one of a combination of parameters that any motion shows together only.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Showing {
+    /// The leading parameter.
+    pub parameter: String,
+    /// The harmonics of its regressor that are not zero for certain, up to four times the highest of the motion.
+    pub harmonics: Vec<ShowingHarmonic>,
+}
+
+impl Candidate {
+    /// The harmonics that show each base parameter of a mechanism along the candidate's motion; empty where the base parameters have no
+    /// exact factors. `model` is that of the rows; `value` gives its run-time constants by their names.
+    #[must_use]
+    pub fn showing(
+        &self,
+        prepared: &Prepared,
+        model: &dyn Model<f64>,
+        value: impl Fn(&str) -> Option<f64>,
+    ) -> Vec<Showing> {
+        let found = base_parameters(&prepared.model, &prepared.form, &Motions::default());
+        let Some(base) = found.ok().and_then(|found| found.base) else { return Vec::new() };
+        let entries = entries_along(prepared, model, &self.trajectory, value);
+        let highest = SHOWN * self.trajectory.highest_harmonic() as usize;
+        let of = |own: &BaseParameter| Showing {
+            parameter: prepared.form.columns[own.column].name.to_string(),
+            harmonics: showing(model, &entries, own.column, highest, "the candidate"),
+        };
+        base.iter().map(of).filter(|own| !own.harmonics.is_empty()).collect()
+    }
+}
+
+fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
+}
+
+/// Candidates around the last stage of an experiment's schedule: factors on its amplitudes and frequency, and multiples
+/// of the frequency when a few coordinates move. Each candidate is measured for the experiment's `measure_time`.
+///
+/// # Errors
+/// [`ExperimentError`] when the experiment does not fit the model, has no stage, or no candidate's motion can be
+/// predicted.
+pub fn design(
+    model: &dyn Model<f64>,
+    pattern: &ReferencePattern,
+    experiment: &Experiment,
+) -> Result<Design, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let bench = experiment.bench(model)?;
+    let dims = model.dims();
+    let mut theta = setup.prior.clone();
+    for (value, truth) in theta.iter_mut().zip(&bench.parameters) {
+        if *value == 0.0 {
+            *value = *truth;
+        }
+    }
+    let last = setup.procedure.stages.last().ok_or(ExperimentError::NoStage)?;
+    let pattern = last.pattern(pattern);
+    let moved = pattern.coordinates.len() - pattern.open().len();
+    let varied = moved > 1 && moved <= VARIED;
+    let mut multiples = vec![last.multiples.clone()];
+    if varied {
+        multiples = vec![vec![]];
+        for c in 0..dims.coordinates {
+            let of: &[u32] = if pattern.coordinates[c].is_empty() { &[1] } else { &MULTIPLES };
+            multiples = multiples
+                .into_iter()
+                .flat_map(|list: Vec<u32>| of.iter().map(move |m| [list.clone(), vec![*m]].concat()))
+                .collect();
+        }
+        multiples.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
+    }
+    let fastest = f64::from(last.multiples.iter().copied().max().unwrap_or(1)) * last.frequency;
+    let machine = Rig { parameters: theta.clone(), constants: setup.constants.clone(), ..bench };
+    let candidate = |(share, speed, list): (f64, f64, &Vec<u32>)| {
+        // The frequency is lowered so that the fastest coordinate is no faster than in the schedule.
+        let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
+        let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
+        let stage = Stage { amplitudes, frequency, multiples: list.clone(), ..last.clone() };
+        let periods = periods(&setup, stage.trajectory(pattern, 1.0).frequency);
+        let settled = setup.procedure.settle_periods;
+        // A stage that cannot be played is left out.
+        let Ok(trial) = trial(model, pattern, &setup, &stage, settled + LEAST_PERIODS, &theta) else { return Ok(None) };
+        let reach = 4 * trial.trajectory.highest_harmonic() as usize;
+        let root = predict(model, &machine, &trial, &trial.trajectory, (settled, periods), reach)?;
+        Ok(root.map(|root| judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share)))
+    };
+    let mut asked: Vec<(f64, f64, &Vec<u32>)> = Vec::new();
+    for share in SHARES {
+        for speed in SHARES {
+            asked.extend(multiples.iter().map(|list| (share, speed, list)));
+        }
+    }
+    let found: Vec<Option<Candidate>> = asked.into_par_iter().map(candidate).collect::<Result<_, ExperimentError>>()?;
+    let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
+    let estimates = (0..theta.len()).map(|j| (model.parameter(j).name.to_string(), theta[j]));
+    if candidates.is_empty() {
+        let estimates = estimates.map(|(name, value)| format!("{name} = {value}")).collect();
+        return Err(ExperimentError::Unpredictable { estimates });
+    }
+    candidates.sort_by(|a: &Candidate, b: &Candidate| {
+        let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank), c.near_mode.is_some());
+        key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
+    });
+    let reference = last.trajectory(pattern, 1.0);
+    let noise = deviations(&machine, &reference, periods(&setup, reference.frequency));
+    let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
+    Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
+}
+
+/// Whole periods in the measured time of a run.
+fn periods(setup: &Setup, frequency: f64) -> usize {
+    ((setup.procedure.measure_time * frequency / (2.0 * PI)).ceil() as usize).max(LEAST_PERIODS)
+}
+
+/// What a run tells of the machine's parameters: a square root of the information, in rows of unit variance. `motion` is the motion
+/// without noise, which is followed up to the harmonic `reach`; the trial settles in the first of the two numbers of periods, and
+/// is measured in the second. `None` where the motion does not determine its own derivatives.
+fn predict(
+    model: &dyn Model<f64>,
+    machine: &Rig,
+    trial: &Trial,
+    motion: &Trajectory,
+    (settled, measured): (usize, usize),
+    reach: usize,
+) -> Result<Option<DMatrix<f64>>, ExperimentError> {
+    let deviations = deviations(machine, motion, measured);
+    let mut stray = vec![0.0; model.dims().motion_len()];
+    if has_jumps(model, &machine.constants, motion)? {
+        stray = strayed(model, machine, trial, motion, settled)?;
+    }
+    let samples = measured * trial.samples_per_period;
+    let noise = RecordNoise { deviations: &deviations, samples, periods: measured, stray: &stray };
+    Ok(information_root(model, &machine.constants, motion, &machine.parameters, noise, reach)?)
+}
+
+/// Root mean square of the distance between the machine's motion, which feedback of the sensors' noise disturbs, and a trajectory, in
+/// every slot of a motion, after the periods in which the run settles; zero for a run that ends before.
+fn strayed(
+    model: &dyn Model<f64>,
+    machine: &Rig,
+    trial: &Trial,
+    trajectory: &Trajectory,
+    settled: usize,
+) -> Result<Vec<f64>, EvalError> {
+    let mut run = SimulatedRun::new(model, machine, trial)?;
+    let mut expected = vec![0.0; model.dims().motion_len()];
+    let mut squares = expected.clone();
+    let (mut sample, mut counted) = (0, 0);
+    loop {
+        if sample >= settled * trial.samples_per_period && sample < trial.samples() {
+            trajectory.motion_at(sample, trial.samples_per_period, 0.0, &mut expected);
+            for ((square, actual), expected) in squares.iter_mut().zip(run.motion()).zip(&expected) {
+                *square += (actual - expected).powi(2);
+            }
+            counted += 1;
+        }
+        if run.step()?.is_some() {
+            return Ok(squares.into_iter().map(|square| (square / f64::from(counted.max(1))).sqrt()).collect());
+        }
+        sample += 1;
+    }
+}
+
+/// Standard deviation of the white noise on one sample of every coordinate that has, over these periods, the effect of the sensor's
+/// noise, jitter and step.
+fn deviations(bench: &Rig, trajectory: &Trajectory, periods: usize) -> Vec<f64> {
+    let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
+    let deviation = sensors.map(|(sensor, series)| {
+        let size = series.lines.iter().map(|line| line.cos.hypot(line.sin)).fold(0.0, f64::max);
+        let rate =
+            |line: &Line| (f64::from(line.harmonic) * trajectory.frequency * line.cos.hypot(line.sin)).powi(2) / 2.0;
+        let late = sensor.jitter * sensor.jitter * series.lines.iter().map(rate).sum::<f64>();
+        let white = sensor.noise * sensor.noise + late;
+        // What repeats in every period does not average out over the periods.
+        let repeated = repeated_share(white.sqrt(), sensor.step) * (periods as f64 - 1.0);
+        let variance = white + sensor.step * sensor.step / 12.0 * (1.0 + repeated);
+        variance.sqrt().max(LEAST_NOISE * size).max(f64::MIN_POSITIVE.sqrt())
+    });
+    deviation.collect()
+}
+
+/// Share of the variance of an encoder's error, step^2/12, that is the same whenever the same position is read: what white noise of
+/// this deviation before the encoder does not make random.
+///
+/// The mean error at a position is a Fourier series in the position, whose k-th harmonic the noise lowers by
+/// `exp(-2 (pi k noise/step)^2)`. All is repeated without noise, and a two-hundred-thousandth where the noise is half a step.
+fn repeated_share(noise: f64, step: f64) -> f64 {
+    if step <= 0.0 {
+        return 0.0;
+    }
+    if noise <= 0.0 {
+        return 1.0;
+    }
+    let term = |k: u32| (-(2.0 * PI * f64::from(k) * noise / step).powi(2)).exp() / f64::from(k * k);
+    6.0 / (PI * PI) * (1..=REPEATED_HARMONICS).map(term).sum::<f64>()
+}
+
+fn gcd(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// What equations with residuals of unit variance determine of the parameters.
+struct Shown {
+    /// Norm of every column.
+    scale: Vec<f64>,
+    rank: usize,
+    /// Condition number of the scaled columns over the determined directions.
+    condition: f64,
+    /// Natural logarithm of the determinant of the scaled information matrix over the determined directions.
+    determinant: f64,
+    /// Standard deviation of every parameter; nothing when the parameter has a part in an undetermined direction.
+    deviations: Vec<Option<f64>>,
+}
+
+fn shown(root: &DMatrix<f64>) -> Shown {
+    let p = root.ncols();
+    let (scaled, scale) = unit_columns(root.clone());
+    let singular = Singular::new(&scaled, RANK);
+    let mut variance = vec![0.0; p];
+    for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
+        for j in 0..p {
+            variance[j] += (direction[j] / value / scale[j]).powi(2);
+        }
+    }
+    let null = singular.null();
+    let hidden = |j: usize| null.row(j).iter().any(|part| part.abs() > 1e-6);
+    Shown {
+        rank: singular.rank(),
+        condition: singular.condition(),
+        determinant: singular.values.iter().map(|value| 2.0 * value.ln()).sum(),
+        deviations: (0..p).map(|j| (!hidden(j)).then(|| variance[j].sqrt())).collect(),
+        scale,
+    }
+}
+
+/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine. Every complete run
+/// counts with all its measured periods, along its motion without noise: a run from wrong estimates departs from its
+/// reference, and its motion may carry much more information. `None` where a run cannot be predicted, or there is no
+/// run.
+pub(super) fn bounds(
+    model: &dyn Model<f64>,
+    pattern: &ReferencePattern,
+    experiment: &Experiment,
+    runs: &[RunReport],
+) -> Result<Option<Vec<Option<f64>>>, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let noisy = experiment.bench(model)?;
+    if noisy.parameters.len() != model.dims().parameters {
+        // The simulated machine does not obey the model.
+        return Ok(None);
+    }
+    let mut bench = noisy.clone();
+    bench.sensors.fill(Sensor::default());
+    let mut rows: Vec<DMatrix<f64>> = Vec::new();
+    for run in runs.iter().filter(|run| run.ending == RunEnding::Complete && run.periods > 0) {
+        let Some(asked) = setup.procedure.stages.get(run.stage.wrapping_sub(1)) else { return Ok(None) };
+        let frequency = if asked.strokes.is_empty() { run.frequency } else { asked.frequency };
+        let amplitudes = run.amplitudes.iter().map(|(_, value)| *value).collect();
+        let stage = Stage { amplitudes, frequency, ..asked.clone() };
+        let settled = run.settled_after.unwrap_or(setup.procedure.settle_periods);
+        let played = trial(model, pattern, &setup, &stage, settled + run.periods, &run.played);
+        let Ok(trial) = played else { return Ok(None) };
+        let record = simulate(model, &bench, &trial)?;
+        if record.len() < trial.samples() {
+            return Ok(None);
+        }
+        let motion = motion(&trial, &record);
+        let reach = REACH * motion.highest_harmonic() as usize;
+        let predicted = predict(model, &noisy, &trial, &motion, (settled, run.periods), reach)?;
+        let Some(root) = predicted else { return Ok(None) };
+        rows.push(root);
+    }
+    let Some(first) = rows.first() else { return Ok(None) };
+    let mut whole = DMatrix::zeros(rows.iter().map(DMatrix::nrows).sum(), first.ncols());
+    let mut at = 0;
+    for root in &rows {
+        whole.rows_mut(at, root.nrows()).copy_from(root);
+        at += root.nrows();
+    }
+    Ok(Some(shown(&whole).deviations))
+}
+
+/// The motion in the last period of a run: every harmonic above rounding and above what is left of the initial
+/// transient.
+fn motion(trial: &Trial, record: &Record) -> Trajectory {
+    let samples = trial.samples_per_period;
+    let most = 8 * trial.trajectory.highest_harmonic().max(1) as usize;
+    let series = |channel: &Vec<f64>| {
+        let last = &channel[record.len() - samples..];
+        let lines = analyse(last, 0, 1, most.min(samples / 2));
+        let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        HarmonicSeries::from_phasors(&lines, |_, line| line.norm() > LEAST_NOISE * largest)
+    };
+    let coordinates = record.coordinates.iter().map(series).collect();
+    Trajectory { frequency: trial.trajectory.frequency, coordinates }
+}
+
+/// The trial of one run of a stage.
+fn trial(
+    model: &dyn Model<f64>,
+    pattern: &ReferencePattern,
+    setup: &Setup,
+    stage: &Stage,
+    periods: usize,
+    parameters: &[f64],
+) -> Result<Trial, TrialError> {
+    Trial::new(
+        model,
+        TrialSettings {
+            run: 0,
+            trajectory: stage.trajectory(pattern, 1.0),
+            open: &stage.pattern(pattern).open(),
+            pattern: None,
+            amplitudes: stage.amplitudes.clone(),
+            periods,
+            control: &setup.control.scaled(stage.gain),
+            parameters,
+            constants: &setup.constants,
+            tracking_bounds: &setup.procedure.tracking_bounds,
+            input_limits: &setup.procedure.input_limits,
+            position_bounds: &setup.procedure.position_bounds,
+            velocity_bounds: &setup.procedure.velocity_bounds,
+        },
+    )
+}
+
+fn judge(
+    model: &dyn Model<f64>,
+    pattern: &ReferencePattern,
+    stage: &Stage,
+    trial: &Trial,
+    theta: &[f64],
+    root: &DMatrix<f64>,
+    share: f64,
+) -> Candidate {
+    let Shown { scale, rank, condition, mut determinant, deviations } = shown(root);
+    for (s, value) in scale.iter().zip(theta) {
+        determinant += 2.0 * (s * if *value == 0.0 { 1.0 } else { value.abs() }).ln();
+    }
+    let (most, input, sample) = trial.feed_forward_share();
+    let limited = trial.input_limits.iter().any(|limit| limit.is_finite());
+    let passed = Passed { input: model.input(input).name.to_string(), sample, share: most };
+    Candidate {
+        amplitudes: pattern.amplitudes.iter().cloned().zip(stage.amplitudes.iter().copied()).collect(),
+        frequency: trial.trajectory.frequency,
+        multiples: (0..stage.multiples.len())
+            .map(|c| (model.coordinate(c).name.to_string(), stage.multiples[c]))
+            .collect(),
+        rank,
+        condition,
+        determinant,
+        parameters: deviations
+            .into_iter()
+            .enumerate()
+            .map(|(j, std)| Predicted { name: model.parameter(j).name.to_string(), std })
+            .collect(),
+        effort_share: limited.then_some(most),
+        input_harmonics: input_harmonics(trial, model.dims().inputs),
+        near_mode: near_mode(model, trial),
+        passed: (limited && most >= share).then_some(passed),
+        trajectory: trial.trajectory.clone(),
+    }
+}
+
+/// Highest harmonic of an input's feed-forward above a thousandth of that input's largest harmonic.
+fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
+    let reach = (8 * trial.trajectory.highest_harmonic() as usize).min(trial.samples_per_period / 2);
+    let size = |input: usize, k: usize| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, sample) in trial.feed_forward.iter().skip(input).step_by(inputs.max(1)).enumerate() {
+            let phase = 2.0 * PI * ((k * n) % trial.samples_per_period) as f64 / trial.samples_per_period as f64;
+            re += sample * phase.cos();
+            im += sample * phase.sin();
+        }
+        f64::hypot(re, im)
+    };
+    (0..inputs)
+        .map(|input| {
+            let sizes: Vec<f64> = (1..=reach).map(|k| size(input, k)).collect();
+            let largest = sizes.iter().copied().fold(0.0, f64::max);
+            sizes.iter().rposition(|s| *s > 1e-3 * largest).map_or(0, |k| k + 1)
+        })
+        .max()
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{design, repeated_share};
+    use std::f64::consts::PI;
+    use tpm_experiment::Experiment;
+    use tpm_test_support::models::MassSpringDrag;
+    use tpm_test_support::rest_to_rest_3;
+
+    fn experiment() -> Experiment {
+        let mut experiment = Experiment::parse(include_str!("../../../../models/mass_spring_drag.toml"))
+            .expect("the shipped file is right");
+        for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
+            experiment.prior.insert(name.to_string(), value);
+        }
+        experiment.plant.sensors.entry("x".to_string()).or_default().counts = 0.0;
+        experiment
+    }
+
+    #[test]
+    fn predictions_are_the_bounds_that_were_found_by_sensitivities_in_time() {
+        // Feng 3.24, sigma = 1e-3, 20 s at 1 kHz: relative bounds at (lambda, w) = (0.3, pi) and (0.6, 2 pi).
+        for (lambda, w, bounds) in [(0.3, 1.0, [2.6e-4, 1.3e-4, 2.8e-4]), (0.6, 2.0, [1.6e-4, 3.1e-4, 4.9e-5])] {
+            let mut experiment = experiment();
+            experiment.schedule.stages.truncate(1);
+            experiment.schedule.stages[0].values.insert("lambda".to_string(), lambda);
+            experiment.schedule.stages[0].values.insert("w".to_string(), w * PI);
+            let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+            let full = found
+                .iter()
+                .find(|c| (c.amplitudes[0].1 - lambda).abs() < 1e-9 && (c.frequency / (w * PI) - 1.0).abs() < 1e-3)
+                .expect("the stage itself");
+            for ((predicted, truth), bound) in full.parameters.iter().zip([2.0, 40.0, 1.5]).zip(bounds) {
+                let relative = predicted.std.expect("shown") / truth;
+                assert!((relative / bound - 1.0).abs() < 0.05, "{}: {relative:e} {bound:e}", predicted.name);
+            }
+        }
+    }
+
+    #[test]
+    fn what_an_encoder_repeats_is_what_noise_before_it_leaves() {
+        assert_eq!(repeated_share(1.0, 0.0), 0.0);
+        assert!((repeated_share(0.0, 0.1) - 1.0).abs() < 1e-12 && (repeated_share(1e-9, 0.1) - 1.0).abs() < 1e-2);
+        // The mean error at a position, by a sum over the noise, and its variance over the positions of one step.
+        for noise in [0.1, 0.2, 0.32, 0.5_f64] {
+            let (mut variance, positions) = (0.0, 100);
+            for n in 0..positions {
+                let position = (f64::from(n) + 0.5) / f64::from(positions);
+                let (mut sum, mut weights) = (0.0, 0.0);
+                for z in -5000..=5000 {
+                    let z = 1e-3 * f64::from(z);
+                    let weight = (-0.5 * z * z).exp();
+                    sum += weight * ((position + noise * z).round() - position);
+                    weights += weight;
+                }
+                variance += (sum / weights).powi(2) / f64::from(positions);
+            }
+            let found = repeated_share(noise, 1.0);
+            assert!((12.0 * variance - found).abs() < 1e-3 + 0.02 * found, "{noise}: {variance} {found}");
+        }
+    }
+
+    #[test]
+    fn candidates_away_from_the_natural_mode_come_first() {
+        // sqrt(k1/m) = 4.472 rad/s: the last stage itself, and half its frequency by the second harmonic of the force.
+        let mut experiment = experiment();
+        experiment.schedule.stages.truncate(1);
+        experiment.schedule.stages[0].values.insert("w".to_string(), 4.4);
+        let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+        let near = |w: f64| found.iter().filter(move |c| (c.frequency / w - 1.0).abs() < 1e-2);
+        assert!(near(4.4).count() == 4 && near(4.4).all(|c| c.near_mode.is_some()));
+        assert!(near(0.8 * 4.4).count() == 4 && near(0.8 * 4.4).all(|c| c.near_mode.is_none()));
+        let first = found.iter().position(|c| c.near_mode.is_some()).expect("some");
+        assert!(found[first..].iter().all(|c| c.near_mode.is_some()), "they come last");
+    }
+
+    #[test]
+    fn limits_are_kept_and_the_sample_that_passes_one_is_named() {
+        let mut experiment = experiment();
+        experiment.limits.inputs.insert("u".to_string(), 40.0);
+        let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+        assert_eq!(found.len(), 16);
+        let within = found.iter().take_while(|c| c.passed.is_none()).count();
+        assert!(within > 0 && within < 16);
+        for pair in found[..within].windows(2) {
+            assert!(pair[0].determinant >= pair[1].determinant);
+        }
+        let beyond = found[15].passed.as_ref().expect("the largest passes it");
+        assert!(beyond.share >= 0.7 && beyond.input == "u");
+        assert!(found[0].effort_share.expect("limited") < 0.7);
+    }
+}

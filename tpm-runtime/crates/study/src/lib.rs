@@ -1,0 +1,32 @@
+//! Studies over many campaigns: bias, spread and coverage of repeated ones, convergence of the estimators, experiment design,
+//! what patterns show of models without an exact table, patterns beside the usual laws of a stroke, patterns fitted to paths,
+//! and parameters of one model in those of another.
+
+#[cfg(test)]
+mod bound_tests;
+mod campaigns;
+mod content;
+mod design;
+mod identifiability;
+mod kept;
+mod path;
+mod projection;
+mod shown;
+mod tally;
+mod trajectories;
+mod trajectories_figure;
+mod updates;
+
+pub use campaigns::{Identify, Study, study, study_campaigns, study_session};
+pub use design::{Candidate, Design, Passed, Predicted, Showing, design};
+pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
+pub use kept::study_kept;
+pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
+pub use projection::{
+    ComparedMotion, Consistency, InputMisfit, MisfitHarmonic, MotionReport, Projection, ProjectionError,
+    ProjectionRequest, Way, fitting_experiment, projection,
+};
+pub use shown::{AnyMotion, AskedPattern, Base, Shown, ShownError, any_motion, shown};
+pub use tally::ParameterStudy;
+pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};
+pub use updates::{Convergence, LIMITS, Updates, convergence, updates};
