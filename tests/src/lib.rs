@@ -1,9 +1,12 @@
-//! Holds the integration tests of the workspace; has no code of its own but the Rust examples of the READMEs.
+//! Holds the integration tests of the workspace; has no code of its own but the Rust examples of the READMEs and of the book.
 
 #[cfg(doctest)]
 mod readme {
     #[doc = include_str!("../../README.md")]
     struct Workspace;
+
+    #[doc = include_str!("../../docs/library.md")]
+    struct Library;
 
     #[doc = include_str!("../../tpm-codegen/README.md")]
     struct Codegen;

@@ -1,15 +1,12 @@
 //! The budget of one run of the engine: how much exact work a model may ask for before it is refused.
 //!
-//! A text of thirty characters can ask for more than any machine can do: `((q)^15)^17`, a number of twenty thousand digits under a
-//! power, four thousand harmonics of a sign. How much work a model is becomes known only while it is done, deep in the algebra.
-//! So every long loop of exact arithmetic says beforehand how many operations on machine words it is about to do
-//! ([`charge`]), and [`run`] refuses the model once their sum passes the limit. The sum is a count and no time: a model that is
-//! refused is refused on every machine, in every build.
+//! How much work a model is becomes known only while it is done, deep in the algebra. So every long loop of exact arithmetic says beforehand
+//! how many operations on machine words it is about to do ([`charge`]), and [`run`] refuses the model once their sum passes the limit
+//! (`DESIGN.md`, "Why does the engine count operations and not seconds?").
 //!
-//! Arithmetic is written with operators, which cannot return an error. A run that ends is therefore unwound to [`run`], as
-//! rust-analyzer ends queries that nobody waits for; no panic is raised and no hook is called. What the work has built is dropped on
-//! the way. Without a [`run`] around it the engine has no limit. A program that is built to abort on panics
-//! cannot unwind, and ends where a budget does.
+//! Arithmetic is written with operators, which cannot return an error. A run that ends is therefore unwound to [`run`]; no panic is
+//! raised, no hook is called, and what the work has built is dropped on the way. Without a [`run`] around it the engine has no limit. A
+//! program that is built to abort on panics cannot unwind, and ends where a budget does.
 //!
 //! Invariant: the count belongs to a thread. Work that is handed to other threads is limited by its own bounds.
 

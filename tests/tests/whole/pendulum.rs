@@ -76,7 +76,7 @@ impl Pendulum {
         settings.constants.clone_from(&self.written.constants);
         let estimate = found.estimate.as_ref().expect("identified");
         let physical = physical(&self.prepared, estimate, &settings).expect("sound settings");
-        assert!(physical.warnings.is_empty(), "{:?}", physical.warnings);
+        assert!(physical.remarks.is_empty(), "{:?}", physical.remarks);
         physical.parameters.into_iter().filter_map(|p| Some((p.name, p.value?))).collect()
     }
 }

@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
-use tpm_runtime::estimate::{Estimate, Status};
+use tpm_runtime::estimate::{Estimate, ResidualOf, Status};
 use tpm_runtime::numerics::Matrix;
 use tpm_runtime::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -52,6 +52,7 @@ fn estimate(values: Vec<f64>, covariance: DMatrix<f64>) -> Estimate {
         unobservable: Vec::new(),
         condition: 1.0,
         residual: 0.0,
+        residual_of: ResidualOf::Force,
         chi_squared: 1.0,
         model_error: Vec::new(),
     }
@@ -73,7 +74,7 @@ fn exact_lumped_parameters_give_the_machine_back() {
         assert_eq!(parameter.status, Status::Identified);
     }
     assert_eq!((found.rank, found.freedom), (5, 2));
-    assert!(found.misfit < 1e-12 && found.warnings.is_empty(), "{found:?}");
+    assert!(found.misfit < 1e-12 && found.remarks.is_empty(), "{found:?}");
 }
 
 /// The stated standard deviations are the spread of many estimates, and the misfit that of chance.
@@ -134,7 +135,7 @@ fn parameters_of_no_such_machine_are_flagged() {
     let mut values = lumped(&prepared, &TRUTH);
     values[3] *= 1.02;
     let found = solve(values);
-    assert!(found.warnings.iter().any(|w| w.contains("not those of any machine")), "{found:?}");
+    assert!(found.remarks.iter().any(|remark| remark.to_string().contains("not those of any machine")), "{found:?}");
 }
 
 #[test]
@@ -148,7 +149,11 @@ fn a_mass_stays_at_its_bound() {
     let found = found.expect("sound settings");
     assert_eq!((found.parameters[0].name.as_str(), found.parameters[0].value), ("m1", Some(0.0)));
     assert_eq!(found.parameters[0].status, Status::PoorlyDetermined);
-    assert!(found.warnings.iter().any(|w| w.contains("m1 is held at its bound 0")), "{:?}", found.warnings);
+    assert!(
+        found.remarks.iter().any(|remark| remark.to_string().contains("m1 is held at its bound 0")),
+        "{:?}",
+        found.remarks
+    );
     // The minimum is one: no parameter can move and do better, as trials around it show.
     let map = ParameterMap::new(&prepared);
     let weight = sharp.cholesky().expect("positive");

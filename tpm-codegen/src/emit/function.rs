@@ -245,9 +245,9 @@ pub(super) fn feed_forward(estimator: &EstimatorSource) -> Option<Function> {
     Some(Function::values(estimator, plan, about))
 }
 
-/// Inputs (as values) and regressor (as entries) together, each shared operation once, equation by equation: what an input is
-/// made of has just been computed, and a C compiler that may not move stores past each other has no reason to pack the inputs of
-/// several equations into vectors, which takes more shuffling than it saves (closed-loop arm: 113 instructions, now 96).
+/// Inputs (as values) and regressor (as entries) together, each shared operation once, equation by equation. With all inputs at the end C
+/// compilers pack those of several equations into vectors, which takes more shuffling than it saves (`DESIGN.md`, "Why straight-line
+/// plans?").
 pub(super) fn feed_forward_with_regressor(estimator: &EstimatorSource) -> Option<Function> {
     let (feed_forward, phi) = (estimator.plan.feed_forward.as_ref()?, &estimator.plan.evaluation.regressor);
     let inputs = &estimator.plan.evaluation.inputs;

@@ -20,8 +20,8 @@
 //! are computed with the inertias in them, they are passed inward.
 //!
 //! The torque of joint j is the power of these wrenches along its screw: with the angular velocity and the velocity (s, v) that a
-//! unit rate of joint j alone gives to the frame of a body outward of it, the body adds s.n + v.f. The screws are sent outward,
-//! six numbers for all ten parameters of a body, rather than the ten wrenches inward.
+//! unit rate of joint j alone gives to the frame of a body outward of it, the body adds s.n + v.f. The screws are sent outward
+//! (`DESIGN.md`, "Why do arms have recursions of their own?").
 //!
 //! Invariants: nothing is multiplied out; cos q and sin q are atoms of the graph; every product and sum with a zero or a one of
 //! the geometry is folded; every intermediate value is one node, so that a plan computes it once. The text grows with the number

@@ -1,7 +1,7 @@
 //! Rational numbers of any size that fit two machine words as long as they can.
 //!
 //! Nearly all numbers of models and tables are small; for them an operation is a few instructions, without allocation,
-//! and num-rational takes over where a word is too short.
+//! and num-rational takes over where a word is too short (`DESIGN.md`, "How can exact arithmetic be fast enough?").
 //!
 //! Invariant of [`Rational`]: lowest terms and a positive denominator; `Small` whenever the magnitudes of numerator and
 //! denominator are at most `i64::MAX`, `Big` otherwise. Equal numbers are therefore equal as data.

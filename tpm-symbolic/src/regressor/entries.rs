@@ -1,8 +1,8 @@
 //! What a regressor form consists of: columns, and rows of terms.
 //!
 //! The entry of a row and column is the sum of its terms. A factor of a term is an atom (a leaf, a function, a divisor) or a sum that
-//! was left as it was written, because the equations would be too long multiplied out. Whoever evaluates or prints an entry takes it
-//! as it is; a table of harmonics needs [`RegressorForm::expanded`].
+//! was left as it was written, because the equations would be too long multiplied out (`DESIGN.md`, "Why is a regressor entry an expression
+//! and not a polynomial?"). Whoever evaluates or prints an entry takes it as it is; a table of harmonics needs [`RegressorForm::expanded`].
 //!
 //! Invariants of [`RegressorForm`]: terms of a row are sorted by column, then monomial, with no zero coefficient and no
 //! two terms of equal column and monomial; no column is empty; a row with a single input, whose coefficient is rational,

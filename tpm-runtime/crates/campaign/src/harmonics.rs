@@ -1,25 +1,26 @@
-//! The harmonics of a run, kept to show how the method works.
+//! Harmonics of the channels of a run, kept for reports that show how the method works.
 
 use num_complex::Complex;
 use tpm_estimate::error_lines;
 use tpm_motion::{Spectra, Trial};
 
-/// Harmonics of a run beside what was played and what was learnt.
+/// Harmonics of the coordinates and inputs of one run, with the trial that was played and the parameters estimated
+/// after it.
 #[derive(Clone, Debug)]
 pub struct RunHarmonics {
     /// Index of the run among the reports.
     pub run: usize,
-    /// What was played.
+    /// The trial: reference, feed-forward and feedback.
     pub trial: Trial,
-    /// Parameters after the run.
+    /// Estimates of the model's parameters after the run, in the model's order.
     pub after: Vec<f64>,
-    /// Tracking error of every coordinate.
+    /// Harmonics of the tracking error of every coordinate.
     pub error: Vec<Lines>,
-    /// Every input as it was applied.
+    /// Harmonics of every input as it was applied.
     pub inputs: Vec<Lines>,
 }
 
-/// The lines of one signal from the mean on.
+/// Phasors of one signal at the multiples of the fundamental frequency, beginning with the mean.
 #[derive(Clone, Debug)]
 pub struct Lines {
     /// One-sided phasors a_c - j a_s, unit of the signal.
@@ -29,7 +30,7 @@ pub struct Lines {
 }
 
 impl RunHarmonics {
-    /// The harmonics of a run up to `highest`, the first `coordinates` of the channels being coordinates and the next inputs.
+    /// The harmonics of a run up to `highest`. The channels of `spectra` are the coordinates, then the inputs.
     pub(super) fn of(
         run: usize,
         trial: &Trial,

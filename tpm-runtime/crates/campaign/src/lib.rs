@@ -1,4 +1,5 @@
-//! The five-step procedure (Feng, chapter 3): what to play, how it settled, what it taught, what comes next, and what is kept.
+//! The five-step procedure (Feng, chapter 3) as a state machine: the next trial, the test of settling, the update of
+//! the estimates, the stopping rules, and the files in which runs are stored.
 //!
 //! ```text
 //! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial

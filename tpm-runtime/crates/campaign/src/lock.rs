@@ -1,7 +1,8 @@
-//! Who works in a campaign's folder: one process at a time.
+//! The lock of a campaign's folder, which one process holds at a time.
 //!
-//! Invariant: a process holds the folder as long as it holds the system's lock on the file `campaign.lock` there, which the system takes
-//! back when the process ends, however it ends. The file says who holds it, for others to read.
+//! Invariant: a process holds the folder as long as it holds the operating system's lock on the file `campaign.lock` in
+//! it. The operating system releases the lock when the process ends, however it ends. The file names the holder, so
+//! that other processes can report it.
 
 use crate::store::StoreError;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -10,25 +11,27 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tpm_report::TEMPORARY;
 
-/// How often a lock is asked for whose holder does not say who it is, or whose file has just been removed.
+/// Most attempts to take a lock whose holder has not yet written its name into the file, or whose file was removed
+/// meanwhile.
 const ATTEMPTS: usize = 100;
 
-/// The time between two of these attempts.
+/// Time between two attempts to take the lock.
 const BETWEEN_ATTEMPTS: Duration = Duration::from_millis(10);
 
-/// The hold of this process on a folder, which ends when it is dropped.
+/// The lock of this process on a folder. Dropping the value releases it.
 #[derive(Debug)]
 pub struct Lock {
     path: PathBuf,
-    // Dropped after the file's name is gone, so that nobody else holds a file of that name before.
+    // The file is closed after its name has been removed, so that no other process can lock a file of that name before.
     _file: File,
 }
 
 impl Lock {
-    /// Holds a folder, which is made when it is not there, and removes what killed processes have left in it.
+    /// Takes the lock of a folder, creates the folder when it does not exist, and removes temporary files that killed
+    /// processes left in it.
     ///
     /// # Errors
-    /// [`StoreError::Held`] when another process holds it, [`StoreError::Io`] when the lock cannot be taken.
+    /// [`StoreError::Held`] when another process holds the lock, [`StoreError::Io`] when the lock cannot be taken.
     pub fn hold(folder: &Path) -> Result<Self, StoreError> {
         let path = folder.join("campaign.lock");
         let io = |error: &dyn ToString| StoreError::Io { path: path.display().to_string(), reason: error.to_string() };
@@ -51,13 +54,13 @@ impl Lock {
                         let (path, by) = (folder.display().to_string(), by.trim().to_string());
                         return Err(StoreError::Held { path, by });
                     }
-                    // The holder is about to write who it is, or has just ended.
+                    // The holder is about to write its name into the file, or has just ended.
                     std::thread::sleep(BETWEEN_ATTEMPTS);
                     continue;
                 }
                 Err(TryLockError::Error(error)) => return Err(io(&error)),
             }
-            // The holder before may have removed the file between opening and locking.
+            // The previous holder may have removed the file between opening and locking.
             if !is_same(&file, &path) {
                 continue;
             }
@@ -72,12 +75,12 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // A file that stays is taken over by the next process.
+        // If the file cannot be removed, the next process locks it as it is.
         let _ = fs::remove_file(&self.path);
     }
 }
 
-/// Whether the path still leads to the opened file.
+/// Whether the path still refers to the opened file.
 #[cfg(unix)]
 fn is_same(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;
@@ -85,13 +88,14 @@ fn is_same(file: &File, path: &Path) -> bool {
     file.metadata().ok().map(place) == fs::symlink_metadata(path).ok().map(place)
 }
 
-/// Elsewhere a file that is open cannot be removed.
+/// Systems other than Unix do not remove a file that is open, so the path refers to the opened file.
 #[cfg(not(unix))]
 fn is_same(_: &File, _: &Path) -> bool {
     true
 }
 
-/// Removes temporary files: only the holder of the folder writes there, so all of them are left over.
+/// Removes temporary files. Only the holder of the lock writes into the folder, so every temporary file in it was left
+/// by an earlier process.
 fn clean(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries.flatten() {

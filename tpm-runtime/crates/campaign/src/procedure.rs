@@ -1,4 +1,4 @@
-//! The campaign: a state machine that says what to play next and learns from what comes back.
+//! The campaign: a state machine that plans the next trial and updates the estimates from its record.
 //!
 //! Invariant: [`Campaign::next`] depends on the settings and on the records submitted so far, in their order, and on nothing
 //! else; whoever submits the same records gets the same trials and the same estimates, whether they come from a simulation or
@@ -17,27 +17,26 @@ use serde::Serialize;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_estimate::{Alone, Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
-use tpm_motion::held;
 use tpm_motion::stroke::{Stroke, repeated};
 use tpm_motion::trajectory::{ReferencePattern, Trajectory};
-use tpm_motion::{Ending, Record, RecordError, RunEnding};
-use tpm_motion::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
-use tpm_motion::{Spectra, SpectrumError};
+use tpm_motion::{
+    Ending, Loop, Record, RecordError, RunEnding, Spectra, SpectrumError, Trial, TrialError, TrialSettings,
+    correct_actuators, held,
+};
 use tpm_numerics::fourier::analyse;
 use tpm_plant::actuator::{Demand, LimitUse, Limited, Mounted, requirements, strongest};
 
-/// Fewest whole periods that a run measures. A window needs them, and so does the estimate of the noise between the
-/// harmonics.
+/// Fewest whole periods that a run measures. The estimate of the noise between the harmonics needs several periods.
 pub const LEAST_PERIODS: usize = 4;
 /// Largest change of an estimate, in standard deviations, that counts as no change.
 const INSIGNIFICANT: f64 = 3.0;
 /// Fewest samples per period on which the demand on the motors is computed.
 const PLANNED_SAMPLES: usize = 256;
-/// Highest harmonic up to which a run's demand on the motors is read, as a multiple of the reference's highest
-/// harmonic.
+/// Highest harmonic of force and motion that is compared with the limits of motors and actuators, as a multiple of the
+/// reference's highest harmonic.
 const MOTOR_REACH: usize = 4;
-/// Factors on the frequency of a stage, tried in this order where its harmonics lie near a natural mode. A slower run keeps the
-/// limits that the stage keeps.
+/// Factors on the frequency of a stage, tried in this order where a harmonic of the stage lies near a natural mode. All
+/// are below one, since a slower run keeps every limit that the stage keeps.
 const DETOURS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
 /// Most times that the settling time of a trial is doubled.
 const EXTENSIONS: usize = 3;
@@ -45,11 +44,11 @@ const EXTENSIONS: usize = 3;
 /// One amplitude and frequency of the schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
-    /// Pattern of the stage; the campaign's pattern where none is given.
+    /// Pattern of the stage; nothing when the stage plays the campaign's pattern.
     pub pattern: Option<ReferencePattern>,
     /// Amplitudes, in the order of the pattern.
     pub amplitudes: Vec<f64>,
-    /// Fundamental angular frequency asked for, rad/s.
+    /// Requested fundamental angular frequency, rad/s.
     pub frequency: f64,
     /// Multiple of the frequency at which each coordinate plays its pattern; one for all when empty.
     pub multiples: Vec<u32>,
@@ -77,8 +76,8 @@ impl Stage {
         self.pattern.as_ref().unwrap_or(campaign)
     }
 
-    /// The reference of the stage with its amplitudes times `scale`. A stage without a pattern plays that of the
-    /// campaign. The frequency is that with which the reference repeats, rests included.
+    /// The reference of the stage with its amplitudes times `scale`. A stage without a pattern of its own plays the
+    /// pattern of the campaign. The frequency is that of the repetition of the whole reference, rests included.
     #[must_use]
     pub fn trajectory(&self, campaign: &ReferencePattern, scale: f64) -> Trajectory {
         if self.strokes.is_empty() {
@@ -103,7 +102,8 @@ impl Stage {
         self.strokes.iter().any(|stroke| stroke.dwell > 0.0)
     }
 
-    /// A pattern with the amplitudes of the stage times `scale`, at its frequency and multiples.
+    /// The trajectory of a pattern with the amplitudes of the stage times `scale`, at the stage's frequency and
+    /// multiples.
     fn along(&self, pattern: &ReferencePattern, scale: f64) -> Trajectory {
         let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
         let mut trajectory = pattern.trajectory(&amplitudes, self.frequency);
@@ -119,9 +119,9 @@ impl Stage {
 /// Schedule, limits and stopping rules of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Procedure {
-    /// The stages, growing.
+    /// The stages, in the order in which they are played, usually with growing amplitudes and frequencies.
     pub stages: Vec<Stage>,
-    /// Fewest periods that pass before anything is measured.
+    /// Fewest periods that are played before the measurement begins.
     pub settle_periods: usize,
     /// Time that is measured in every run, s; rounded up to whole periods, at least [`LEAST_PERIODS`].
     pub measure_time: f64,
@@ -129,10 +129,11 @@ pub struct Procedure {
     pub updates_per_stage: usize,
     /// Most runs in the whole campaign.
     pub max_runs: usize,
-    /// A stage is done when no parameter changed by more than this share (or insignificantly).
+    /// Relative change of every parameter below which a stage is finished. A change within the noise of the estimate
+    /// also counts as no change.
     pub tolerance: f64,
-    /// A stage is also done when no harmonic of the tracking error exceeds its coordinate's limit; zero leaves a
-    /// coordinate out.
+    /// A stage is also finished when no harmonic of the tracking error exceeds the limit of its coordinate, unit of the
+    /// coordinate; a limit of zero or less is not tested.
     pub error_limits: Vec<f64>,
     /// Largest tracking error per coordinate; a run that passes it is aborted.
     pub tracking_bounds: Vec<f64>,
@@ -144,7 +145,8 @@ pub struct Procedure {
     /// Largest magnitude of the velocity per coordinate, beyond which a run is aborted; coordinates past the end of the
     /// list are unbounded.
     pub velocity_bounds: Vec<f64>,
-    /// Motor of each input, whose limits count beside the limit of the input; empty when there is no motor.
+    /// Motor of each input, whose limits are tested in addition to the limit of the input; empty when there is no
+    /// motor.
     pub motors: Vec<Option<Mounted>>,
     /// Limits of the actuator of each input, of whatever kind it is; empty when there are none.
     pub limited: Vec<Option<Limited>>,
@@ -154,10 +156,10 @@ pub struct Procedure {
     pub back_off: f64,
     /// Most aborted runs in succession.
     pub max_aborts: usize,
-    /// What the recorded inputs do between samples.
+    /// Behaviour of the recorded inputs between samples, such as a zero-order hold.
     pub hold: Hold,
-    /// Whether a run whose harmonics lie near a natural mode of the estimates is played at a lower frequency, down to
-    /// three quarters. A stage for which there is none is played as it is.
+    /// Whether a run with a harmonic near a natural mode of the estimated model is played at a lower frequency, down to
+    /// three quarters of the stage's. When no lower frequency is free of modes, the stage is played at its own.
     pub avoid_modes: bool,
 }
 
@@ -168,9 +170,9 @@ pub struct Setup {
     pub pattern: ReferencePattern,
     /// Constants of the model.
     pub constants: Vec<f64>,
-    /// Estimates before the first run; zero where none was stated.
+    /// Estimates before the first run; zero for parameters without a stated prior.
     pub prior: Vec<f64>,
-    /// Whether the estimate of a parameter was stated; those past the end of the list were.
+    /// Whether a prior of each parameter was stated; parameters beyond the end of the list count as stated.
     pub stated: Vec<bool>,
     /// Feedback and sampling.
     pub control: Loop,
@@ -183,7 +185,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// The estimates before the first run that were stated.
+    /// The stated priors by parameter; nothing for a parameter without one.
     #[must_use]
     pub fn stated_prior(&self) -> Vec<Option<f64>> {
         let stated = |(j, value): (usize, &f64)| self.stated.get(j).copied().unwrap_or(true).then_some(*value);
@@ -197,19 +199,19 @@ impl Setup {
 pub enum Outcome {
     /// The last stage converged.
     Converged,
-    /// An input reached the stated share of its limit: the campaign went as far as it was asked to go.
+    /// An input reached the stated share of its limit, so that no larger motion is allowed.
     EffortShare,
     /// All runs were used before the last stage converged.
     RunsUsed,
     /// An input was cut at its limit.
     InputLimit,
-    /// Run after run passed a bound, was stopped, or diverged.
+    /// The last of the permitted successive runs passed a bound, was stopped, or diverged.
     Aborted,
     /// The motion did not settle.
     NotSettled,
     /// A sensor gave no value.
     SensorLost,
-    /// All runs were used to follow parameters that drift.
+    /// All runs were used, and the estimates followed parameters that drift.
     Followed,
 }
 
@@ -274,7 +276,7 @@ pub struct RunReport {
     pub frequency: f64,
     /// Samples in a period.
     pub samples_per_period: usize,
-    /// Period from which the motion had settled.
+    /// Index of the first period at which the motion had settled.
     pub settled_after: Option<usize>,
     /// Whole periods that were measured.
     pub periods: usize,
@@ -283,9 +285,9 @@ pub struct RunReport {
     pub played: Vec<f64>,
     /// Root-mean-square tracking error per coordinate, over the measured periods or over the whole of an aborted run.
     pub tracking_rms: Vec<f64>,
-    /// Largest share of a limit that an input or its motor took; nothing without limits.
+    /// Largest share of its limit that an input or its motor reached; nothing without limits.
     pub effort_share: Option<f64>,
-    /// The limit of which the largest share was taken, and where in the period.
+    /// The limit of which the largest share was used, with the sample of the period at which it was reached.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit: Option<LimitUse>,
     /// How the run ended.
@@ -294,26 +296,27 @@ pub struct RunReport {
     /// the parameters of the feed-forward.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_mode: Option<NearMode>,
-    /// Whether the run belonged to an update when it came in. A perturbed run of the estimator `numerical` belongs to one together
-    /// with later runs.
+    /// Whether the estimates were updated from the run when it was submitted. A perturbed run of the estimator
+    /// `numerical` contributes to an update only together with later runs.
     pub updated: bool,
-    /// How the run contradicts the others, so that it is not pooled; nothing for a run that is. Later runs may change it.
+    /// How the run contradicts the other runs, which is why it is not pooled; nothing for a pooled run. Later runs may
+    /// change this.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contradicts: Option<Contradiction>,
     /// Estimates after the run.
     pub parameters: Vec<RunParameter>,
-    /// Rank of all equations so far.
+    /// Rank of the equations of all pooled runs so far.
     pub rank: Option<usize>,
-    /// Condition number of all equations so far.
+    /// Condition number of the equations of all pooled runs so far.
     pub condition: Option<f64>,
-    /// Residual as a share of the force.
+    /// Root mean square of the residual as a share of the force.
     pub residual: Option<f64>,
     /// Highest harmonic used by the estimator.
     pub harmonics: Option<usize>,
 }
 
 impl RunReport {
-    /// Whether the estimates contain the run: it was played whole, had settled, and agrees with the others.
+    /// Whether the estimates use the run: it was played completely, had settled, and agrees with the other runs.
     #[must_use]
     pub const fn is_pooled(&self) -> bool {
         self.settled_after.is_some() && self.contradicts.is_none()
@@ -356,7 +359,7 @@ pub enum CampaignError {
         /// The fault of the trial.
         source: TrialError,
     },
-    /// The actuator cannot follow the reference, whatever the parameters are.
+    /// The actuator cannot follow the reference, whatever the values of the parameters.
     #[error("run {run} cannot work: {limit}")]
     Unreachable {
         /// Number of the run, from 1.
@@ -389,16 +392,17 @@ pub struct Campaign<'m> {
     estimator: Box<dyn Estimator>,
     current: Vec<f64>,
     estimate: Option<Estimate>,
-    /// Refines estimates before runs and updates are judged by them; nothing where harmonics tell all.
+    /// Refines the estimates before they are used to compare runs and to test convergence; nothing when the estimates
+    /// of the harmonics are used as they are.
     refinement: Option<Box<dyn Refinement + 'm>>,
-    /// The last estimate, refined; nothing where it was not.
+    /// The last estimate after refinement; nothing when it was not refined.
     refined: Option<Estimate>,
     reports: Vec<RunReport>,
-    /// Index among the reports of every run that the estimator has taken in.
+    /// Index in `reports` of every run that the estimator has processed.
     taken: Vec<usize>,
-    /// The settled part of every run that the estimator has taken in.
+    /// The settled part of every run that the estimator has processed.
     steady: Vec<SteadyRun>,
-    /// The harmonics of every run that the estimator has taken in.
+    /// The harmonics of every run that the estimator has processed.
     harmonics: Vec<RunHarmonics>,
     stage: usize,
     updates_in_stage: usize,
@@ -434,7 +438,7 @@ impl<'m> Campaign<'m> {
         Self::with_estimator(model, setup, estimator)
     }
 
-    /// A campaign before its first run, with an estimator of the caller, which estimates the model's parameters.
+    /// A campaign before its first run that uses the caller's estimator of the model's parameters.
     ///
     /// # Errors
     /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
@@ -484,14 +488,14 @@ impl<'m> Campaign<'m> {
         Ok(campaign)
     }
 
-    /// The campaign with a refinement of the estimates by which it judges whether runs agree and whether an update has converged. The
-    /// next run is played with the estimates of the harmonics.
+    /// Adds a refinement of the estimates. The refined estimates decide whether runs agree and whether an update has
+    /// converged; the feed-forward of the next run still uses the estimates from the harmonics.
     pub fn refining(mut self, refinement: impl Refinement + 'm) -> Self {
         self.refinement = Some(Box::new(refinement));
         self
     }
 
-    /// What to play next; nothing when the campaign has ended.
+    /// The trial to play next; nothing when the campaign has ended.
     #[must_use]
     pub const fn next(&self) -> Option<&Trial> {
         self.pending.as_ref()
@@ -503,7 +507,7 @@ impl<'m> Campaign<'m> {
         self.outcome
     }
 
-    /// The limit that ended the campaign; nothing when something else did.
+    /// The limit that ended the campaign; nothing when the campaign ended for another reason.
     #[must_use]
     pub const fn stop(&self) -> Option<&LimitUse> {
         self.stop.as_ref()
@@ -515,8 +519,8 @@ impl<'m> Campaign<'m> {
         &self.current
     }
 
-    /// The harmonic of the next run that lies near a natural mode of the estimates, before the run is played; nothing where no
-    /// harmonic does, or the campaign has ended.
+    /// The harmonic of the next run that lies near a natural mode of the estimated model, known before the run is
+    /// played; nothing where there is none, or when the campaign has ended.
     #[must_use]
     pub fn next_near_mode(&self) -> Option<NearMode> {
         near_mode(self.model, self.pending.as_ref()?)
@@ -528,15 +532,16 @@ impl<'m> Campaign<'m> {
         self.estimate.as_ref()
     }
 
-    /// How far the estimate of a campaign that ended before it had settled is from the parameters about which it is linear; nothing for
-    /// estimators whose deviations contain what a linearisation leaves out.
+    /// Distance of each parameter between the last estimate and the point of its linearisation, for a campaign that
+    /// ended before it had converged; nothing for estimators whose standard deviations already contain the error of
+    /// linearisation.
     pub fn unsettled(&self) -> Option<Vec<f64>> {
         let ended = self.outcome.is_some_and(|outcome| outcome != Outcome::Converged);
         let about = self.estimator.linear_about().filter(|_| ended)?;
         Some(self.estimate.as_ref()?.values.iter().zip(about).map(|(now, before)| now - before).collect())
     }
 
-    /// The estimator that is at work, with what it reports beside the estimate.
+    /// The estimator, which reports more than the estimate alone.
     #[must_use]
     pub fn estimator(&self) -> &dyn Estimator {
         self.estimator.as_ref()
@@ -559,26 +564,26 @@ impl<'m> Campaign<'m> {
         self.steady.iter().filter(|steady| self.reports[steady.run].is_pooled())
     }
 
-    /// The harmonics of the runs that the estimator has taken in, in their order.
+    /// The harmonics of the runs that the estimator has processed, in their order.
     pub fn harmonics(&self) -> &[RunHarmonics] {
         &self.harmonics
     }
 
-    /// What the campaign started from.
+    /// The setup from which the campaign started.
     #[must_use]
     pub const fn setup(&self) -> &Setup {
         &self.setup
     }
 
-    /// Takes in the record of the trial that [`next`](Self::next) gave, updates the estimates and computes the next
-    /// trial.
+    /// Updates the estimates from the record of the trial that [`next`](Self::next) gave, and computes the next trial.
     ///
     /// # Errors
     /// [`CampaignError`] when the campaign has ended, when the record does not fit the trial, or when harmonics,
-    /// estimates or the next trial cannot be computed. The campaign is then as it was before, and expects another
-    /// record of the same trial.
+    /// estimates or the next trial cannot be computed. The state of the campaign is then unchanged, and it expects
+    /// another record of the same trial.
     pub fn submit(&mut self, record: &Record) -> Result<&RunReport, CampaignError> {
         let Some(trial) = self.pending.clone() else { return Err(CampaignError::Ended) };
+        // The record must have the dimensions of the model.
         let dims = self.model.dims();
         for (what, needed, given) in
             [("coordinates", dims.coordinates, record.coordinates.len()), ("inputs", dims.inputs, record.inputs.len())]
@@ -588,6 +593,8 @@ impl<'m> Campaign<'m> {
             }
         }
         let mut report = self.report(&trial, record);
+        // A run that was not completed leads to smaller amplitudes, and after too many of them to the end of the
+        // campaign.
         if matches!(record.ending, Ending::SensorLost { .. }) {
             self.outcome = Some(Outcome::SensorLost);
             return self.finish(report);
@@ -602,6 +609,7 @@ impl<'m> Campaign<'m> {
             return self.finish(report);
         }
         if record.len() < trial.samples() {
+            // A complete record must hold every sample of the trial, and finite values only.
             return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given: record.len() });
         }
         let not_finite = |channel: &Vec<f64>| channel.iter().position(|x| !x.is_finite());
@@ -613,6 +621,7 @@ impl<'m> Campaign<'m> {
             return Err(CampaignError::Mismatch { what: "samples of a rate", needed: trial.samples(), given: short });
         }
         let samples = trial.samples_per_period;
+        // The measurement begins at the period at which the motion has settled.
         let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
             .filter(|from| from + LEAST_PERIODS <= trial.periods);
         let Some(from) = settled else {
@@ -624,6 +633,7 @@ impl<'m> Campaign<'m> {
             return self.finish(report);
         };
         let run = self.reports.len() + 1;
+        // Harmonics of all channels over the settled periods, corrected for the known dynamics of the actuators.
         let channels: Vec<&[f64]> = record
             .coordinates
             .iter()
@@ -648,6 +658,7 @@ impl<'m> Campaign<'m> {
         let steady = SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra);
         let alone = self.refinement.as_deref().map(|refinement| OneRun { refinement, run: &steady });
         let alone = alone.as_ref().map(|run| run as &dyn Alone);
+        // The estimator processes the run.
         let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold, alone };
         let update =
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
@@ -657,6 +668,7 @@ impl<'m> Campaign<'m> {
         report.settled_after = Some(from);
         report.periods = periods;
         report.tracking_rms = tracking_rms(&trial, record, from * samples);
+        // The report states what was measured.
         report.harmonics = Some(self.estimator.harmonics());
         let used = self.motor_use(&trial, &spectra).into_iter().chain(self.limited_use(&trial, &spectra));
         if let Some(used) = used.fold(None, most_used) {
@@ -665,7 +677,8 @@ impl<'m> Campaign<'m> {
         }
         report.contradicts = self.contradictions();
         if let Some(estimate) = update {
-            // A run that is left out changes nothing, which is no convergence: its stage is played again.
+            // A run that is not pooled leaves the estimates unchanged. This is no convergence, so its stage is played
+            // again.
             let pooled = report.contradicts.is_none();
             let refined = self.refine(&estimate, pooled);
             let judged = refined.as_ref().unwrap_or(&estimate);
@@ -684,8 +697,8 @@ impl<'m> Campaign<'m> {
         self.finish(report)
     }
 
-    /// Says in the report of every run whether the runs that are pooled contradict it. Gives what is to be said of the last run,
-    /// whose report is not filed yet.
+    /// Marks in the report of every run whether it contradicts the pooled runs. Returns the mark of the last run, whose
+    /// report is not filed yet.
     fn contradictions(&mut self) -> Option<Contradiction> {
         let mut last = None;
         for (run, &at) in self.taken.iter().enumerate() {
@@ -702,7 +715,7 @@ impl<'m> Campaign<'m> {
         last
     }
 
-    /// After an update: repeats the stage, moves on to the next one, or ends the campaign.
+    /// After an update, repeats the stage, advances to the next one, or ends the campaign.
     fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
         let procedure = &self.setup.procedure;
         let share = report.effort_share.unwrap_or(0.0);
@@ -749,7 +762,7 @@ impl<'m> Campaign<'m> {
         Ok(self.reports.last().expect("invariant: a report was just filed"))
     }
 
-    /// The next trial of the present stage, its frequency times a factor.
+    /// The next trial of the present stage at its frequency times `factor`.
     fn trial(&self, factor: f64) -> Result<Trial, CampaignError> {
         let procedure = &self.setup.procedure;
         let asked = &procedure.stages[self.stage];
@@ -782,7 +795,8 @@ impl<'m> Campaign<'m> {
     fn prepare(&mut self) -> Result<(), CampaignError> {
         let mut trial = loop {
             match self.trial(1.0) {
-                // An update may go so far that the open coordinates have no periodic motion.
+                // After too large an update the open coordinates may have no periodic motion; the update is then taken
+                // back.
                 Err(CampaignError::Trial { source: TrialError::Open { .. }, .. }) if self.estimator.take_back() => {}
                 trial => break trial?,
             }
@@ -795,7 +809,8 @@ impl<'m> Campaign<'m> {
         let run = self.reports.len() + 1;
         let share = procedure.effort_share;
         let limited = self.limited_plan(&trial);
-        // Speed and bandwidth are those of the reference; a force and a power are the prior's as long as nothing is known.
+        // The use of speed and bandwidth follows from the reference alone. Force and power depend on the parameters,
+        // and are not tested before the first estimate.
         if let Some(limit) = &limited
             && limit.share > 1.0
             && matches!(limit.limit, "speed" | "bandwidth")
@@ -813,7 +828,7 @@ impl<'m> Campaign<'m> {
             None
         };
         if planned.as_ref().is_some_and(|planned| planned.share >= share) {
-            // The feed-forward alone would pass the share, so the trial is not played.
+            // The feed-forward alone would exceed the permitted share of the limit, so the trial is not played.
             self.outcome = Some(Outcome::EffortShare);
             self.stop = planned;
         } else {
@@ -822,8 +837,8 @@ impl<'m> Campaign<'m> {
         Ok(())
     }
 
-    /// The input that takes the largest share of its limit. `columns` are samples of the inputs from the start of a
-    /// period.
+    /// The input that uses the largest share of its limit. `columns` holds the samples of each input, from the start of
+    /// a period.
     fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
         let samples = trial.samples_per_period;
         let mut most = None;
@@ -861,7 +876,7 @@ impl<'m> Campaign<'m> {
         most
     }
 
-    /// The largest share of a motor's limit that the feed-forward of a trial would take.
+    /// The largest share of a motor's limit that the feed-forward of a trial would use.
     fn motor_plan(&self, trial: &Trial) -> Result<Option<LimitUse>, TrialError> {
         let mounted = &self.setup.procedure.motors;
         if mounted.iter().all(Option::is_none) {
@@ -881,7 +896,7 @@ impl<'m> Campaign<'m> {
         Ok(uses.fold(None, most_used))
     }
 
-    /// The largest share of an actuator's limit that the feed-forward of a trial would take.
+    /// The largest share of an actuator's limit that the feed-forward of a trial would use.
     fn limited_plan(&self, trial: &Trial) -> Option<LimitUse> {
         let Dims { inputs, .. } = self.model.dims();
         let width = self.model.dims().motion_len();
@@ -896,7 +911,7 @@ impl<'m> Campaign<'m> {
         self.limited().map(of).fold(None, most_used)
     }
 
-    /// The largest share of an actuator's limit that a measured run took.
+    /// The largest share of an actuator's limit that a measured run used.
     fn limited_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
         let coordinates = self.model.dims().coordinates;
         let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
@@ -915,7 +930,7 @@ impl<'m> Campaign<'m> {
         all.filter_map(|(i, limited)| Some((i, limited.as_ref()?)))
     }
 
-    /// The largest share of a motor's limit that a measured run took.
+    /// The largest share of a motor's limit that a measured run used.
     fn motor_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
         let coordinates = self.model.dims().coordinates;
         let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
@@ -933,7 +948,8 @@ impl<'m> Campaign<'m> {
         most
     }
 
-    /// The estimate refined by the samples of the pooled runs, to which the last run, whose report is not filed yet, belongs or not.
+    /// The estimate refined by the samples of the pooled runs. `last` states whether the last run, whose report is not
+    /// filed yet, is pooled.
     fn refine(&self, estimate: &Estimate, last: bool) -> Option<Estimate> {
         let is_pooled = |steady: &&SteadyRun| self.reports.get(steady.run).map_or(last, RunReport::is_pooled);
         let pooled: Vec<&SteadyRun> = self.steady.iter().filter(is_pooled).collect();
@@ -945,7 +961,8 @@ impl<'m> Campaign<'m> {
             return false;
         }
         let known = self.refined.as_ref().map_or(&self.current, |refined| &refined.values);
-        // A change within deviations that are not those of noise is no sign that the next change is none.
+        // Standard deviations of an estimate that is not final contain more than noise, so a change within them does
+        // not show convergence.
         let last = self.estimator.is_final();
         let insignificant = if last { INSIGNIFICANT } else { 0.0 };
         let shown = |shown: &Combination| {
@@ -965,7 +982,7 @@ impl<'m> Campaign<'m> {
         )
     }
 
-    /// Whether there are limits on the harmonics of the tracking error and no harmonic exceeds its limit.
+    /// Whether error limits are set and every harmonic of the tracking error keeps within the limit of its coordinate.
     fn tracks_well(&self, trial: &Trial, spectra: &Spectra) -> bool {
         let limits = &self.setup.procedure.error_limits;
         if self.estimate.is_none() || !limits.iter().any(|limit| *limit > 0.0) {
@@ -1021,8 +1038,8 @@ impl<'m> Campaign<'m> {
     }
 }
 
-/// Spectra in which the integral of every measured rate takes the place of its coordinate. In `spectra` the measured
-/// rates stand behind coordinates and inputs.
+/// Spectra in which the integral of a measured rate replaces the coordinate, for every coordinate with a measured rate;
+/// nothing when no rate is measured. In `spectra` the measured rates follow the coordinates and inputs.
 fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -> Option<Spectra> {
     let own = dims.coordinates + dims.inputs;
     let measured: Vec<usize> = (0..rates.len()).filter(|&c| rates[c].is_some()).collect();
@@ -1041,7 +1058,7 @@ fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -
     Some(integrated)
 }
 
-/// Of two uses of limits, the one that takes the larger share of its limit; an infinite limit does not count.
+/// The larger of two uses of limits, by share of the limit; an infinite limit does not count.
 fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
     if !used.available.is_finite() || most.as_ref().is_some_and(|most| most.share >= used.share) {
         return most;
@@ -1049,7 +1066,8 @@ fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
     Some(used)
 }
 
-/// Amplitudes of the mean and the harmonics of a signal in its last whole period; none when there is no such period.
+/// Amplitudes of the mean and the harmonics up to `reach` of a signal in its last whole period; empty when there is no
+/// whole period.
 fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
     let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
         return Vec::new();
@@ -1058,7 +1076,7 @@ fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
     lines.iter().map(|line| line.norm()).collect()
 }
 
-/// Root mean square of the measured tracking error of every coordinate from a sample on.
+/// Root mean square of the measured tracking error of every coordinate from sample `from` on, unit of the coordinate.
 fn tracking_rms(trial: &Trial, record: &Record, from: usize) -> Vec<f64> {
     let width = trial.reference.len() / trial.samples_per_period.max(1);
     record

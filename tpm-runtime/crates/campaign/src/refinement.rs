@@ -1,4 +1,4 @@
-//! Estimates of a campaign that are refined by the samples of its runs.
+//! Refinement of a campaign's estimates by the samples of its runs.
 
 use crate::steady::SteadyRun;
 use std::fmt::{Debug, Formatter};
@@ -6,11 +6,12 @@ use tpm_estimate::{Alone, Estimate, OwnEstimate};
 
 /// Refines an estimate by the samples of the runs that it comes from.
 pub trait Refinement {
-    /// The estimate that explains the samples of the runs, beginning with that of their harmonics; nothing where there is none.
+    /// The estimate that fits the samples of the runs, starting from `estimate`, which comes from their harmonics;
+    /// nothing where the search finds none.
     fn refined(&self, runs: &[&SteadyRun], estimate: &Estimate) -> Option<Estimate>;
 }
 
-/// One run, which is refined by itself.
+/// The refinement of an estimate by the samples of a single run.
 pub(super) struct OneRun<'a> {
     pub(super) refinement: &'a dyn Refinement,
     pub(super) run: &'a SteadyRun,
@@ -25,7 +26,7 @@ impl Debug for OneRun<'_> {
 impl Alone for OneRun<'_> {
     fn refined(&self, estimate: &Estimate) -> Option<OwnEstimate> {
         let estimate = self.refinement.refined(&[self.run], estimate)?;
-        // Thousands of samples leave so many residuals that their number hardly matters.
+        // A run has thousands of samples, so the exact number of degrees of freedom hardly matters.
         let readings = self.run.samples() * self.run.highest.len();
         Some(OwnEstimate { residuals: readings.saturating_sub(estimate.rank), estimate })
     }

@@ -1,17 +1,19 @@
 //! Test of whether a motion has settled.
 //!
-//! Invariant: settling is tested on the record, never assumed. Every period is compared with the last one; a transient shows
-//! as a difference above that of the periods which follow, noise as one that stays.
+//! Invariant: settling is tested on the record, never assumed. Every period is compared with the last one. A transient
+//! appears as a difference that decreases from period to period, noise as a difference that stays constant.
 
 use tpm_motion::Record;
 
-/// Largest mean square difference of a settled period from the last one, as a multiple of that of the latest periods.
+/// Largest mean square difference between a settled period and the last one, as a multiple of the mean of the latest
+/// three such differences.
 const TOLERANCE: f64 = 2.0;
-/// Smallest difference, as a share of the motion, that is told from rounding.
+/// Root mean square difference between periods that is ascribed to rounding, as a share of the root mean square of the
+/// motion.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// First whole period, at least `least`, from which on the coordinates repeat; nothing when fewer than two periods
-/// remain from there.
+/// Index of the first period, at least `least`, from which the coordinates repeat; nothing when fewer than two periods
+/// remain after it.
 #[must_use]
 pub fn settled_from(record: &Record, samples_per_period: usize, least: usize) -> Option<usize> {
     let periods = record.len().checked_div(samples_per_period)?;
@@ -75,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_motion_that_goes_on_settling_is_refused() {
-        // Ten periods of a motion that needs thirty: too few are left to measure anything.
+        // After ten periods, a third of the decay that this motion needs, too few periods are left to measure anything.
         assert_eq!(settled_from(&record(1.0, 30.0, 0.0), 100, 1), Some(6));
         let mut broken = record(0.0, 1.0, 0.0);
         broken.coordinates[0][950] = f64::NAN;

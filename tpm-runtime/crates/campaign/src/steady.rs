@@ -1,43 +1,46 @@
-//! The settled part of a run, sample by sample.
+//! The settled part of a run as samples.
 
 use tpm_estimate::beside_counts;
 use tpm_motion::Spectra;
 use tpm_numerics::differences::white_noise;
 
-/// A harmonic belongs to the motion when it is no smaller than this share of the largest.
+/// Smallest amplitude of a harmonic that counts as part of the motion, as a share of the largest amplitude.
 const SMALL: f64 = 1e-3;
-/// A harmonic stands out of the noise when its power is this many times that of its noise.
+/// Smallest power of a harmonic that counts as above the noise, as a multiple of the variance of the noise in the
+/// harmonic.
 const CERTAIN: f64 = 9.0;
 
-/// The end of the settled part of a run.
+/// The last samples of the settled part of a run, [`SteadyRun::MOST`] at most.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteadyRun {
     /// Index of the run among the reports.
     pub(crate) run: usize,
-    /// Every coordinate, then every input, sample by sample; unit of the coordinate or input.
+    /// Samples of every coordinate, then of every input; unit of the coordinate or input.
     pub channels: Vec<Vec<f64>>,
-    /// Samples of a period.
+    /// Number of samples in a period.
     pub period: usize,
-    /// Samples of the whole settled part.
+    /// Number of samples in the whole settled part.
     pub of: usize,
-    /// Highest frequency of every coordinate's motion, Hz.
+    /// Highest frequency of the motion of every coordinate that is above the noise, Hz.
     pub highest: Vec<f64>,
-    /// Step of every coordinate's sensor; zero for a sensor without steps, and where the mean error of rounding was taken out.
+    /// Quantisation step of the sensor of every coordinate; zero for a sensor without steps, and where the mean
+    /// quantisation error was subtracted.
     pub steps: Vec<f64>,
-    /// Whether rounding to counts, whose error repeats with the motion, makes up the noise of a sensor.
+    /// Whether quantisation error, which repeats with the motion, makes up the noise of at least one sensor.
     pub counted: bool,
 }
 
 impl SteadyRun {
-    /// Most samples that are simulated of all runs together, so that no more of a single one are kept.
+    /// Most samples of all runs together that the refinement simulates. No more samples of a single run are kept.
     pub const MOST: usize = 160_000;
 
-    /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
+    /// The last samples of a settled part. `channels` holds whole periods of every channel, the coordinates before the
+    /// inputs.
     pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
         let readings = channels.iter().take(coordinates).enumerate();
         let rounding: Vec<Option<Vec<f64>>> =
             readings.map(|(c, own)| spectra.mean_rounding(c, *own.first()?)).collect();
-        // Readings without the mean error of their rounding are no counts.
+        // Readings from which the mean quantisation error is subtracted are no longer multiples of a step.
         let step = |(c, rounding): (usize, &Option<_>)| if rounding.is_some() { 0.0 } else { spectra.step(c) };
         let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
         let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
@@ -72,7 +75,8 @@ impl SteadyRun {
     }
 }
 
-/// Frequency of the highest harmonic of a coordinate that stands out of the noise and is no smaller than a share of the largest, Hz.
+/// Frequency in Hz of the highest harmonic of a coordinate that is above the noise and no smaller than [`SMALL`] times
+/// the largest.
 fn highest(spectra: &Spectra, coordinate: usize) -> f64 {
     let lines = &spectra.lines[coordinate];
     let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);

@@ -18,7 +18,7 @@ use tpm_report::{is_special, read_input, read_text, write_whole};
 const CAMPAIGN: &str = "tpm.campaign/1";
 const RUN: &str = "tpm.run/1";
 
-/// The most bytes of a run's samples: several channels of the most samples that a run may have.
+/// Most bytes of the file with a run's samples: several channels of the largest number of samples that a run may have.
 const MOST_SAMPLES: u64 = 4 << 30;
 
 /// The model and the experiment that a campaign belongs to.
@@ -33,7 +33,7 @@ pub struct Manifest {
     pub model_hash: String,
     /// Hash of the experiment with all its overrides.
     pub experiment_hash: String,
-    /// Version of the program that began it.
+    /// Version of the program that began the campaign.
     pub version: String,
 }
 
@@ -52,7 +52,7 @@ impl Manifest {
 }
 
 impl Manifest {
-    /// The manifest of the campaign in a folder.
+    /// Reads the manifest of the campaign in a folder.
     ///
     /// # Errors
     /// [`StoreError`] when there is no manifest, or the file is not one.
@@ -117,18 +117,18 @@ pub struct RunManifest {
     pub log: Option<LogFingerprints>,
 }
 
-/// What tells the log of a run from others.
+/// Fingerprints by which the log of a run is recognised.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogFingerprints {
     /// Hash of the file's bytes.
     pub bytes: String,
-    /// Hash of the samples as [`samples_text`] writes them, whatever the file looks like.
+    /// Hash of the samples in the form of [`samples_text`], which does not depend on the format of the file.
     pub samples: String,
 }
 
 impl RunManifest {
-    /// Whether the run holds the samples of a log, as bytes or as numbers.
+    /// Whether the run was read from this log: the bytes or the samples are equal.
     fn holds(&self, log: &LogFingerprints) -> bool {
         let own = self.log.as_ref().map_or([&self.samples_hash; 2], |own| [&own.bytes, &own.samples]);
         own.into_iter().chain([&self.samples_hash]).any(|hash| *hash == log.bytes || *hash == log.samples)
@@ -138,7 +138,7 @@ impl RunManifest {
 /// Why a campaign's folder cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
-    /// Reading or writing failed; what was there before is still there.
+    /// Reading or writing failed; earlier files are unchanged.
     #[error("{path}: {reason}; finished runs are kept, and the campaign goes on from them")]
     Io {
         /// The file.
@@ -186,7 +186,8 @@ pub struct Store {
 }
 
 impl Store {
-    /// Opens the folder of a campaign, or begins one in a folder without a campaign (made when it is not there).
+    /// Opens the folder of a campaign, or begins a campaign in a folder that holds none; the folder is created when it
+    /// does not exist.
     ///
     /// # Errors
     /// [`StoreError::Other`] when the folder's campaign has another model or experiment; another [`StoreError`] when
@@ -257,7 +258,7 @@ impl Store {
         Ok(self.manifests()?.into_iter().map(named).collect())
     }
 
-    /// Number of the finished run that holds the samples of a log already.
+    /// Number of the finished run that already holds the samples of a log; nothing when there is none.
     ///
     /// # Errors
     /// [`StoreError`] when a manifest cannot be read.
@@ -293,11 +294,11 @@ impl Store {
         Ok(false)
     }
 
-    /// Writes a finished run to the folder: one of a simulated machine with the seed of its noise, one that was submitted as a file
-    /// with the fingerprints of its log.
+    /// Writes a finished run to the folder. A run of a simulated machine has the seed of its noise; a run that was
+    /// submitted as a file has the fingerprints of its log.
     ///
     /// # Errors
-    /// [`StoreError::Io`] when a file cannot be written. The run is then not in the folder; all earlier ones are.
+    /// [`StoreError::Io`] when a file cannot be written. The run is then not in the folder; all earlier runs are.
     pub fn append(
         &self,
         model: &dyn Model<f64>,
@@ -376,7 +377,8 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
 
 fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManifest) -> Result<Record, StoreError> {
     let dims = model.dims();
-    // The manifest may say what it likes; a row of the text takes two bytes at least.
+    // The number of samples in the manifest is not trusted: a row of the text has at least two bytes, which bounds the
+    // allocation.
     let rows = run.samples.min(text.len() / 2);
     let mut channels = vec![Vec::with_capacity(rows); dims.coordinates + dims.inputs];
     let mut reader = csv::ReaderBuilder::new().from_reader(text);
@@ -428,22 +430,22 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
     Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, rates, ending, saturated: run.saturated })
 }
 
-/// What stands before the fingerprint of a manifest, which is taken of everything before it.
+/// Text before the checksum of a manifest. The checksum is the hash of everything before this text.
 const CHECKSUM: &str = ",\n  \"checksum\": \"";
 
-/// A manifest with its checksum.
+/// The text of a manifest with its checksum.
 fn signed(value: &impl Serialize) -> String {
     let text = serde_json::to_string_pretty(value).expect("invariant: manifests hold plain values");
     let text = text.trim_end_matches("\n}");
     format!("{text}{CHECKSUM}{}\"\n}}\n", fingerprint(text.as_bytes()))
 }
 
-/// Writes a manifest with its checksum, whole or not at all.
+/// Writes a manifest with its checksum, completely or not at all.
 pub fn write_json(path: &Path, value: &impl Serialize) -> Result<(), StoreError> {
     keep(path, signed(value).as_bytes())
 }
 
-/// A manifest of the given form, whose checksum, if it has one, fits; earlier versions wrote none.
+/// Reads a manifest with the given schema. The checksum must fit where there is one; earlier versions wrote none.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Result<T, StoreError> {
     refuse_special(path)?;
     let text = read_text(path).map_err(|error| io(path, &error))?;

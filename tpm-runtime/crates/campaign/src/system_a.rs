@@ -5,9 +5,8 @@ use std::f64::consts::PI;
 use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
 use tpm_estimate::{Estimate, Method, Run, Settings};
-use tpm_motion::Spectra;
 use tpm_motion::smoothing::Smoothing;
-use tpm_motion::{HoldCompensation, Loop, Record, Trial, Velocity};
+use tpm_motion::{HoldCompensation, Loop, Record, Spectra, Trial, Velocity};
 use tpm_numerics::{SMatrix, SVector};
 use tpm_plant::simulated::{Actuator, Rig, Sensor, simulate};
 use tpm_test_support::models::MassSpringDrag;
@@ -16,7 +15,7 @@ use tpm_test_support::rest_to_rest_3;
 const TRUE: [f64; 3] = [2.0, 40.0, 1.5];
 /// Standard deviation of the noise of the position sensor.
 const SIGMA: f64 = 1e-3;
-/// Amplitude lambda and angular frequency w (rad/s) of the two settings.
+/// Amplitude lambda (unit of the coordinate) and angular frequency w (rad/s) of the two settings.
 const SETTINGS: [(f64, f64); 2] = [(0.3, PI), (0.6, 2.0 * PI)];
 
 fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
@@ -100,7 +99,7 @@ fn errors(setup: Setup, bench: &Rig) -> (Vec<f64>, Option<Outcome>) {
 /// on, the state at that sample unknown.
 fn cramer_rao(inputs: &[f64], start: f64, sample_time: f64, sigma: f64, from: usize) -> [f64; 3] {
     let [m, k1, k2] = TRUE;
-    // x, x', then s and s' for the three parameters and the two initial values.
+    // The state x, x', then the sensitivities s and s' to the three parameters and to the two initial values.
     let rate = |y: &SVector<f64, 12>, u: f64| {
         let acceleration = (u - k1 * y[0] - k2 * y[1] * y[1]) / m;
         let phi = [acceleration, y[0], y[1] * y[1], 0.0, 0.0];
@@ -192,7 +191,7 @@ fn the_other_estimators_converge_as_they_should() {
     }
 }
 
-/// At 1 kHz with a zero-order hold and a filtered difference: the remaining error for every way of compensating the
+/// The error that remains at 1 kHz with a zero-order hold and a filtered difference, for every way of compensating the
 /// hold in H and in the feed-forward.
 #[test]
 fn the_hold_in_h_and_feed_forward_leaves_little() {

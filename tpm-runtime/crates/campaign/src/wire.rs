@@ -1,7 +1,8 @@
-//! The files that a machine's user exchanges with a campaign.
+//! The files that the user of a machine exchanges with a campaign.
 //!
-//! A run goes out as two files: its samples (CSV, one row per sample: time, reference with its derivatives, feed-forward) and,
-//! beside them, its terms ([`RunFile`], JSON): feedback, limits, timing. What the machine did comes back as a log.
+//! A run is exported as two files: its samples (CSV, one row per sample: time, reference with its derivatives,
+//! feed-forward) and, beside them, its terms ([`RunFile`], JSON): feedback, limits, timing. The user submits the
+//! recorded motion as a log.
 //!
 //! Invariant: numbers are written with enough digits to be read back exactly, so that a run that goes through files
 //! equals one that stays in memory.
@@ -12,7 +13,7 @@ use tpm_core::control::Gain;
 use tpm_core::model::Model;
 use tpm_motion::{GainManifest, RUN_FILE, RunFile, Trial, Velocity};
 
-/// The earlier schema, without law and timing; files of it can still be read.
+/// The earlier schema, which has neither feedback law nor timing. Files of this schema can still be read.
 const EARLIER_RUN_FILE: &str = "tpm.play/1";
 
 /// Why a file of a run cannot be used.
@@ -46,7 +47,10 @@ fn read(path: &Path) -> Result<String, WireError> {
         .map_err(|error| WireError::Read { path: path.display().to_string(), reason: error.to_string() })
 }
 
-/// The feedback of a run's terms, with inputs and coordinates by index; every name must be one of the model's.
+/// The feedback gains in a run's terms, with inputs and coordinates by index.
+///
+/// # Errors
+/// [`WireError::Broken`] when a name is not one of the model's.
 fn gains(terms: &RunFile, model: &dyn Model<f64>, path: &Path) -> Result<Vec<Gain<f64>>, WireError> {
     let dims = model.dims();
     let gain = |gain: &GainManifest| {
@@ -75,7 +79,7 @@ fn columns(model: &dyn Model<f64>) -> Vec<String> {
     names
 }
 
-/// The samples of a trial, by the names of their columns: time (s), reference with its derivatives, feed-forward, in the units of the
+/// The samples of a trial as named columns: time (s), reference with its derivatives, feed-forward, in the units of the
 /// model.
 #[must_use]
 pub fn trial_columns(model: &dyn Model<f64>, trial: &Trial) -> Vec<(String, Vec<f64>)> {
@@ -114,9 +118,9 @@ fn sample<'a>(model: &dyn Model<f64>, trial: &'a Trial, n: usize) -> impl Iterat
     std::iter::once(n as f64 * trial.control.sample_time).chain(reference.iter().chain(feed_forward).copied())
 }
 
-/// Reads the trial of a run that was written to files; its period is the whole run. The samples come from `path`, the
-/// terms from the file beside it that ends in `.json`, and what the files do not hold from `template`, a trial of the
-/// same campaign.
+/// Reads the trial of a run that was written to files; its period is the whole run. The samples are read from `path`
+/// and the terms from the file beside it that ends in `.json`. Whatever the files do not hold is taken from `template`,
+/// a trial of the same campaign.
 ///
 /// # Errors
 /// [`WireError`] when a file cannot be read or does not fit the model, with its path and what is wrong.

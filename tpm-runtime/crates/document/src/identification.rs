@@ -9,7 +9,8 @@ use tpm_estimate::{CombinationReport, ParameterReport, Status};
 use tpm_numerics::tail::NORMAL_95;
 use tpm_report::{Remedy, beside, cells, combination, digits, number, or_dash};
 use tpm_session::{
-    Identification, LogReport, PeriodicReport, RefinementReport, Source, Validation, Warning, Way, closed_loop,
+    About, Concern, Identification, LogReport, Meaning, PeriodicReport, RefinementReport, Severity, Source, Validation,
+    Warning, Way, closed_loop,
 };
 
 /// What a front end calls a remedy, such as the name of a flag; nothing where it has no name for it.
@@ -58,10 +59,13 @@ impl Document {
             grave: warning.is_distrust(),
         };
         // What is said of single parameters stands in their table too; of an arm it would hide the rest.
-        let place = |warning: &&Warning| match warning {
-            warning if warning.is_distrust() => 0,
-            Warning::PoorlyDetermined { .. } | Warning::NotVisible { .. } | Warning::Physical { .. } => 2,
-            _ => 1,
+        let place = |warning: &&Warning| {
+            let Meaning { severity, about, concern } = warning.meaning();
+            match (severity, about, concern) {
+                (Severity::Distrust, ..) => 0,
+                (_, About::Parameters, Concern::Parameter(_) | Concern::Nothing) => 2,
+                _ => 1,
+            }
         };
         let mut ordered: Vec<&Warning> = result.warnings.iter().collect();
         ordered.sort_by_key(place);
@@ -232,7 +236,7 @@ fn success(result: &Identification) -> String {
     let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
     let poor: Vec<&str> = poor.map(|parameter| parameter.name.as_str()).collect();
     let mut text = "The data show everything that was asked for".to_owned();
-    text.push_str(if result.warnings.iter().any(Warning::is_misfit) {
+    text.push_str(if result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit) {
         "; the model leaves something of what was measured unexplained"
     } else {
         ", and the model explains what was measured"
@@ -245,9 +249,11 @@ fn success(result: &Identification) -> String {
 }
 
 fn facts(result: &Identification) -> Vec<(String, String)> {
-    let of = if result.is_refined() { "the motion or input" } else { "the force" };
     let mut facts = vec![
-        ("unexplained".to_owned(), format!("{} % of {of}", digits(100.0 * result.residual, SHARE_DIGITS))),
+        (
+            "unexplained".to_owned(),
+            format!("{} % of {}", digits(100.0 * result.residual, SHARE_DIGITS), result.residual_of),
+        ),
         ("rank".to_owned(), format!("{} of {}", result.rank, result.wanted())),
         ("condition number".to_owned(), or_dash(result.condition, |condition| digits(condition, SHARE_DIGITS))),
         ("estimator".to_owned(), result.estimator.name().to_owned()),

@@ -1,14 +1,14 @@
 //! Which runs of a campaign agree with each other.
 //!
-//! Every run gives an estimate of its own, with its own covariance, which contains the model's error. Runs are independent, so
-//! that the difference between a run and the pool of others has the sum of both covariances; its square in the metric of that
-//! sum, over the combinations of parameters that both show, is a ratio of sums of squares: the model's error is read from the
-//! residuals that a run has beyond its parameters, often a dozen. The ratio follows F.
+//! Every run gives an estimate of its own, with its own covariance, which contains the model's error. Runs are independent, so that the
+//! difference between a run and the pool of the others has the sum of both covariances. Its square in the metric of that sum, over the
+//! combinations of parameters that both show, follows F: the model's error is estimated from the residuals that a run has beyond its
+//! parameters, often a dozen.
 //!
 //! Invariant: all runs are judged anew whenever one comes in, by one rule. A set of runs is consistent when each of its runs agrees
 //! with the pool of the others. A set begins with one run and takes in, in their order, all runs with which it stays consistent. The
 //! largest set is the pool of the campaign; among sets of equal size the one that begins with the earliest run. A run that came first
-//! is therefore left out once more runs agree without it.
+//! is therefore left out once more runs agree without it (`DESIGN.md`, "Why may a run be left out of a campaign?").
 
 use crate::result::Estimate;
 use tpm_numerics::chance::deviation_by_residuals;
@@ -257,6 +257,7 @@ mod tests {
             unobservable,
             condition: 1.0,
             residual: 0.0,
+            residual_of: crate::ResidualOf::Force,
             chi_squared: 1.0,
             model_error: vec![],
         }

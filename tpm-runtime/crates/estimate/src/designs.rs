@@ -1,7 +1,7 @@
 //! What the references of a campaign's runs show of the parameters, whatever is measured.
 //!
-//! Noise makes any equations look as if they determined every parameter. What a reference shows follows from the rows of the model along
-//! it; a direction that changes no row along any reference is hidden, and no estimator moves along it.
+//! Invariant: a direction that changes no row of the model along any reference is hidden, and no estimator moves along it. It cannot be
+//! read from data, since noise makes any equations look as if they determined every parameter.
 
 use crate::along::Along;
 use crate::error::EstimateError;

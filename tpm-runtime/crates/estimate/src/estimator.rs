@@ -6,6 +6,7 @@
 
 use crate::consistency::LeftOut;
 use crate::error::EstimateError;
+use crate::physical_remark::PhysicalRemark;
 use crate::result::Estimate;
 use crate::run::Run;
 use tpm_core::model::Model;
@@ -86,7 +87,7 @@ pub trait Estimator: Send {
     }
 
     /// What the user should know about the last estimate.
-    fn warnings(&self) -> &[String] {
+    fn remarks(&self) -> &[PhysicalRemark] {
         &[]
     }
 }

@@ -29,6 +29,7 @@ pub mod named;
 mod noise;
 mod numerical;
 mod output_error;
+mod physical_remark;
 mod pooled;
 mod prior;
 mod projected;
@@ -63,10 +64,11 @@ pub use output_error::{
     Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Rate,
     RateFault, RateUse, Signals, Simulated,
 };
+pub use physical_remark::PhysicalRemark;
 pub use pooled::{Contribution, Pooled, pool};
 pub use projected::{Known, Projector};
 pub use response::ErrorResponse;
-pub use result::Estimate;
+pub use result::{Estimate, ResidualOf};
 pub use run::error_lines;
 pub use run::{Alone, OwnEstimate, Run};
 pub use sensor::Sensor;

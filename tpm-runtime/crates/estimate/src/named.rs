@@ -74,7 +74,7 @@ impl EstimateReport {
     /// `prior` has the stated values, one per parameter or fewer; without an estimate every parameter is unobservable.
     pub fn new(model: &dyn Model<f64>, prior: &[Option<f64>], estimate: Option<&Estimate>) -> Self {
         let p = model.dims().parameters;
-        let status = |j: usize| estimate.map_or(Status::Unobservable, |e| e.status[j].in_result(e.is_explained()));
+        let status = |j: usize| estimate.map_or(Status::Unobservable, |e| e.status[j]);
         let seen = |j: usize| estimate.filter(|_| status(j) != Status::Unobservable);
         let stated = |j: usize| prior.get(j).copied().flatten();
         let with_prior = estimate.map_or_else(Vec::new, |e| e.with_prior(prior));

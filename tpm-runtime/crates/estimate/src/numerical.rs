@@ -6,14 +6,13 @@
 //! kept (Eqn 3.29), and once M is known every run is an update, and M is corrected by the change of the error since the run before
 //! (secant). Invariant: M belongs to one reference; another reference begins anew.
 //!
-//! M is measured, so that its own noise counts in every equation: that of a column as often as the update is longer than the step behind
-//! the column. All columns are differences from the base, whose noise is in the right-hand side too. Least squares would take this noise
-//! for a part of the update, always to the same side; what is expected of the exact columns, given the measured ones, takes their place
-//! (`Measured::calibrated`).
+//! M is measured, and its noise enters every equation: that of a column times the ratio of the update to the step behind the column. All
+//! columns are differences from the base run, whose noise is in the right-hand side too, which would bias least squares. Regression
+//! calibration replaces the columns by the expectation of the exact ones, given the measured ones (`Measured::calibrated`).
 //!
-//! What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and, as M is a
-//! quotient of differences, with the product of update and step. The noise of the sensors moves the machine on its way round the loop, and
-//! terms that are even in a velocity have a mean there, which is in the error of the base and in none of the differences.
+//! What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update and, as M is a
+//! quotient of differences, with the product of update and step. Terms that are even in a velocity have a mean that the noise of the
+//! sensors makes round the loop; it is in the error of the base run and in none of the differences, and is taken out.
 
 use crate::along::Along;
 use crate::applies::{check_reference, check_runs};

@@ -7,7 +7,7 @@
 
 use crate::error::EstimateError;
 use crate::information::Information;
-use crate::result::Estimate;
+use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
 use crate::verdict::{Evidence, POOR, Status, Verdict};
 use tpm_numerics::singular::{complement, largest_one, unit_columns};
@@ -139,6 +139,8 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
         .collect();
     let ranks: usize = estimates.iter().map(|estimate| estimate.rank).sum();
     let worst = |of: &dyn Fn(&Estimate) -> f64| estimates.iter().map(|estimate| of(estimate)).fold(0.0, f64::max);
+    let most = estimates.iter().max_by(|a, b| a.residual.total_cmp(&b.residual));
+    let residual_of = most.map_or(ResidualOf::Force, |estimate| estimate.residual_of);
     Ok(Pooled {
         estimate: Estimate {
             values,
@@ -149,6 +151,7 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
             unobservable,
             condition,
             residual: worst(&|estimate| estimate.residual),
+            residual_of,
             chi_squared: worst(&|estimate| estimate.chi_squared),
             model_error: first.model_error.clone(),
         },
@@ -161,7 +164,7 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
 #[cfg(test)]
 mod tests {
     use super::pool;
-    use crate::result::Estimate;
+    use crate::result::{Estimate, ResidualOf};
     use crate::settings::Settings;
     use crate::verdict::Status;
     use tpm_numerics::Matrix;
@@ -177,6 +180,7 @@ mod tests {
             unobservable,
             condition: 1.0,
             residual: 0.01,
+            residual_of: ResidualOf::Force,
             chi_squared: 1.0,
             model_error: vec![0.0],
         }

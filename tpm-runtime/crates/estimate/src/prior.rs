@@ -84,6 +84,7 @@ mod tests {
             unobservable: vec![vec![1.0, -0.5, 0.0, 0.0], vec![0.0, 0.0, 0.0, 1.0]],
             condition: 1.0,
             residual: 0.0,
+            residual_of: crate::ResidualOf::Force,
             chi_squared: 1.0,
             model_error: Vec::new(),
         }

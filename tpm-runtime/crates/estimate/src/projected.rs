@@ -8,7 +8,7 @@
 //! Invariant: nothing is said along what the motion hides of the wanted parameters, and along what the known ones leave open.
 
 use crate::information::{Information, beside_known, touched};
-use crate::result::Estimate;
+use crate::result::{Estimate, ResidualOf};
 use crate::verdict::{Evidence, POOR, Status};
 use tpm_numerics::singular::{Singular, complement, unit_columns};
 use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix};
@@ -243,6 +243,7 @@ impl Projector {
             unobservable,
             condition: self.decomposed.condition(),
             residual: 0.0,
+            residual_of: ResidualOf::Force,
             chi_squared: 1.0,
             model_error: Vec::new(),
         }

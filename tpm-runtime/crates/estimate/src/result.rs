@@ -4,6 +4,36 @@ use crate::settings::Settings;
 use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR, Status};
 use tpm_numerics::Matrix;
 
+/// What a residual is a share of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ResidualOf {
+    /// The generalised force: harmonic equations and regressions.
+    #[default]
+    Force,
+    /// The motion, or the input where that is measured with noise: simulations.
+    Motion,
+}
+
+impl ResidualOf {
+    /// Whether it is the usual one, the force.
+    // What serde calls takes a reference.
+    #[allow(clippy::trivially_copy_pass_by_ref)]
+    #[must_use]
+    pub fn is_force(&self) -> bool {
+        *self == Self::Force
+    }
+}
+
+impl std::fmt::Display for ResidualOf {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            ResidualOf::Force => "the force",
+            ResidualOf::Motion => "the motion or input",
+        })
+    }
+}
+
 /// The result that every estimator gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
@@ -23,8 +53,10 @@ pub struct Estimate {
     pub unobservable: Vec<Vec<f64>>,
     /// Condition number of the weighted equations after column scaling, over the observable directions.
     pub condition: f64,
-    /// Root-mean-square residual of the used harmonics as a share of the generalised force.
+    /// Root-mean-square residual as a share of what [`residual_of`](Self::residual_of) says.
     pub residual: f64,
+    /// What the residual is a share of.
+    pub residual_of: ResidualOf,
     /// Weighted sum of squared residuals per degree of freedom before any inflation; about one when the noise explains them.
     pub chi_squared: f64,
     /// Standard deviation that the model's own error adds to a harmonic of each row, units of the row.

@@ -1,7 +1,7 @@
 //! Which harmonics carry information.
 //!
 //! Invariant: a harmonic is judged by what was measured there against the noise of the same record; no data set and no
-//! model is known here.
+//! model is known here (`DESIGN.md`, "Which harmonics are used?").
 
 use num_complex::Complex;
 

@@ -1,12 +1,13 @@
 //! The equations of several runs, solved together.
 //!
-//! Invariant: every run counts by its own variances, so that a run that shows little never replaces one that shows more. What the
-//! variances of a run do not explain widens it, and what the runs together do not explain widens all.
+//! Invariant: every run is weighed by its own variances, so that a run with little information never replaces one with more. The variances
+//! of a run are multiplied by its chi-squared over its degrees of freedom, where that is above one; the covariance of all runs together is
+//! multiplied likewise.
 
 use crate::equations::Equations;
 use crate::error::EstimateError;
 use crate::information::Information;
-use crate::result::Estimate;
+use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
 use crate::verdict::Verdict;
 use tpm_numerics::Matrix;
@@ -85,6 +86,7 @@ pub(super) fn solve(runs: &[Equations], settings: &Settings, current: &[f64]) ->
         unobservable: solution.unobservable.iter().map(|direction| free.spread(direction)).collect(),
         condition: scaled.condition(&hidden),
         residual: if force > 0.0 { (left / force).sqrt() } else { 0.0 },
+        residual_of: ResidualOf::Force,
         chi_squared,
         model_error: vec![0.0; latest.row.iter().max().map_or(0, |row| row + 1)],
     })

@@ -1,18 +1,18 @@
 //! Motors and actuator dynamics of an experiment, resolved against a model.
 //!
-//! Invariant: the known dynamics are those in `actuators`, else those that a motor's amplifier states, and only they
-//! are corrected. The simulated machine has the known dynamics too, unless `plant.actuators` states others.
+//! Invariant: the known dynamics of an input are those stated in `actuators`, else those of its motor's amplifier. Only
+//! known dynamics are corrected. The simulated machine has the known dynamics too, unless `plant.actuators` states
+//! others.
 
 use crate::error::ExperimentError;
 use crate::file::{ActuatorSection, Experiment, MotorsSection};
 use crate::names::{coordinates, inputs, positive, require};
 use std::collections::BTreeMap;
 use tpm_core::model::Model;
-use tpm_motion::Dynamics;
-use tpm_motion::LowPass;
+use tpm_motion::{Dynamics, LowPass};
 use tpm_plant::actuator::{FileFault, Limited, MotorFile, Mounted};
 
-/// Limits of the inputs, each lowered to the force of the motor's largest current where that is less.
+/// Limits of the inputs, each replaced by the force at the motor's largest current where that force is smaller.
 pub(super) fn limited(mut limits: Vec<f64>, motors: &[Option<Mounted>]) -> Vec<f64> {
     for (limit, mounted) in limits.iter_mut().zip(motors) {
         if let Some(Mounted { motor, .. }) = mounted {
@@ -63,7 +63,7 @@ impl Experiment {
         file.motors(model, &turned).map(|_| ())
     }
 
-    /// The coordinates that the rotor of each input's motor could turn with: the stated one, else all that are fed back
+    /// The coordinates with which the rotor of each input's motor may turn: the stated one, else all that are fed back
     /// to the input.
     fn turned(&self, model: &dyn Model<f64>) -> Result<Vec<Vec<usize>>, ExperimentError> {
         let (coordinates, inputs) = (coordinates(model), inputs(model));

@@ -6,7 +6,7 @@ use tpm_estimate::EstimateError;
 use tpm_plant::stability::StabilityError;
 use tpm_report::number;
 
-/// A value as people write it: hundreds of digits say nothing.
+/// A value with at most a readable number of digits.
 fn shown(value: f64) -> String {
     if value != 0.0 && !(1e-9..1e15).contains(&value.abs()) { format!("{value:e}") } else { format!("{value}") }
 }

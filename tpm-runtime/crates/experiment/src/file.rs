@@ -1,16 +1,16 @@
 //! The sections of an experiment file, and the reading and writing of its text.
 //!
-//! Invariant: every field is documented here, and unknown fields are refused.
+//! Invariant: every field has a doc comment, which becomes its description in the JSON schema, and unknown fields are
+//! refused.
 
 use crate::error::ExperimentError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use tpm_estimate::Refine;
-use tpm_estimate::{Method, NumericalSettings, Weights};
+use tpm_estimate::{Method, NumericalSettings, Refine, Weights};
 use tpm_motion::HoldCompensation;
 use tpm_motion::smoothing::Smoothing;
 
-/// Values by name.
+/// Values by name, in the units of the model.
 pub type Named = BTreeMap<String, f64>;
 
 /// An experiment file (TOML).

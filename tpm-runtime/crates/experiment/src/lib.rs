@@ -1,7 +1,8 @@
 //! Experiment files: everything about a campaign that is not the model.
 //!
-//! Invariant: every field is documented here, unknown fields are refused, and names of parameters, coordinates, inputs and
-//! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
+//! Invariant: every field is documented here, and unknown fields are refused. Names of parameters, coordinates, inputs
+//! and amplitudes are checked against the model when the experiment is resolved ([`Experiment::setup`],
+//! [`Experiment::bench`]).
 //! Values are in the units of the model; nothing is converted.
 
 mod actuators;

@@ -4,7 +4,7 @@ use crate::error::ExperimentError;
 use crate::file::Named;
 use tpm_core::model::Model;
 
-/// Least similarity (Jaro-Winkler) of a name that is suggested in place of another one.
+/// Smallest Jaro-Winkler similarity, from 0 to 1, at which a known name is suggested in place of an unknown one.
 const SIMILAR: f64 = 0.7;
 
 /// Names of one kind in a model.
@@ -68,7 +68,7 @@ pub(super) fn inputs(model: &dyn Model<f64>) -> Names {
     Names { kind: "input", names }
 }
 
-/// The names most like `name`, best first, three at most.
+/// The names most similar to `name`, most similar first, three at most.
 pub(super) fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     let mut scored: Vec<(f64, &str)> = names
         .into_iter()

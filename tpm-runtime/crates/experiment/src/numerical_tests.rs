@@ -7,7 +7,7 @@ use tpm_plant::simulated::simulate;
 use tpm_test_support::models::MassSpringDrag;
 use tpm_test_support::rest_to_rest_3;
 
-/// Largest relative error after every update, and the runs that it took, on an exact machine.
+/// Number of runs played and largest relative error of the parameters after every update, on an exact machine.
 fn errors(settings: &str) -> Vec<(usize, f64)> {
     let mut experiment = Experiment::parse(include_str!("../../../../models/mass_spring_drag.toml")).expect("shipped");
     for (key, value) in [("noise", "0"), ("counts", "0"), ("measure_time", "0"), ("max_runs", "14")] {
@@ -43,7 +43,8 @@ fn the_matrix_is_used_as_it_is_asked_for() {
     assert_eq!((plain[0].0, plain[1].0), (4, 8), "four runs to an update");
     let secant = errors("{ secant = true }");
     assert_eq!((secant[0].0, secant[1].0), (4, 5), "one run to an update after the first");
-    // Plain updates converge quadratically at four runs each, the secant's superlinearly at one.
+    // Updates with a full matrix converge quadratically and take four runs each; those with the secant matrix converge
+    // superlinearly and take one.
     let (plain, secant) = (runs_to(&plain, 1e-6), runs_to(&secant, 1e-6));
     assert!(secant.is_some() && secant <= plain, "{secant:?} {plain:?}");
     for settings in ["{ cleared = true }", "{ reduced = true }", "{ cleared = true, reduced = true, secant = true }"] {

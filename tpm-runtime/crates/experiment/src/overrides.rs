@@ -1,6 +1,6 @@
-//! One value of an experiment, changed by its path.
+//! Change of one value of an experiment by its path.
 //!
-//! Invariant: an override is accepted exactly when the experiment file with that value in it would be.
+//! Invariant: an override is accepted exactly when an experiment file that contains the value would be accepted.
 
 use crate::error::ExperimentError;
 use crate::file::Experiment;
@@ -78,8 +78,8 @@ fn leaves(value: &Value, prefix: &str, out: &mut Vec<String>) {
     }
 }
 
-/// Puts a value at a path and makes missing tables on the way; false when the path leads through a value or past the
-/// end of an array.
+/// Sets the value at a path and creates missing tables along it; false when the path leads through a value that is no
+/// table, or past the end of an array.
 fn place(table: &mut Table, path: &[&str], value: Value) -> bool {
     let Some((first, rest)) = path.split_first() else { return false };
     if rest.is_empty() {

@@ -1,4 +1,4 @@
-//! Simulated machines under the runs of an experiment.
+//! Tests of simulated machines that play the runs of an experiment.
 
 use crate::Experiment;
 use tpm_campaign::Campaign;

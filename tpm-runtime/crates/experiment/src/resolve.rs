@@ -11,18 +11,19 @@ use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::{Frozen, Method, Settings, Weights};
-use tpm_motion::limits;
 use tpm_motion::smoothing::Smoothing;
 use tpm_motion::stroke::{Stroke, first_break, substantial_harmonic};
 use tpm_motion::trajectory::ReferencePattern;
-use tpm_motion::{Loop, Velocity};
+use tpm_motion::{Loop, Velocity, limits};
 use tpm_plant::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use tpm_plant::stability::{self, LoopStability, Range, StabilityDomain};
 
-/// Number of phases in a period at which a reference is compared with the limits of position and velocity.
+/// Number of equally spaced phases of a period at which a reference is compared with the limits of position and
+/// velocity.
 const LOOKED_AT: usize = 1024;
 
-/// Requires that a stage's reference keeps within the bounds of positions and velocities, at [`LOOKED_AT`] phases of its period.
+/// Requires that a stage's reference keeps within the limits of position and velocity, at [`LOOKED_AT`] phases of its
+/// period.
 fn within(
     model: &dyn Model<f64>,
     pattern: &ReferencePattern,
@@ -51,7 +52,7 @@ fn within(
     Ok(())
 }
 
-/// The pattern of the given name, which a stage asks for.
+/// The pattern that a stage names.
 fn pattern_of<'p>(
     pattern: &'p ReferencePattern,
     place: &str,
@@ -70,7 +71,7 @@ fn pattern_of<'p>(
     })
 }
 
-/// The strokes of a stage: those that are listed, or the two halves of the pattern where there is a rest alone.
+/// The strokes of a stage. Where the stage states a rest but lists no strokes, they are the two halves of the pattern.
 fn strokes(
     campaign: &ReferencePattern,
     own: &ReferencePattern,
@@ -113,8 +114,8 @@ fn strokes(
     Ok(strokes)
 }
 
-/// The highest harmonic for estimators that take all harmonics up to one: four times the highest of the motion, which of strokes is
-/// the highest substantial one.
+/// Highest harmonic for estimators that use all harmonics up to a limit: four times the highest harmonic of the motion.
+/// For strokes, which have harmonics without end, the highest substantial harmonic takes its place.
 fn reach(stages: &[Stage], pattern: &ReferencePattern) -> usize {
     let highest = stages.iter().map(|stage| {
         let reference = stage.trajectory(pattern, 1.0);
@@ -123,7 +124,8 @@ fn reach(stages: &[Stage], pattern: &ReferencePattern) -> usize {
     4 * highest.max().unwrap_or(0) as usize
 }
 
-/// Requires that position, velocity and acceleration go on from every stroke to the rest or the stroke after it.
+/// Requires that position, velocity and acceleration are continuous from every stroke to the rest or the stroke that
+/// follows.
 fn goes_on(model: &dyn Model<f64>, strokes: &[Stroke], place: &str) -> Result<(), ExperimentError> {
     let Some(found) = first_break(strokes) else { return Ok(()) };
     Err(ExperimentError::Broken {
@@ -262,7 +264,7 @@ impl Experiment {
         if fits { Ok(Some(arm)) } else { Err(ExperimentError::Machine) }
     }
 
-    /// The simulated machine in one run (counted from 0), with its parameters drifted up to there.
+    /// The simulated machine in run `run` (counted from 0), whose parameters have drifted over the runs before.
     ///
     /// # Errors
     /// [`ExperimentError`] when a name is unknown, a value is missing or makes no sense, or the machine cannot be
@@ -276,8 +278,8 @@ impl Experiment {
         Ok(bench)
     }
 
-    /// Checks that the loop is stable with the prior and over the stated box, at rest at the mean and at the start of
-    /// the first stage's reference.
+    /// Checks that the loop is stable with the prior and over the stated box of parameters, linearised at rest at the
+    /// mean and at the start of the first stage's reference.
     ///
     /// # Errors
     /// [`ExperimentError::Stability`] where the loop is not stable, [`ExperimentError::UnknownName`] for a name that
@@ -309,7 +311,7 @@ impl Experiment {
             interior: self.stability.points,
             seed: self.seed,
         };
-        // Every gain that will be played is checked; the reported loop is that of the first stage.
+        // Every factor on the gains is checked; the reported loop is that of the first stage.
         let check = |gain: f64| stability::check(model, &setup.control.scaled(gain), &demand);
         let mut checked = vec![setup.procedure.stages.first().map_or(1.0, |stage| stage.gain)];
         let found = check(checked[0])?;
@@ -336,7 +338,7 @@ impl Experiment {
         Ok((setup, stability))
     }
 
-    /// The campaign, on a simulated machine (whose inputs are held between samples) or on a real one.
+    /// The setup of the campaign, for a simulated machine (whose inputs are held between samples) or a real one.
     ///
     /// # Errors
     /// [`ExperimentError`] when a name is unknown, a value is missing or makes no sense, or a reference passes a limit.
@@ -424,7 +426,7 @@ impl Experiment {
             positive(&format!("schedule.gains.{i}"), gain)?;
             let strokes = strokes(pattern, played, stage, &place)?;
             let stage = Stage { pattern: own, amplitudes, frequency, multiples, gain, strokes };
-            // An aborted run is repeated with smaller amplitudes, and must go on as well.
+            // An aborted run is repeated with smaller amplitudes, at which the strokes must be continuous as well.
             for scale in [1.0, back_off] {
                 goes_on(model, &stage.played_strokes(pattern, scale), &place)?;
             }

@@ -1,17 +1,17 @@
-//! The schema of experiment files has the fields that the reader accepts, and no others.
+//! Tests that the schema of experiment files has exactly the fields that the reader accepts.
 
 use crate::Experiment;
 use std::collections::BTreeSet;
 use tpm_report::{FieldText, fields};
 
-/// The fields that the reader names when it meets one that it does not know.
+/// The fields that the reader lists when it refuses an unknown one.
 fn accepted(text: &str) -> BTreeSet<String> {
     let message = Experiment::parse(text).expect_err("an unknown field").to_string();
     let (_, known) = message.split_once("expected").unwrap_or_else(|| panic!("{text}: {message}"));
     known.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// An experiment with an unknown field in the table at a path.
+/// The text of an experiment with an unknown field in the table at a path.
 fn with_unknown(table: &str, all: &[FieldText]) -> String {
     let mut text = "{ unknown_field = 1 }".to_owned();
     let parts: Vec<&str> = table.split('.').collect();
@@ -40,7 +40,7 @@ fn every_field_that_the_reader_accepts_is_explained_and_no_other() {
     };
     assert_eq!(below(""), accepted("unknown_field = 1"));
     let mut tables: BTreeSet<&str> = all.iter().filter_map(|field| Some(field.path.rsplit_once('.')?.0)).collect();
-    // A stage takes any name: those of its amplitudes and its frequency.
+    // A stage accepts any name, since its amplitudes and its frequency are fields.
     assert!(tables.remove("schedule.stages"));
     assert!(tables.len() > 10, "{tables:?}");
     for table in tables {

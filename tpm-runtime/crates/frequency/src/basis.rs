@@ -2,7 +2,8 @@
 //!
 //! Invariant: `p_i` has degree i, real coefficients and a positive leading one, and `sum_k Re(p_i conj p_j)(j W_k) = d_ij`
 //! over the frequencies. They are alternately even and odd, so that the recursion has two terms (G. E. Forsythe, 1957, on
-//! the imaginary axis): `c_{i+1} p_{i+1} = s p_i + c_i p_{i-1}`. Powers of s instead lose all digits from order 8 or so on.
+//! the imaginary axis): `c_{i+1} p_{i+1} = s p_i + c_i p_{i-1}`. What powers of s lose: `DESIGN.md`, "Why are transfer
+//! functions fitted in orthogonal polynomials, and to whole records?".
 
 use num_complex::Complex;
 use tpm_numerics::DMatrix;
@@ -57,7 +58,7 @@ impl Basis {
         Some(Basis { scale, values, coefficients })
     }
 
-    /// Value at a frequency of the polynomial with these coordinates.
+    /// Value at frequency `k` of the polynomial with these coordinates in the basis.
     pub(super) fn value(&self, coordinates: &[f64], k: usize) -> Complex<f64> {
         coordinates.iter().zip(&self.values).map(|(c, p)| p[k] * *c).sum()
     }

@@ -32,10 +32,11 @@ pub type NamedModel<'a> = (&'a str, &'a dyn Fn(f64) -> Complex<f64>);
 /// Magnitude, phase and coherence of a measured response with its confidence band (95 %), and models beside it.
 #[must_use]
 pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &BodeSettings) -> Figure {
+    // 1. Phases of the measured response, on the branch of the first model.
     let (low, high) = (settings.low, settings.high);
     let usable: Vec<&ResponseLine> = response.band(low, high).filter(|line| line.usable).collect();
     let measured: Vec<f64> = match models.first() {
-        // Where noise turns a phase by more than half a turn only a model tells on which branch it was.
+        // Where noise changes a phase by more than half a turn only a model shows on which branch the phase lies.
         Some((_, model)) => {
             let mut expected = unwrapped(usable.iter().map(|line| model(line.frequency)));
             let own: Vec<f64> = usable.iter().map(|line| line.h1.arg()).collect();
@@ -47,13 +48,14 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         }
         None => unwrapped(usable.iter().map(|line| line.h1)),
     };
+    // 2. Measured magnitudes and phases with their confidence bands.
     let branch = measured.first().copied();
     let hertz = |line: &&ResponseLine| line.hertz();
     let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, CONFIDENCE)).collect();
     let mut magnitude = Vec::new();
     let mut phase = Vec::new();
     let band = usable.iter().zip(&radius).map(|(line, r)| {
-        // Down to zero where the circle holds it, which a logarithmic axis cannot show: a decade is enough.
+        // A logarithmic axis cannot show a band that reaches zero; the band is cut a decade below the response.
         let size = line.h1.norm();
         (line.hertz(), (size - r).max(0.1 * size), size + r)
     });
@@ -67,7 +69,7 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
     phase.push(Trace::new("", 0, Curve::Band(band.collect())));
     let points = usable.iter().zip(&measured).map(|(line, angle)| (hertz(line), degrees(*angle)));
     phase.push(Trace::new("", 0, Curve::Points(points.collect())));
-    // Even on the logarithmic axis; zero frequency has no place there.
+    // 3. The models, at frequencies that are evenly spaced on the logarithmic axis, which has no place for zero.
     let first = if low > 0.0 { low } else { high * 1e-3 };
     let frequencies: Vec<f64> = (0..=POINTS).map(|i| first * (high / first).powf(i as f64 / POINTS as f64)).collect();
     for (at, (name, model)) in models.iter().enumerate() {
@@ -85,13 +87,14 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         magnitude.push(Trace::new(name, colour, curve(sizes)));
         phase.push(Trace::new("", colour, curve(angles)));
     }
+    // 4. The panels of magnitude, phase and coherence.
     let coherence = response.band(low, high).map(|line| (line.hertz(), line.coherence)).collect();
     let x = || Axis::logarithmic("Frequency [Hz]").from_to(first, high);
     let size = match settings.unit.as_str() {
         "" => String::from("Magnitude"),
         unit => format!("Magnitude [{unit}]"),
     };
-    // The range of the phase comes from the points: a band of half a turn would squeeze the rest.
+    // The range of the phase axis is that of points and curves: a band of half a turn would squeeze them.
     let angles: Vec<f64> = phase.iter().filter(|s| !matches!(s.curve, Curve::Band(_))).flat_map(angles_of).collect();
     let mut ordinate = Axis::degrees("Phase [deg]");
     if let (Some(low), Some(high)) = (angles.iter().copied().reduce(f64::min), angles.iter().copied().reduce(f64::max))
@@ -117,7 +120,7 @@ fn angles_of(trace: &Trace) -> Vec<f64> {
     }
 }
 
-/// The whole turns nearest to an angle, rad.
+/// The multiple of a whole turn that is nearest to an angle, rad.
 fn turns(angle: f64) -> f64 {
     (angle / (2.0 * PI)).round() * 2.0 * PI
 }

@@ -66,7 +66,7 @@ pub enum ExcitationError {
 pub enum Phases {
     /// Schroeder's: line i of n has the phase `-pi i (i - 1)/n`, which keeps the peak low (M. R. Schroeder, 1970).
     Schroeder,
-    /// Even over a turn, from a seed: averaging over several seeds shows what is not linear.
+    /// Random and uniform over a turn, from a seed: averaging over several seeds reveals nonlinear distortions.
     Random {
         /// Seed of the phases.
         seed: u64,
@@ -98,7 +98,7 @@ pub enum Excitation {
         /// Phases of the lines.
         phases: Phases,
     },
-    /// A sine whose frequency rises evenly over the whole record.
+    /// A sine whose frequency rises linearly over the whole record.
     Chirp {
         /// Frequency at the start, Hz.
         low: f64,
@@ -185,7 +185,7 @@ fn multisine(
     phases: Phases,
 ) -> Result<Vec<f64>, ExcitationError> {
     let spacing = 1.0 / (period as f64 * sample_time);
-    // Below half the sampling frequency, as the band is: the last bin of an even transform has no phase of its own.
+    // Lines lie below half the sampling frequency, as the band does: the last bin of an even transform has no phase.
     let lines: Vec<usize> = (1..period.div_ceil(2)).filter(|&k| (low..=high).contains(&(k as f64 * spacing))).collect();
     if lines.is_empty() {
         return Err(ExcitationError::NoLine { period, low, high, spacing });

@@ -18,7 +18,7 @@ fn white(n: usize, seed: u64) -> Vec<f64> {
     (0..n).map(|_| StandardNormal.sample(&mut random)).collect()
 }
 
-/// A response without a machine behind it: the function's values with relative noise, as if averaged nine times.
+/// A synthetic response: the function's values with relative noise, as if averaged nine times.
 fn made(function: &TransferFunction, noise: f64, seed: u64) -> FrequencyResponse {
     let random = white(2000, seed);
     let averages = 9.0;
@@ -87,9 +87,10 @@ fn a_delay_is_found() {
     assert!(without.warnings.iter().any(|w| matches!(w, FitWarning::Misfit { .. })), "{:?}", without.warnings);
 }
 
-/// Standard deviations against the spread of many fits, from samples: covers the lines' correlation and the weights.
-/// Segments are twenty time constants long and the noise outweighs leakage; leakage, which the coherence counts as noise
-/// but which nearly cancels between segments, makes the stated deviations too large, never too small.
+/// Compares standard deviations with the spread of many fits to simulated samples, which tests the lines' correlation
+/// and the weights. Segments are twenty time constants long and the noise outweighs leakage; leakage, which the
+/// coherence counts as noise but which nearly cancels between segments, makes the stated deviations too large, never
+/// too small.
 #[test]
 fn stated_deviations_are_the_spread() {
     // y'' + 4 y' + 400 y = 400 u under a hold, exactly in sampled time (poles -2 +- 19.9j).
@@ -155,7 +156,7 @@ fn an_order_that_is_too_high_is_said() {
         let said = high.warnings.iter().find(|w| w.order_too_high()).expect("said");
         assert!(said.to_string().contains("order is higher than the data support"), "{said}");
     }
-    // A numerator of too high a degree has a zero far away and hardly known; it lies on no pole.
+    // A numerator of too high a degree has a distant zero with a large standard deviation, which cancels no pole.
     let far = fit_rational(&response, &RationalSettings::new(1, 2, 0.1, 24.0)).expect("determined");
     assert!(far.zeros[0].value.norm() > 10.0 * 20.0, "{}", far.zeros[0]);
     assert!(far.warnings.iter().all(|w| !matches!(w, FitWarning::Cancelling { .. })), "{:?}", far.warnings);
@@ -195,7 +196,8 @@ fn a_band_without_excitation_is_left_out_and_said() {
 #[test]
 fn validation_prefers_the_true_order() {
     let u = Excitation::Noise { std: 1.0, hold: 0.02, seed: 3 }.samples(40_000, 0.01).expect("valid");
-    // Second order by the trapezoidal rule's exact poles is enough here: what matters is that 0/2 can describe it.
+    // The exact poles by the trapezoidal rule suffice here: the test needs a second-order machine that orders 0/2 can
+    // describe.
     let (mut x, mut v) = (0.0_f64, 0.0_f64);
     let noise = white(40_000, 8);
     let mut y = Vec::new();
@@ -226,7 +228,8 @@ fn validation_prefers_the_true_order() {
 
 #[test]
 fn physical_parameters_from_a_response() {
-    // m s^2 + d s + k under a force, and its acceleration sensor's gain: gain and the rest only as ratios.
+    // m s^2 + d s + k under a force, with the gain of an acceleration sensor: the response determines ratios to the
+    // gain only.
     let truth = [0.5_f64, 3.0, 800.0, 2.0];
     let model = |p: &[f64], s: Complex<f64>| p[3] / (s * s * p[0] + s * p[1] + p[2]);
     let function = TransferFunction::new(&[truth[3]], &[truth[2], truth[1], truth[0]]).expect("valid");
@@ -247,7 +250,7 @@ fn physical_parameters_from_a_response() {
     let fit = fit_structured(&response, &model, &settings).expect("fitted all the same");
     assert_eq!((fit.rank, fit.unobservable.len()), (3, 1));
     assert!(fit.parameters.iter().all(|p| p.std.is_infinite()));
-    // The direction is the parameters themselves, in multiples of the start values.
+    // The unobservable direction is that of the parameters themselves, in multiples of the start values.
     let direction = &fit.unobservable[0];
     let ratio = direction[3] / (fit.parameters[3].value / start[3]);
     for (i, share) in direction.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! Identification in the frequency domain: excite, measure a frequency response, fit a model to it (Fong, section 3.2).
 //!
-//! Invariant: frequencies inside are angular, rad/s; Hz appear only where a name or a text says so. A response belongs to
-//! the machine in continuous time: what the hold of the input does is divided out where the response is formed, once.
+//! Invariant: frequencies are angular, rad/s, unless a name or a text states Hz. A response belongs to the machine in
+//! continuous time: the response of the input's hold is divided out once, where the frequency response is estimated.
 
 mod basis;
 mod bode;

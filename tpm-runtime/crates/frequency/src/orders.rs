@@ -1,15 +1,15 @@
-//! Which orders of a transfer function the data support.
+//! Choice of the orders of a transfer function by cross-validation.
 //!
 //! Invariant: an order is judged on data that it was not fitted to. Each half of the record is fitted in turn and the
-//! other one predicted; the residual on the data of the fit, which falls with every coefficient, decides nothing. Among
-//! orders whose predictions cannot be told apart the smallest is recommended, provided that the fit to the whole record is
-//! stable and has neither cancelling nor undetermined poles.
+//! other one predicted. The residual on the data of the fit is not used, since it falls with every coefficient. Among
+//! orders whose predictions do not differ significantly the smallest is recommended, provided that the fit to the whole
+//! record is stable and has neither cancelling nor undetermined poles.
 
 use crate::points::Points;
 use crate::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
 use crate::response::{FrequencyResponse, ResponseError, Welch};
 
-/// Least difference of two predictions, in standard errors, that counts as a difference.
+/// Least difference of two prediction errors, in standard errors of the difference, that is significant.
 const SIGNIFICANT: f64 = 2.0;
 
 /// Why orders cannot be compared.
@@ -41,7 +41,7 @@ pub struct OrderTrial {
 }
 
 impl OrderTrial {
-    /// Whether the fit itself says that the order is too high or the model unstable.
+    /// Whether the fit failed, or its warnings mean that the order is too high or the model unstable.
     #[must_use]
     pub fn doubtful(&self) -> bool {
         self.fit.as_ref().map_or(true, |fit| {
@@ -56,7 +56,7 @@ impl OrderTrial {
 pub struct OrderComparison {
     /// The response of the whole record.
     pub response: FrequencyResponse,
-    /// In the order given.
+    /// The trials, in the order of the degrees given.
     pub trials: Vec<OrderTrial>,
     /// Index of the recommended one; `None` when every one is doubtful.
     pub recommended: Option<usize>,
@@ -109,8 +109,8 @@ pub fn compare_orders(
     Ok(OrderComparison { response, trials, recommended })
 }
 
-/// The response of a half on the lines, and with the weights, of the whole: weights from the few segments of a half would
-/// scatter, and both halves must be judged alike.
+/// The response of one half at the usable lines and with the weights of the whole record. Weights from the few segments
+/// of a half would scatter, and both halves must be judged by the same weights.
 fn on_lines_of(whole: &FrequencyResponse, half: &FrequencyResponse, settings: &RationalSettings) -> Points {
     let mut lines = whole.clone();
     for (line, of_half) in lines.lines.iter_mut().zip(&half.lines) {
@@ -121,7 +121,7 @@ fn on_lines_of(whole: &FrequencyResponse, half: &FrequencyResponse, settings: &R
     Points::new(&lines, settings.estimator, settings.low, settings.high)
 }
 
-/// Squared error per line of predicting each half from the other, over that of noise.
+/// Squared error per line of predicting each half from the other, relative to that of noise; nothing where a fit fails.
 fn predict(points: &[Points; 2], settings: &RationalSettings) -> Option<Vec<f64>> {
     let mut sum: Vec<f64> = vec![0.0; points[0].len()];
     for (fitted, judged) in [(&points[0], &points[1]), (&points[1], &points[0])] {

@@ -1,7 +1,7 @@
 //! The rotary pendulum hanging down, measured and fitted as in Fong, section 3.2, with Table 1 (C2 = 3.168e-4).
 //!
 //! Its equations of motion (Fong, Eqn 26) are written out by hand here, and so is their linear form (Eqn 27), so that
-//! nothing rests on the rest of the program.
+//! the test is independent of the rest of the program.
 
 use crate::excitation::Excitation;
 use crate::orders::compare_orders;
@@ -116,7 +116,8 @@ fn an_order_1_3_fit_describes_the_pendulum() {
             |hold| FrequencyResponse::estimate(&u, &y, SAMPLE_TIME, &Welch::new(32_768, hold)).expect("long enough");
         let response = measure(Hold::Zoh);
         assert_eq!(response.segments, 9);
-        // At 500 counts the steps of the encoder drown the upper half of the band: said, and not fitted.
+        // At 500 counts the quantisation exceeds the response in the upper half of the band, which is reported and not
+        // fitted.
         let gaps = response.gaps(BAND.0, BAND.1);
         assert!(if counts > 1000.0 { gaps.is_empty() } else { gaps.iter().all(|gap| gap.low > 9.0) }, "{gaps:?}");
         let lines = |r: &FrequencyResponse| r.band(BAND.0, BAND.1).map(|l| l.frequency).collect::<Vec<_>>();
@@ -151,8 +152,9 @@ fn an_order_1_3_fit_describes_the_pendulum() {
     }
 }
 
-/// The steps of 500 counts are noise, eleven times stronger below 20 Hz than white noise of the same variance: the averaged
-/// response gives away half of what the record knows, the whole record does not. Its limits hold for every seed.
+/// Quantisation at 500 counts is noise, eleven times stronger below 20 Hz than white noise of the same variance. The
+/// averaged response loses half of the information in the record, a fit to the whole record does not. The limits hold
+/// for every seed.
 #[test]
 fn the_whole_record_halves_the_error_at_500_counts() {
     let settings = RationalSettings::new(1, 3, BAND.0, BAND.1);
@@ -180,7 +182,8 @@ fn the_whole_record_halves_the_error_at_500_counts() {
     }
 }
 
-/// One seed is luck: the median over four of them is what the limits are for, and the largest error holds for each.
+/// A single seed may be favourable: the limit on the median error holds for the median over four seeds, that on the
+/// largest error for each of them.
 #[test]
 fn the_fit_is_as_good_for_other_seeds() {
     let settings = RationalSettings::new(1, 3, BAND.0, BAND.1);
@@ -227,7 +230,7 @@ fn physical_parameters_of_the_pendulum() {
     let (u, y) = record(2000.0, 3);
     let welch = Welch::new(32_768, Hold::Zoh);
     let response = FrequencyResponse::estimate(&u, &y, SAMPLE_TIME, &welch).expect("long enough");
-    // The response has four coefficients: of the seven, m2 c2^2 does not enter and two more must be known.
+    // The response has four coefficients: of the seven parameters, m2 c2^2 does not enter and two more must be known.
     let mut start = LUMPED.map(|value| 1.4 * value);
     start[0] = LUMPED[0];
     start[2] = LUMPED[2];
@@ -246,7 +249,7 @@ fn physical_parameters_of_the_pendulum() {
         let limit = if i == 5 { 0.05 } else { 0.01 };
         assert!(relative.abs() < limit && found.std < 0.015 * LUMPED[i], "{i}: {found:?}");
     }
-    // All seven: the four that stay are said.
+    // With all seven parameters free, rank and unobservable directions are reported.
     settings.frozen.clear();
     let fit = fit_structured(&response, &model, &settings).expect("fitted all the same");
     assert_eq!((fit.rank, fit.unobservable.len()), (4, 3));

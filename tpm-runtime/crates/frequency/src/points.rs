@@ -8,7 +8,7 @@ use num_complex::Complex;
 use tpm_numerics::singular::{Singular, unit_columns};
 use tpm_numerics::{DMatrix, DVector, DVectorView};
 
-/// Least standard deviation of a line, as a share of |H|: a coherence of one to the last digit is rounding, not certainty.
+/// Lower bound on the standard deviation of a line, as a share of |H|: a coherence of exactly one is rounding.
 const LEAST_ERROR: f64 = 1e-7;
 /// Singular values below this share of the largest one are zero.
 pub(super) const RANK: f64 = 1e-10;
@@ -19,7 +19,7 @@ pub(super) struct Points {
     /// Angular frequencies, rad/s.
     pub(super) frequency: Vec<f64>,
     pub(super) response: Vec<Complex<f64>>,
-    /// 1/std; `sqrt((n - 1) coherence/(1 - coherence))/|H|` for n averages.
+    /// Weights 1/std; `sqrt((n - 1) coherence/(1 - coherence))/|H|` for n averages.
     pub(super) weight: Vec<f64>,
     /// Expected sum of the squared residuals per point when only noise is left; above 1 because the weights are estimates too:
     /// the mean of an F distribution with 2 and 2 n - 2 degrees of freedom.
@@ -67,12 +67,14 @@ impl Points {
         residuals.iter().all(|r| r.is_finite()).then_some(residuals)
     }
 
-    /// Variance of one residual in a covariance: correlated lines count for less, and a misfit counts as noise.
+    /// Variance of one residual in the covariance of estimates: enlarged by the correlation of lines, and by a misfit
+    /// above 1.
     pub(super) fn variance(&self, misfit: f64) -> f64 {
         0.5 * misfit.max(1.0) * self.correlation
     }
 
-    /// Sum of the squared residuals per point over what noise alone leaves, `free` real numbers having been fitted.
+    /// Sum of the squared residuals per point, relative to its expectation under noise alone after `free` real numbers
+    /// were fitted.
     pub(super) fn misfit(&self, squares: f64, free: usize) -> f64 {
         squares / (self.expected * (self.len() as f64 - 0.5 * free as f64).max(0.5))
     }
@@ -94,7 +96,7 @@ pub(super) struct Information {
     pub(super) rank: usize,
     /// Ratio of the largest to the smallest singular value of the column-scaled Jacobian; infinite when singular.
     pub(super) condition: f64,
-    /// Unit vectors, in the parameters' own units, along which nothing changes.
+    /// Unit vectors, in the parameters' own units, along which the residuals do not change.
     pub(super) null: Vec<DVector<f64>>,
 }
 
@@ -115,7 +117,8 @@ pub(super) fn information(jacobian: &DMatrix<f64>, variance: f64, tolerance: f64
     Information { covariance, rank, condition, null }
 }
 
-/// Least squares with column scaling; the smallest solution where columns depend on each other.
+/// Least squares with column scaling; where columns depend on each other, the minimum-norm solution of the scaled
+/// columns.
 pub(super) fn least_squares(matrix: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
     let (matrix, norms) = unit_columns(matrix);
     let singular = Singular::new(&matrix, RANK);

@@ -1,10 +1,10 @@
 //! Fit of a rational transfer function of chosen orders to a frequency response.
 //!
 //! Invariant: the cost is `sum |H - G|^2 / std^2` over the usable lines, at every stage the same; 1/std is
-//! `sqrt(coherence/(1 - coherence))/|H|` up to a constant. First the equation is made linear, `(a H e^{s delay} - b)/a_last`
-//! with the denominator of the round before (Sanathanan and Koerner, 1963), then the cost itself is minimised
-//! (Levenberg-Marquardt). Polynomials stand in a basis that is orthonormal on the frequencies; the denominator's leading
-//! coordinate is 1.
+//! `sqrt(coherence/(1 - coherence))/|H|` up to a constant. First the residual is made linear,
+//! `(a H e^{s delay} - b)/a_last` with the denominator of the round before (Sanathanan and Koerner, 1963), then the
+//! cost itself is minimised (Levenberg-Marquardt). Polynomials are expressed in a basis that is orthonormal on the
+//! frequencies; the denominator's leading coordinate is 1.
 
 use crate::basis::Basis;
 use crate::points::{Information, Points, RANK, information, least_squares};
@@ -15,29 +15,30 @@ use num_complex::Complex;
 use tpm_motion::Window;
 use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 
-/// Most rounds of the linear stage; where it settles, it does within ten.
+/// Most rounds of the linear stage; where it converges, it does so within ten.
 const MOST_ROUNDS: usize = 30;
-/// Relative change of the cost at which the linear stage has settled.
+/// Relative change of the cost in one round below which the linear stage has converged.
 const SETTLED: f64 = 1e-10;
 /// Relative change of cost or unknowns at which the minimisation has converged.
 const TOLERANCE: f64 = 1e-12;
-/// Delays that are tried before one is fitted, in steps: some below the start value, more above.
+/// Delays that are tried before one is fitted, in steps of [`DELAY_STEP`] from the start value.
 const DELAYS: std::ops::RangeInclusive<i32> = -4..=12;
 /// Distance of the delays that are tried, as a phase at the highest frequency, rad: close enough for the minimisation to find the
 /// right turn.
 const DELAY_STEP: f64 = 0.5;
-/// Rounds of the linear stage that tell good delays from bad ones.
+/// Rounds of the linear stage after which the costs of the delays that are tried are compared.
 const TRIAL_ROUNDS: usize = 4;
 /// Least length of a segment, in time constants of a pole, at which the window widens the resonance by a few per cent at most.
 const RESOLVED_LENGTH: f64 = 15.0;
 /// Largest distance of a pole and a zero that cancel, in standard deviations.
 const CANCELLING_DEVIATIONS: f64 = 3.0;
-/// Largest distance of a pole and a zero, as a share of their size, that cancel however well they are known.
+/// Largest distance of a pole and a zero, as a share of their magnitude, that cancel whatever their standard
+/// deviations.
 const CANCELLING_DISTANCE: f64 = 1e-2;
 /// Standard deviation of a pole, as a share of its magnitude, beyond which the data do not determine the pole.
 const UNDETERMINED: f64 = 0.5;
 
-/// What is known about a delay between input and output.
+/// The delay between input and output: none, known or fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Delay {
     /// No delay.
@@ -147,7 +148,7 @@ pub struct Root {
 }
 
 impl Root {
-    /// Root of the summed variances of both parts.
+    /// Square root of the summed variances of both parts, rad/s.
     #[must_use]
     pub fn radius(&self) -> f64 {
         self.std.norm()
@@ -159,14 +160,14 @@ impl Root {
         self.value.norm()
     }
 
-    /// Share of critical damping, negative when unstable.
+    /// Damping ratio, negative when unstable.
     #[must_use]
     pub fn damping(&self) -> f64 {
         -self.value.re / self.value.norm()
     }
 }
 
-/// What a user should know about a fit.
+/// A warning about a fit.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FitWarning {
@@ -189,7 +190,7 @@ pub enum FitWarning {
     },
     /// Coefficients depend on each other on this data: the order is higher than the data support.
     RankDeficient {
-        /// Unknowns that are determined, in number.
+        /// Number of unknowns that are determined.
         rank: usize,
         /// Unknowns.
         unknowns: usize,
@@ -213,7 +214,7 @@ pub enum FitWarning {
 }
 
 impl FitWarning {
-    /// Whether the warning says that the order is higher than the data support.
+    /// Whether the warning means that the order is higher than the data support.
     #[must_use]
     pub const fn order_too_high(&self) -> bool {
         matches!(
@@ -277,7 +278,7 @@ pub struct RationalFit {
     pub function: TransferFunction,
     /// Standard deviations of the numerator's coefficients, from s^0 upwards.
     pub numerator_std: Vec<f64>,
-    /// Standard deviations of the denominator's, the last one (1) exact.
+    /// Standard deviations of the denominator's coefficients, from s^0 upwards; zero for the leading one, which is 1.
     pub denominator_std: Vec<f64>,
     /// Standard deviation of the delay, s; zero when it was not fitted.
     pub delay_std: f64,
@@ -299,14 +300,14 @@ pub struct RationalFit {
     pub largest_error: f64,
     /// Condition number of the column-scaled Jacobian.
     pub condition: f64,
-    /// What a user should know.
+    /// Warnings about the fit.
     pub warnings: Vec<FitWarning>,
 }
 
 /// Fits a rational transfer function.
 ///
-/// Standard deviations hold the noise that the coherence shows, the correlation of neighbouring lines, and are enlarged by
-/// the root of the misfit where that is more than 1.
+/// Standard deviations account for the noise that the coherence shows and for the correlation of neighbouring lines.
+/// They are enlarged by the root of the misfit where that is more than 1.
 ///
 /// # Errors
 /// [`FitError`] when the lines cannot determine the unknowns.
@@ -333,7 +334,7 @@ pub(super) fn fit_points(points: &Points, settings: &RationalSettings) -> Result
     if lines == 0 {
         return Err(FitError::EmptyBand { low, high });
     }
-    // As many real equations as unknowns would leave nothing to judge the fit by.
+    // With fewer lines the residual would not show whether the model is right.
     if lines <= unknowns {
         return Err(FitError::TooFewLines { unknowns, lines, low, high });
     }
@@ -365,7 +366,7 @@ struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    /// The linear stage, with the best of several delays when it is to be fitted.
+    /// The result of the linear stage; where the delay is fitted, at the best of several delays.
     fn start(points: &'a Points, basis: &'a Basis, settings: &'a RationalSettings) -> Option<Self> {
         let delay = match settings.delay {
             Delay::None => 0.0,
@@ -379,7 +380,8 @@ impl<'a> Problem<'a> {
         Self::linear(points, basis, settings, delay, MOST_ROUNDS).map(|(_, problem)| problem)
     }
 
-    /// Rounds of linear fits at one delay; the one with the least cost. `None` when none stayed finite.
+    /// Rounds of linear fits at one delay; the round with the least cost and that cost. `None` when no round stayed
+    /// finite.
     fn linear(
         points: &'a Points,
         basis: &'a Basis,
@@ -466,10 +468,12 @@ impl<'a> Problem<'a> {
 
     fn finish(&self, misfit: f64, information: &Information, converged: bool) -> Result<RationalFit, FitError> {
         let RationalSettings { numerator: m, denominator: n, .. } = *self.settings;
+        // 1. Coefficients in powers of s; they are linear in the coordinates, and the denominator's leading one is a
+        // constant.
         let (b, a) = self.split();
         let full: Vec<f64> = a.iter().copied().chain([1.0]).collect();
         let leading = self.basis.coefficients[(n, n)] / self.basis.scale.powi(n as i32);
-        // Coefficients of powers are linear in the coordinates, the leading one of the denominator is a constant.
+        // Maps from coordinates in the basis to coefficients, with the denominator made monic.
         let of_numerator = self.basis.to_powers(m) / leading;
         let of_denominator = self.basis.to_powers(n) / leading;
         let mut function = TransferFunction {
@@ -481,6 +485,7 @@ impl<'a> Problem<'a> {
         if function.numerator.iter().chain(&function.denominator).any(|c| !c.is_finite()) {
             return Err(FitError::NotFinite { numerator: m, denominator: n });
         }
+        // 2. Covariance of these coefficients.
         let size = self.settings.unknowns();
         let mut map = DMatrix::zeros(size, size);
         map.view_mut((0, 0), (m + 1, m + 1)).copy_from(&of_numerator);
@@ -491,6 +496,7 @@ impl<'a> Problem<'a> {
         let covariance = &map * &information.covariance * map.transpose();
         let deficient = information.rank < size;
         let std = |i: usize| if deficient { f64::INFINITY } else { covariance[(i, i)].max(0.0).sqrt() };
+        // 3. Errors, poles, zeros and static gain, with their standard deviations.
         let errors = self.points.relative_errors(self.points.frequency.iter().map(|&w| function.response(w)));
         let lowest = self.points.frequency.first().copied().unwrap_or(0.0);
         let gradient = gain_gradient(&function, size);
@@ -530,7 +536,7 @@ fn gain_gradient(function: &TransferFunction, size: usize) -> DVector<f64> {
     gradient
 }
 
-/// Roots with the standard deviations that those of the coefficients give to first order, `dp = -sum p^i dc_i / c'(p)`.
+/// Roots with standard deviations propagated to first order from the coefficients, `dp = -sum p^i dc_i / c'(p)`.
 fn spread(coefficients: &[f64], covariance: &DMatrix<f64>, first: usize, count: usize, deficient: bool) -> Vec<Root> {
     let slope = derivative(coefficients);
     roots(coefficients)
@@ -549,7 +555,7 @@ fn spread(coefficients: &[f64], covariance: &DMatrix<f64>, first: usize, count: 
                 let variance = (direction.transpose() * block * direction)[(0, 0)];
                 if deficient || !variance.is_finite() { f64::INFINITY } else { variance.max(0.0).sqrt() }
             };
-            // A real root has no imaginary part to be uncertain about, to first order.
+            // To first order the imaginary part of a real root does not vary.
             let std = Complex::new(of(&re), if value.im == 0.0 { 0.0 } else { of(&im) });
             Root { value, std }
         })
@@ -568,7 +574,7 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
         if pole.value.re > 0.0 {
             warnings.push(FitWarning::Unstable { pole: *pole });
         }
-        // A pole near zero is known well enough when it is known against the lowest frequency that was fitted.
+        // The standard deviation of a pole near zero is compared with the lowest frequency that was fitted.
         if pole.radius() > UNDETERMINED * pole.value.norm().max(lowest) {
             warnings.push(FitWarning::Undetermined { pole: *pole });
             continue;
@@ -580,7 +586,7 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
             .filter(|zero| {
                 let distance = (zero.value - pole.value).norm();
                 let size = pole.value.norm().max(zero.value.norm());
-                // A zero that is hardly known at all lies on no pole in particular.
+                // A zero with a large standard deviation does not count as lying on a pole.
                 let known = zero.radius() <= UNDETERMINED * pole.value.norm().max(lowest);
                 distance <= CANCELLING_DISTANCE * size
                     || (known && distance <= CANCELLING_DEVIATIONS * zero.radius().hypot(pole.radius()))
@@ -589,7 +595,7 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
             warnings.push(FitWarning::Cancelling { pole: *pole, zero: *zero });
         }
     }
-    // Twice the power of noise is far outside the spread of a mean over as many lines as a fit has.
+    // Twice the power of noise is far outside the scatter of a mean over the lines of a fit.
     if fit.misfit > 2.0 {
         warnings.push(FitWarning::Misfit { misfit: fit.misfit });
     }

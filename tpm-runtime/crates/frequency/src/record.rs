@@ -1,8 +1,7 @@
-//! Fit of a rational transfer function to the transform of a whole record.
+//! Fit of a rational transfer function to the Fourier transform of a whole record.
 //!
-//! The averaged response throws two things away: the lines of a whole record, of which a segment has a few only, and what
-//! is known about the noise, since a line's weight rests on as many segments as there are. With U and Y the transforms of the
-//! whole record, without a window, a machine that was not at rest at both ends satisfies
+//! With U and Y the transforms of the whole record, without a window, a machine that was not at rest at both ends
+//! satisfies
 //!
 //! ```text
 //! a(s) Y = b(s) U + c(s) + a(s) V,   s = j W at the lines W = 2 pi k / (N T),
@@ -10,10 +9,10 @@
 //!
 //! exactly; c, of lower degree than a, is the transient between the state at the end and that at the start (R. Pintelon,
 //! J. Schoukens, System Identification, section 6.3). V, the noise on the output, is smooth in frequency: its power is that of
-//! the residuals of neighbouring lines. The sum of `|Y - (b U + c)/a|^2 / power` is then minimal at the most likely b and a.
-//! Invariant: b and a come from the fit to points, as everywhere, to `(Y - c/a)/U`; c and the power are found in turn with
-//! them until nothing changes, which a transient far above the response can keep from the truth: cut such a start
-//! off. Lines of bands without a usable averaged response are left out here too.
+//! the residuals of neighbouring lines. The sum of `|Y - (b U + c)/a|^2 / power` is then minimal at the
+//! maximum-likelihood b and a. Invariant: b and a are fitted to the points `(Y - c/a)/U`; c and the power of the noise
+//! are estimated in turn with them until convergence. A transient far above the response can lead to wrong values: cut
+//! off such a start of the record. Lines of bands without a usable averaged response are left out here too.
 
 use crate::points::{Points, least_squares};
 use crate::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
@@ -24,15 +23,15 @@ use std::f64::consts::PI;
 use tpm_numerics::fourier::forward;
 use tpm_numerics::{DMatrix, DVector};
 
-/// Most rounds of transient, fit and power of the noise; they settle within five.
+/// Most rounds of estimating transient, coefficients and noise power in turn; they converge within five.
 const MOST_ROUNDS: usize = 20;
-/// Median relative change of the response at which the rounds have settled.
+/// Median relative change of the response in one round below which the rounds have converged.
 const SETTLED: f64 = 1e-7;
 /// Number of windows, side by side across the band, over each of which the power of the noise is averaged.
 const NOISE_WINDOWS: usize = 14;
 /// Least number of lines on either side over which the power of the noise is averaged.
 const NEIGHBOURS: usize = 20;
-/// Input power of a line, as a share of the mean, below which the line is left out.
+/// Input power, as a share of the mean, below which a line is left out as not excited.
 const SILENT: f64 = 1e-12;
 
 /// Why a record was not fitted.
@@ -49,8 +48,8 @@ pub enum RecordFitError {
 
 /// Fits a rational transfer function to a whole record: smaller errors than by the averaged response where noise is strong.
 ///
-/// The averaged response gives the first fit, the usable lines, and the misfit and the errors that are reported. The noise is
-/// taken to be on the output.
+/// The averaged response gives the first fit, the usable lines, and the misfit and errors that are reported. The model
+/// assumes noise on the output alone.
 ///
 /// # Errors
 /// [`RecordFitError::Response`] when the record has no averaged response, [`RecordFitError::Fit`] when its lines do not
@@ -87,7 +86,7 @@ pub fn fit_record(
             break;
         }
     }
-    // Weights from the residuals themselves say nothing about whether the model is right; the averaged response does.
+    // Weights from the residuals themselves make any misfit one, so that the misfit is that of the averaged response.
     fit.misfit = averaged.misfit;
     let points = Points::new(&response, settings.estimator, low, high);
     (fit.median_error, fit.largest_error) =
@@ -150,7 +149,7 @@ impl Lines {
         self.frequency.iter().map(|&w| fit.function.response(w)).collect()
     }
 
-    /// Residual of the output after input and transient.
+    /// Residual of the output: the transform minus the model's response to the input and the transient.
     fn residual(&self, model: &[Complex<f64>], transient: &[Complex<f64>]) -> Vec<Complex<f64>> {
         let explained = self.input.iter().zip(model).map(|(u, g)| u * g);
         let mut residual: Vec<Complex<f64>> = self.output.iter().zip(explained).map(|(y, gu)| y - gu).collect();
@@ -160,7 +159,7 @@ impl Lines {
         residual
     }
 
-    /// Mean power of neighbouring lines.
+    /// Power of the residual at every line, averaged over neighbouring lines.
     fn smoothed(&self, residual: &[Complex<f64>]) -> Vec<f64> {
         let reach = (residual.len() / (2 * NOISE_WINDOWS)).max(NEIGHBOURS);
         let mut sums = Vec::with_capacity(residual.len() + 1);
@@ -178,7 +177,7 @@ impl Lines {
             .collect()
     }
 
-    /// c/a at every line, c by weighted least squares with the a of a fit.
+    /// The transient c/a at every line, with a from a fit and c by weighted least squares.
     fn transient(&self, fit: &RationalFit, model: &[Complex<f64>], power: &[f64]) -> Vec<Complex<f64>> {
         let n = self.frequency.len();
         let s: Vec<Complex<f64>> = self.frequency.iter().map(|w| Complex::new(0.0, *w)).collect();
@@ -207,7 +206,7 @@ impl Lines {
             frequency: self.frequency.clone(),
             response: (0..self.frequency.len()).map(of).collect(),
             weight: self.input.iter().zip(power).map(|(u, p)| (u.norm_sqr() / p).sqrt()).collect(),
-            // The weights rest on many lines each, and lines of a whole record do not correlate.
+            // Each weight is an average over many lines, and the lines of a whole record are uncorrelated.
             expected: 1.0,
             correlation: 1.0,
         }

@@ -8,26 +8,27 @@
 //! ```
 //!
 //! H1 averages noise on the output away, H2 noise on the input; they enclose the truth when both carry noise. A held input
-//! ([`Hold::Zoh`]) lags by half a sample: every line is divided by what the hold does to it, `(1 - e^{-jWT})/(jWT)`, so that
-//! H is that of the machine in continuous time. Lines whose coherence could be chance are marked and never fitted; the
-//! decision is made on neighbouring lines together, because a choice line by line would keep those with lucky noise.
+//! ([`Hold::Zoh`]) lags by half a sample: every line is divided by the response of the hold, `(1 - e^{-jWT})/(jWT)`, so
+//! that H is that of the machine in continuous time. Lines whose coherence could be chance are marked and never fitted.
+//! The decision is made on neighbouring lines together, because a choice line by line would select lines whose noise
+//! raises the coherence.
 
 use num_complex::Complex;
 use std::f64::consts::PI;
 use tpm_core::harmonics::Hold;
-use tpm_motion::Window;
-use tpm_motion::held;
+use tpm_motion::{Window, held};
 use tpm_numerics::fourier::forward;
 
 /// Shortest segment: fewer samples leave no line that the window resolves.
 const SHORTEST: usize = 16;
-/// Standard normal quantile of the chance that lines without any relation of output to input pass: one in a thousand.
+/// Standard normal quantile of the significance level of the coherence: lines whose output is unrelated to the input
+/// pass once in a thousand times.
 const CHANCE_QUANTILE: f64 = 3.09;
-/// Number of lines on either side with which a line is judged together.
+/// Number of lines on either side over which the coherence of a line is averaged.
 const NEIGHBOURS: usize = 20;
-/// Largest ratio of input powers of lines that are taken to be excited alike.
+/// Largest ratio of the input powers of two lines whose coherences are averaged together.
 const ALIKE_RATIO: f64 = 30.0;
-/// Largest input power, as a share of the strongest line's, that is rounding.
+/// Input power, as a share of the strongest line's, up to which a line holds only rounding.
 const ROUNDING: f64 = 1e-24;
 
 /// How the record is averaged.
@@ -222,7 +223,7 @@ pub struct FrequencyResponse {
     pub welch: Welch,
     /// Segments averaged.
     pub segments: usize,
-    /// Number of independent segments that average as well: overlapping ones share data.
+    /// Number of independent segments whose average has the same variance; overlapping segments share data.
     pub averages: f64,
     /// Lines from 0 to half the sampling frequency.
     pub lines: Vec<ResponseLine>,
@@ -299,7 +300,7 @@ impl FrequencyResponse {
         gaps
     }
 
-    /// What dividing by the hold changed, |H corrected - H recorded| / |H corrected| over a band; zero without a hold.
+    /// Effect of dividing by the hold, |H corrected - H recorded| / |H corrected| over a band; zero without a hold.
     #[must_use]
     pub fn hold_effect(&self, low: f64, high: f64) -> HoldEffect {
         let mut changes: Vec<f64> = self
@@ -314,12 +315,12 @@ impl FrequencyResponse {
     }
 }
 
-/// What the hold does to a line.
+/// Frequency response of a hold at an angular frequency, rad/s.
 pub(super) fn hold_of(frequency: f64, sample_time: f64, hold: Hold) -> Complex<f64> {
     held(hold, frequency * sample_time)
 }
 
-/// Samples from the start of a segment to the start of the next.
+/// Checks record and settings; returns the number of samples from the start of a segment to the start of the next.
 fn check(input: &[f64], output: &[f64], sample_time: f64, welch: &Welch) -> Result<usize, ResponseError> {
     let Welch { segment, overlap, .. } = *welch;
     if input.len() != output.len() {
@@ -348,7 +349,8 @@ fn check(input: &[f64], output: &[f64], sample_time: f64, welch: &Welch) -> Resu
     Ok(step)
 }
 
-/// Averages of independent segments that have the variance of these overlapping ones (P. D. Welch, 1967).
+/// Number of independent segments whose average has the variance of the average of these overlapping ones (P. D. Welch,
+/// 1967).
 fn effective_averages(weights: &[f64], step: usize, segments: usize) -> f64 {
     let power: f64 = weights.iter().map(|w| w * w).sum();
     let count = segments as f64;
@@ -362,13 +364,13 @@ fn effective_averages(weights: &[f64], step: usize, segments: usize) -> f64 {
     count / (1.0 + 2.0 * shared)
 }
 
-/// Numbers, common to all lines, that tell excitation from chance.
+/// Constants, common to all lines, of the test whether a coherence is more than chance.
 struct Chance {
     /// Number of independent averages.
     averages: f64,
-    /// Neighbouring lines that share their noise.
+    /// Number of neighbouring lines that count as one independent line.
     correlation: f64,
-    /// Power of the input that is rounding.
+    /// Input power up to which a line holds only rounding.
     rounding: f64,
 }
 
@@ -431,7 +433,7 @@ impl Power {
                 let zero = Complex::new(0.0, 0.0);
                 let h1 = if uu > 0.0 { uy / uu / hold } else { zero };
                 let h2 = if uy.norm_sqr() > 0.0 { Complex::from(yy) / uy.conj() / hold } else { zero };
-                // The mean was removed, so that the line at zero holds rounding only; the last one has no phase.
+                // The mean was removed, so that the line at zero holds only rounding; the last line has no phase.
                 let inner = k > 0 && 2 * k < welch.segment;
                 let usable = inner && self.excited(k, &coherence, &chance);
                 let variance = (1.0 - coherence[k]) * yy / uu / (averages - 1.0) / hold.norm_sqr();
@@ -455,10 +457,10 @@ impl Power {
         if uu > 0.0 && yy > 0.0 { (self.cross[k].norm_sqr() / uu / yy).min(1.0) } else { 0.0 }
     }
 
-    /// Whether the mean coherence of a line and of its neighbours with alike input is more than chance.
+    /// Whether the mean coherence of a line and of its neighbours with similar input power is more than chance.
     ///
-    /// Without any relation a coherence over n averages is Beta(1, n - 1) distributed; the quantile of the mean of several
-    /// follows from its variance and skewness (Cornish-Fisher).
+    /// If output and input are unrelated, a coherence over n averages is Beta(1, n - 1) distributed. The quantile of
+    /// the mean of several coherences follows from the variance and skewness of this distribution (Cornish-Fisher).
     fn excited(&self, k: usize, coherence: &[f64], chance: &Chance) -> bool {
         let &Chance { averages, correlation, rounding } = chance;
         let power = self.input[k];
@@ -578,7 +580,7 @@ mod tests {
             (errors[errors.len() / 2], errors[errors.len() - 1], found.hold_effect(1.0, 49.0))
         };
         let (median, largest, effect) = error(Hold::Zoh);
-        // What is left are the images of the hold: sum over k of (W/(k Ws))^2 = pi^2/3 (W/Ws)^2 for a slope of 1/W.
+        // The images of the hold remain: sum over k of (W/(k Ws))^2 = pi^2/3 (W/Ws)^2 for a slope of 1/W.
         let images = |hertz: f64| PI * PI / 3.0 * (hertz / 1000.0).powi(2);
         assert!((largest / images(49.0) - 1.0).abs() < 0.02, "{largest:e}");
         assert!((median / images(25.0) - 1.0).abs() < 0.05, "{median:e}");
@@ -614,7 +616,7 @@ mod tests {
 
     #[test]
     fn a_band_without_excitation_is_said() {
-        // The drive stops at 100 Hz; above it there is nothing but the sensor's noise.
+        // The excitation ends at 100 Hz; above it there is only the sensor's noise.
         let u = Excitation::Multisine { period: 1000, low: 1.0, high: 100.0, rms: 1.0, phases: Phases::Schroeder }
             .samples(20_000, 1e-3)
             .expect("valid");
@@ -626,7 +628,7 @@ mod tests {
         assert_eq!(gaps.iter().map(|gap| gap.lines).sum::<usize>(), 300, "{gaps:?}");
         assert_eq!((gaps[0].low, gaps[gaps.len() - 1].high), (101.0, 400.0));
         assert!(format!("{}", gaps[0]).contains("excite that band"));
-        // With noise on the input there is power everywhere, and only the coherence tells.
+        // With noise on the input there is input power at all lines, and only the coherence shows which were excited.
         let u: Vec<f64> = u.iter().zip(white(20_000, 10)).map(|(u, n)| u + 1e-3 * n).collect();
         let found = FrequencyResponse::estimate(&u, &y, 1e-3, &Welch::periodic(1000, Hold::Zoh)).expect("long enough");
         let passed = found.band(110.0, 400.0).filter(|line| line.usable).count();

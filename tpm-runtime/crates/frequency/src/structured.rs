@@ -1,8 +1,8 @@
-//! Fit of the parameters of a model, physical ones for example, straight to a frequency response.
+//! Fit of the parameters of a model, such as physical parameters, directly to a frequency response.
 //!
 //! Invariant: the cost is that of the rational fit, `sum |H - G(theta)|^2 / std^2` over the usable lines. Parameters are
-//! fitted as multiples of their start values, so that a mass of grams stands beside a stiffness of thousands. What the data
-//! do not determine has an infinite standard deviation, and the directions are given.
+//! fitted as multiples of their start values, so that small masses and large stiffnesses are scaled alike. Parameters
+//! that the data do not determine have an infinite standard deviation, and the unobservable directions are returned.
 
 use crate::points::{Points, information};
 use crate::rational::{FitError, FittedValue};
@@ -13,9 +13,10 @@ use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 
 /// Relative step of the central differences, the cube root of the rounding error.
 const STEP: f64 = 6e-6;
-/// Relative change of cost or unknowns at which the minimisation has converged; differences do not allow for less.
+/// Relative change of cost or unknowns at which the minimisation has converged; the error of the differences allows no
+/// smaller one.
 const TOLERANCE: f64 = 1e-10;
-/// Singular values below this share of the largest are zero; the error of the differences is below it.
+/// Singular values below this share of the largest count as zero; the error of the differences is smaller.
 const DETERMINED: f64 = 1e-8;
 /// Largest share of a parameter in an unobservable direction with which the parameter still counts as observable.
 const SHARE: f64 = 1e-4;
@@ -37,7 +38,7 @@ impl<F: Fn(&[f64], Complex<f64>) -> Complex<f64>> ResponseModel for F {
     }
 }
 
-/// Which parameters are fitted over which band.
+/// Start values, frozen parameters and band of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructuredSettings {
     /// Start values, one per parameter.
@@ -70,7 +71,7 @@ pub struct StructuredFit {
     pub covariance: Matrix,
     /// Directions in which the response does not change, in multiples of the start values.
     pub unobservable: Vec<Vec<f64>>,
-    /// Free parameters that are determined, in number.
+    /// Number of free parameters that are determined.
     pub rank: usize,
     /// Condition number of the column-scaled Jacobian; infinite with unobservable directions.
     pub condition: f64,

@@ -1,7 +1,7 @@
-//! Rational transfer functions in numbers.
+//! Rational transfer functions with numerical coefficients.
 //!
-//! Invariant: coefficients stand from s^0 upwards; the denominator's last one is 1, the numerator's last one is not zero
-//! unless it is the only one.
+//! Invariant: coefficients are listed from s^0 upwards; the denominator's last one is 1, the numerator's last one is
+//! not zero unless it is the only one.
 
 use num_complex::Complex;
 use tpm_numerics::DMatrix;
@@ -121,7 +121,7 @@ pub(super) fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
     let order = rest.len().saturating_sub(1);
     let mut found = vec![Complex::from(0.0); if rest.is_empty() { 0 } else { zero }];
     if order > 0 {
-        // With s = scale * z first and last coefficient are alike, and the companion matrix is balanced.
+        // With s = scale * z first and last coefficient have equal magnitude, and the companion matrix is balanced.
         let (first, last) = (rest[0], rest[order]);
         let scale = (first / last).abs().powf(1.0 / order as f64);
         let mut power = 1.0 / last;
@@ -160,7 +160,7 @@ fn polish(coefficients: &[f64], slope: &[f64], start: Complex<f64>) -> Complex<f
     for _ in 0..5 {
         let next = root - polynomial(coefficients, root) / polynomial(slope, root);
         let smaller = polynomial(coefficients, next).norm();
-        // A comparison with NaN (a multiple root) is false and ends it too.
+        // A comparison with NaN (at a multiple root) is false and ends the iteration too.
         if smaller < value {
             (root, value) = (next, smaller);
         } else {

@@ -13,7 +13,7 @@ use tpm_symbolic::regressor::form::RegressorForm;
 #[derive(Clone, Debug)]
 pub struct InterpretedDerivatives {
     dims: Dims,
-    /// Place in a motion of every slot of the program.
+    /// Index in the motion of every slot of the program.
     places: Vec<usize>,
     switches: usize,
     rows: Program,
@@ -21,7 +21,7 @@ pub struct InterpretedDerivatives {
 }
 
 impl InterpretedDerivatives {
-    /// Makes the derivatives of a model runnable; `form` is the regressor form of `model`.
+    /// Compiles the derivatives of a model's rows for evaluation; `form` is the regressor form of `model`.
     #[must_use]
     pub fn new(model: &Declared, form: &RegressorForm) -> Self {
         let (evaluation, derivatives) = Evaluation::with_derivatives(model, form);
@@ -29,8 +29,8 @@ impl InterpretedDerivatives {
         Self::of(&evaluation, &derivatives, &leaves)
     }
 
-    /// Makes the derivatives of a model runnable whose nonlinear parameters stand behind those in which it is linear, as in
-    /// [`Separable`](crate::Separable).
+    /// Compiles the derivatives of the rows of a model with nonlinear parameters. These parameters follow the linear
+    /// ones, as in [`Separable`](crate::Separable).
     #[must_use]
     pub fn separable(model: &Declared, form: &RegressorForm) -> Self {
         let (evaluation, derivatives) = Evaluation::with_derivatives(model, form);

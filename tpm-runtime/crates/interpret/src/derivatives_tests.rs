@@ -15,7 +15,7 @@ const ARM: &str = "model Arm {
         = r*v;
 }";
 
-/// `Phi theta + known - B u`.
+/// The residual `Phi theta + known - B u`.
 fn rows(model: &dyn Model<f64>, motion: &[f64], theta: &[f64], constants: &[f64], inputs: &[f64]) -> Vec<f64> {
     let dims = model.dims();
     let mut workspace = vec![0.0; model.inverse_workspace_len()];
@@ -68,7 +68,7 @@ fn the_jump_of_a_switch_is_that_of_the_rows() {
     derivatives.switching(&motion, &THETA, &CONSTANTS, &INPUTS, &mut workspace, &mut found).expect("fits");
     let other = [0.3, -0.8, 1.5, 1.5 - 1e-9, 4.0, -9.0];
     let [on, off] = [motion, other].map(|motion| rows(&model, &motion, &THETA, &CONSTANTS, &INPUTS));
-    // Which of b' - a' and a' - b' the sign is written with does not matter, as long as argument and jump agree.
+    // The argument of the sign may be b' - a' or a' - b', as long as the jump has the matching sign.
     let side = (motion[3] - motion[2]).signum() * found[0].signum();
     assert!((found[0].abs() - 1e-9).abs() < 1e-15, "{found:?}");
     for row in 0..2 {

@@ -18,8 +18,8 @@ pub struct InterpretedInverse {
 }
 
 impl InterpretedInverse {
-    /// Makes the pseudo-inverse of a pattern runnable; `None` where the pattern has none. `constants` are the constants of the
-    /// model that are known at run time only.
+    /// Compiles the pseudo-inverse of a pattern's estimator matrix for evaluation; `None` where the pattern has none.
+    /// `constants` are the constants of the model that are known at run time only.
     #[must_use]
     pub fn new(pattern: &PatternPlan, constants: &[Symbol]) -> Option<Self> {
         let (inverse, table) = (pattern.pseudo_inverse.as_ref()?, pattern.table.as_ref().ok()?);

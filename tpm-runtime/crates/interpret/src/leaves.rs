@@ -1,4 +1,4 @@
-//! What the programs of a model read.
+//! The leaves (inputs) of the compiled programs of a model.
 
 use tpm_core::model::{Buffer, Dims, EvalError, require_len};
 use tpm_symbolic::expr::graph::Symbol;
@@ -16,7 +16,7 @@ pub(super) struct Leaves {
 }
 
 impl Leaves {
-    /// The leaves of `form`, of which `evaluation` are the plans.
+    /// The leaves of the programs of `form`; `evaluation` holds their plans.
     pub(super) fn new(evaluation: &Evaluation, form: &RegressorForm) -> Self {
         let dims = Dims {
             coordinates: evaluation.coordinates.len(),
@@ -35,7 +35,8 @@ impl Leaves {
         Self { dims, list }
     }
 
-    /// The leaves of `form` where the nonlinear parameters of `model` stand behind the columns, and no more among the constants.
+    /// The leaves of the programs of `form` when the nonlinear parameters of `model` count as parameters, which follow
+    /// the linear ones, and no longer as constants.
     pub(super) fn separable(model: &Declared, evaluation: &Evaluation, form: &RegressorForm) -> Self {
         let constants: Vec<Symbol> = model.known_constants().collect();
         let motion = (0..=evaluation.order())
@@ -54,7 +55,7 @@ impl Leaves {
         Self { dims, list }
     }
 
-    /// Motion and constants: all that the regressor, the known terms and the input map read.
+    /// Motion and constants: the only leaves of the regressor, the known terms and the input map.
     pub(super) fn of_motion(&self) -> &[Leaf] {
         &self.list[..self.dims.motion_len() + self.dims.constants]
     }
@@ -65,7 +66,10 @@ impl Leaves {
     }
 }
 
-/// Refuses a motion or constants of another length than the model has.
+/// Requires that motion and constants have the lengths of the model.
+///
+/// # Errors
+/// [`EvalError::Length`] when a length differs.
 pub(super) fn require_motion(dims: Dims, motion: &[f64], constants: &[f64]) -> Result<(), EvalError> {
     require_len(Buffer::Motion, motion.len(), dims.motion_len())?;
     require_len(Buffer::Constants, constants.len(), dims.constants)

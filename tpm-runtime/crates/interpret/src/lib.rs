@@ -1,7 +1,7 @@
-//! A model that is run without being compiled: its evaluation plans, executed operation by operation.
+//! Interpreted models: the evaluation plans of a model file, executed operation by operation without a compiler.
 //!
-//! Invariant: the operations are those of the plans of [`tpm_symbolic::plan`], in their order and each rounded once, so
-//! that the numbers equal those of the emitted code.
+//! Invariant: the operations are those of the plans of [`tpm_symbolic::plan`], in the same order, each rounded once, so
+//! that the results equal those of the emitted code.
 
 mod derivatives;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A model's rows and forward dynamics as numbers.
+//! Numerical evaluation of a model's rows and forward dynamics.
 
 use crate::leaves::{Leaves, require_motion};
 use crate::program::Program;
@@ -43,13 +43,13 @@ pub struct Interpreted {
     regressor: Program,
     known: Program,
     input_map: Program,
-    /// Program of the matrix of the highest derivatives, then the right-hand side; nothing where the rows are not
-    /// affine in these derivatives.
+    /// Program of the matrix and the right-hand side of the equations for the highest derivatives; nothing where the
+    /// rows are not affine in these derivatives.
     dynamics: Option<Program>,
 }
 
 impl Interpreted {
-    /// Makes a model runnable; `form` is the regressor form of `model`.
+    /// Compiles the rows of a model for evaluation; `form` is the regressor form of `model`.
     #[must_use]
     pub fn new(model: &Declared, form: &RegressorForm) -> Self {
         let (evaluation, dynamics) = Evaluation::with_dynamics(model, form);
@@ -307,7 +307,8 @@ mod tests {
         }
         let massless = model.forward_dynamics(&mut [0.1; 6], &[0.7, 0.0, 5.0], &[0.0], &inputs, &mut workspace);
         assert_eq!(massless, Err(EvalError::Singular { coordinate: 1 }));
-        // Rows that are not affine in the accelerations have no program for the dynamics; differences take its place.
+        // Rows that are not affine in the accelerations have no program for the dynamics; difference quotients replace
+        // it.
         assert!(arm(2).dynamics.is_none());
     }
 

@@ -1,6 +1,7 @@
-//! Patterns of a model file with the values of its constants.
+//! Patterns of a model file in which the constants have numerical values.
 //!
-//! Invariant: each exact coefficient is rounded once; what a [`ReferencePattern`] leaves open are the amplitudes and the frequency.
+//! Invariant: each exact coefficient is rounded once. In a [`ReferencePattern`] the amplitudes and the frequency remain
+//! free.
 
 use tpm_motion::trajectory::{HarmonicSeries, Line, Part, PatternError, ReferencePattern};
 use tpm_symbolic::algebra::fourier::Trig;
@@ -10,7 +11,7 @@ use tpm_symbolic::number::rational::to_f64;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::regressor::form::RegressorForm;
 
-/// The pattern of a model with the values of its constants; each exact coefficient is rounded once.
+/// The pattern of a model with numerical values of its constants; each exact coefficient is rounded once.
 ///
 /// `constant` gives the value of a run-time constant by name.
 ///
@@ -30,8 +31,8 @@ pub fn of_model(
     }
 }
 
-/// The pattern of the coordinates that the rows of a regressor form use, in the order in which a model made of that form
-/// reads them. A coordinate without motion is left open.
+/// The pattern of the coordinates that the rows of a regressor form use, in the order of a model made of that form. A
+/// coordinate without a prescribed motion is left open.
 ///
 /// # Errors
 /// [`PatternError::NoValue`] when `constant` does not know a constant of the pattern.
@@ -93,7 +94,7 @@ fn of_coordinates(
             parts.push(Part { powers, frequency_power, series });
         }
         if parts.is_empty() {
-            // Prescribed to stand at zero, which is not the same as open.
+            // The coordinate is prescribed to stay at zero, which differs from an open coordinate.
             parts.push(Part { powers: Vec::new(), frequency_power: 0, series: HarmonicSeries::default() });
         }
         motions.push(parts);

@@ -1,4 +1,4 @@
-//! One plan, executed operation by operation.
+//! A plan of the exact algebra, executed in double precision.
 
 use tpm_core::{Hyperbolic, Real};
 use tpm_symbolic::expr::graph::Function;
@@ -34,7 +34,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// A plan that reads some of `leaves`, which occupy a workspace in this order.
+    /// Compiles a plan; `leaves` are the leaves of the workspace in this order, of which the plan reads some.
     pub(super) fn new(plan: &Plan, leaves: &[Leaf]) -> Self {
         let value = |op: &Op| match op {
             Op::Constant(value) => Some(rational::to_f64(value)),
@@ -88,7 +88,7 @@ impl Program {
         self.outputs.len()
     }
 
-    /// Executes the steps on the values of all leaves, which come in order and in any number of slices.
+    /// Executes the steps. `leaves` holds the values of all leaves in order, divided into any number of slices.
     pub(super) fn run(&self, leaves: &[&[f64]], workspace: &mut [f64], out: &mut [f64]) {
         if let Some(fixed) = &self.fixed {
             for (result, &value) in out.iter_mut().zip(fixed) {
@@ -118,7 +118,7 @@ impl Program {
     }
 }
 
-/// Applies a function of the core, not of the standard library, so that every machine gets the same bits.
+/// Applies a function of `tpm-core` instead of the standard library, so that every platform gets the same bits.
 fn apply(function: Function, x: f64) -> f64 {
     match function {
         Function::Sin => Real::sin(x),

@@ -1,15 +1,16 @@
-//! A model with parameters in which its rows are not linear, as one that is linear about a point.
+//! A model whose rows are nonlinear in some parameters, presented as a model that is linear about a point.
 //!
-//! With `r = Phi(z) theta + known(z) - B u`, the parameters are theta and, behind them, z. Invariant: the regressor is the exact
-//! derivative of the rows at a point (theta0, z0), and the known terms are such that the rows are exact there:
+//! With `r = Phi(z) theta + known(z) - B u`, the parameters are theta followed by z. Invariant: the regressor is the
+//! exact derivative of the rows at a point (theta0, z0), and the known terms are such that the rows are exact at this
+//! point:
 //!
 //! ```text
 //! [Phi(z0) | dr/dz(theta0, z0)] (theta, z) + known(z0) - dr/dz(theta0, z0) z0 = B u
 //! ```
 //!
-//! Where theta0 solves the least squares for z0, one step of z by these rows is that of the variable projection in the variant of
-//! Kaufman (1975), and the covariance of the rows' least squares is the joint one of theta and z. Forces and simulated motions
-//! follow from the rows as they are, at any theta and z.
+//! Where theta0 is the least-squares solution for z0, one Gauss-Newton step of z with these rows is that of variable
+//! projection in the variant of Kaufman (1975), and the covariance of the rows' least squares is the joint covariance
+//! of theta and z. Forces and simulated motions are computed from the nonlinear rows, at any theta and z.
 
 use crate::leaves::{Leaves, require_motion};
 use crate::model::Interpreted;
@@ -21,12 +22,12 @@ use tpm_symbolic::plan::derivatives::Derivatives;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::regressor::form::RegressorForm;
 
-/// Where the value of a run-time constant of the rows stands.
+/// Source of the value of a run-time constant of the rows.
 #[derive(Clone, Copy, Debug)]
 enum Place {
-    /// Among the constants.
+    /// Index among the constants.
     Constant(usize),
-    /// Among the nonlinear parameters.
+    /// Index among the nonlinear parameters.
     Nonlinear(usize),
 }
 
@@ -43,18 +44,18 @@ struct Nonlinear {
 pub struct Separable {
     rows: Interpreted,
     dims: Dims,
-    /// Where each run-time constant of the rows is found.
+    /// Source of the value of each run-time constant of the rows.
     places: Vec<Place>,
     nonlinear: Vec<Nonlinear>,
-    /// `dr/dz`, rows times nonlinear parameters.
+    /// The derivative `dr/dz`, a matrix of rows times nonlinear parameters.
     slopes: Program,
-    /// Theta, then z.
+    /// The point of linearisation: theta, then z.
     point: Vec<f64>,
 }
 
 impl Separable {
-    /// Makes a model with nonlinear parameters runnable, linear about the middle of their intervals and zeros; nothing for a model
-    /// without any. `form` is the regressor form of `model`.
+    /// Compiles a model with nonlinear parameters, linear about zero theta and the middle of the intervals of z;
+    /// nothing for a model without nonlinear parameters. `form` is the regressor form of `model`.
     #[must_use]
     pub fn new(model: &Declared, form: &RegressorForm) -> Option<Self> {
         if model.nonlinear.is_empty() {
@@ -93,22 +94,22 @@ impl Separable {
         })
     }
 
-    /// The model, linear about another point: theta, then z.
+    /// The model, linearised about another point: theta, then z.
     ///
     /// # Errors
-    /// [`EvalError::Length`] when the point has another length than there are parameters.
+    /// [`EvalError::Length`] when the length of the point differs from the number of parameters.
     pub fn at(&self, point: Vec<f64>) -> Result<Self, EvalError> {
         require_len(Buffer::Parameters, point.len(), self.dims.parameters)?;
         Ok(Self { point, ..self.clone() })
     }
 
-    /// The point about which the model is linear: theta, then z.
+    /// The point of linearisation: theta, then z.
     #[must_use]
     pub fn point(&self) -> &[f64] {
         &self.point
     }
 
-    /// Number of parameters in which the rows are linear; the nonlinear ones stand behind them.
+    /// Number of parameters in which the rows are linear. The nonlinear ones follow them.
     #[must_use]
     pub fn linear(&self) -> usize {
         self.dims.parameters - self.nonlinear.len()
@@ -119,7 +120,7 @@ impl Separable {
         self.nonlinear.iter().map(|own| own.interval)
     }
 
-    /// The values of all run-time constants of the rows.
+    /// Writes the values of all run-time constants of the rows into `all`, taken from the constants and from z.
     fn constants(&self, constants: &[f64], z: &[f64], all: &mut [f64]) -> Result<(), EvalError> {
         require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
         for (value, place) in all.iter_mut().zip(&self.places) {
@@ -131,7 +132,7 @@ impl Separable {
         Ok(())
     }
 
-    /// `dr/dz` at given parameters.
+    /// The derivative `dr/dz` at given parameters.
     fn slopes(
         &self,
         motion: &[f64],
@@ -144,7 +145,7 @@ impl Separable {
         require_len(Buffer::Parameters, parameters.len(), self.dims.parameters)?;
         let (inputs, rest) = split_workspace(workspace, self.dims.inputs)?;
         let (scratch, _) = split_workspace(rest, self.slopes.workspace_len)?;
-        // No nonlinear parameter stands beside an input.
+        // No input is multiplied by a nonlinear parameter, so the derivative does not depend on the inputs.
         inputs.fill(0.0);
         self.slopes.run(&[motion, constants, parameters, inputs], scratch, out);
         Ok(())

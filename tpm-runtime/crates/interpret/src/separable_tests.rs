@@ -1,4 +1,4 @@
-//! Models with nonlinear parameters as numbers, against difference quotients of their rows.
+//! Tests of models with nonlinear parameters against difference quotients of their rows.
 
 use crate::{InterpretedDerivatives, Separable};
 use tpm_codegen::source::Source;
@@ -32,7 +32,7 @@ fn rows(model: &Separable, motion: &[f64], parameters: &[f64]) -> f64 {
     out[0]
 }
 
-/// The derivative of a function at zero, of the fourth order.
+/// The derivative of a function at zero by differences of fourth order.
 fn slope(of: &dyn Fn(f64) -> f64) -> f64 {
     let h = 1e-3;
     let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(|steps| of(steps * h));

@@ -1,10 +1,10 @@
-//! What was assumed in reading a log.
+//! Assumptions that were made in reading a log.
 
 use serde::Serialize;
 use std::fmt;
 use tpm_report::number;
 
-/// What stands between the fields of a line.
+/// The separator between the fields of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Separator {
@@ -29,16 +29,18 @@ impl fmt::Display for Separator {
     }
 }
 
-/// Something that a file leaves open, or says otherwise than in the plainest way, and how it was read.
+/// An assumption about a file: something that it does not state, or that differs from the plainest format, and how it
+/// was read.
 ///
-/// The plainest way is a column `t_s` of seconds and a column for every signal, of its name and in the model's unit, between commas.
+/// The plainest format separates fields by commas. It has a column `t_s` in seconds and a column for every signal, with
+/// the signal's name and in the model's unit.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Assumption {
-    /// Fields do not stand between commas.
+    /// Fields are not separated by commas.
     Separator {
-        /// What stands between them.
+        /// The separator.
         separator: Separator,
     },
     /// Fractions begin with a comma.
@@ -95,7 +97,7 @@ pub enum Assumption {
         /// Factor from the column to the signal.
         factor: f64,
     },
-    /// A stated factor stands in place of the unit of a column.
+    /// A stated factor replaces the unit of a column.
     FactorForUnit {
         /// The signal.
         signal: String,
@@ -106,13 +108,13 @@ pub enum Assumption {
         /// The stated factor.
         factor: f64,
     },
-    /// Where time stands, when this is not a column `t_s` in seconds.
+    /// The time is not a column `t_s` in seconds.
     Time {
         /// The column, or both columns.
         column: String,
         /// The unit.
         unit: String,
-        /// Whether the file says so; otherwise the size of the stamps and of their steps does.
+        /// Whether the file states the unit; otherwise it was inferred from the size of the stamps and of their steps.
         stated: bool,
     },
     /// Fields of a measured rate are missing in a stretch of the record, where the rate is not used.

@@ -1,4 +1,4 @@
-//! What all formats of logs have in common: named columns of numbers, row by row.
+//! The interface that all formats of logs share: named columns of numbers, row by row.
 
 use crate::assumption::Assumption;
 use crate::error::LogError;
@@ -48,7 +48,7 @@ pub(super) trait Columns {
     /// Text of a selected field of the last row, for messages.
     fn text(&self, field: usize) -> String;
 
-    /// How finely stamps were printed so far.
+    /// The digits to which the stamps read so far were printed.
     fn resolution(&self) -> Resolution {
         Resolution::default()
     }

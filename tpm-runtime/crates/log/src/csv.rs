@@ -1,4 +1,4 @@
-//! Columns of text, as programs write them.
+//! Tables of text: numbers in columns, line by line.
 
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns};
@@ -36,7 +36,7 @@ impl<R: Read> Lines<R> {
         Self { input, buffer: vec![0; BLOCK], start: 0, end: 0, ended: false, terminator: b'\n' }
     }
 
-    /// Reads until so many bytes stand in the buffer, or the input ends.
+    /// Reads until the buffer holds so many bytes, or the input ends.
     pub(super) fn fill(&mut self, bytes: usize) -> std::io::Result<&[u8]> {
         while !self.ended && self.end - self.start < bytes {
             self.more()?;
@@ -44,7 +44,7 @@ impl<R: Read> Lines<R> {
         Ok(&self.buffer[self.start..self.end])
     }
 
-    /// What stands in the buffer, and the rest of the input.
+    /// The bytes in the buffer, followed by the rest of the input.
     #[cfg(any(feature = "mat", feature = "mcap", feature = "parquet"))]
     pub(super) fn into_rest(self) -> impl Read {
         let Lines { input, mut buffer, start, end, .. } = self;
@@ -74,7 +74,7 @@ impl<R: Read> Lines<R> {
         Ok(())
     }
 
-    /// The next line without its end, as a range of the buffer; whether the input ended instead of the line.
+    /// The next line without its terminator, as a range of the buffer, and whether the input ended before a terminator.
     fn next(&mut self) -> std::io::Result<Option<(Range<usize>, bool)>> {
         let mut searched = self.start;
         loop {
@@ -112,12 +112,12 @@ pub(super) struct Csv<R> {
     dialect: Dialect,
     /// Number of the last line that was taken.
     line: u64,
-    /// Places of the fields in the last line.
+    /// Byte ranges of the fields in the last line.
     fields: Vec<(u32, u32)>,
     last: Range<usize>,
     wanted: Vec<usize>,
     resolution: Resolution,
-    /// Comments, and the line of the first.
+    /// Number of comments, and the line of the first.
     comments: (u64, u64),
     cut: Option<u64>,
 }
@@ -133,7 +133,7 @@ impl<R: Read> Csv<R> {
             lines.start += MARK.len();
         }
         let mut wanted = HEAD;
-        // Wide tables have long lines.
+        // Wide tables have long lines, so that more bytes may be needed for enough lines.
         loop {
             let head = lines.fill(wanted).map_err(io)?;
             let ends = |end: u8| head.iter().filter(|byte| **byte == end).count();
@@ -171,7 +171,7 @@ impl<R: Read> Csv<R> {
             comments: (0, 0),
             cut: None,
         };
-        // Comments above the numbers count too; everything else there is understood.
+        // Comments above the first row of numbers are counted; the other lines there were parsed with the dialect.
         while csv.line + 1 < csv.dialect.data_line {
             let Some((line, _)) = csv.take()? else { break };
             csv.count_comment(line);
@@ -206,7 +206,7 @@ impl<R: Read> Csv<R> {
         &self.lines.buffer[self.last.start + from as usize..self.last.start + to as usize]
     }
 
-    /// Whether a text is a number whose fraction begins with the other sign than those before.
+    /// Whether a text is a number with another decimal sign than the numbers before.
     fn has_other_sign(&self, text: &str) -> bool {
         let other = match self.dialect.decimal {
             Some(b',') => b'.',
@@ -220,7 +220,7 @@ impl<R: Read> Csv<R> {
     fn fault(&self, field: usize) -> LogError {
         let path = self.path.clone();
         match std::str::from_utf8(self.field(field)) {
-            // Dialects do not change within a file.
+            // The decimal sign must not change within a file.
             Ok(text) if self.has_other_sign(text) => LogError::Csv {
                 path,
                 line: self.line,
@@ -300,7 +300,7 @@ impl<R: Read> Columns for Csv<R> {
                 let read = number(self.field(field), self.dialect.decimal.unwrap_or(b'.'));
                 *value = match read {
                     Some(number) => number,
-                    // The first fraction of the file decides.
+                    // The first fraction of the file decides which decimal sign is used.
                     None if self.dialect.decimal.is_none() && self.field(field).contains(&b',') => {
                         let number = number(self.field(field), b',').ok_or_else(|| self.fault(field))?;
                         self.dialect.decimal = Some(b',');

@@ -1,4 +1,4 @@
-//! How a text of columns is written: separator, decimal sign, header, units, found from its first lines.
+//! The dialect of a table of text: separator, decimal sign, header and units, found from its first lines.
 
 use crate::assumption::{Assumption, Separator};
 use crate::columns::ColumnName;
@@ -6,16 +6,16 @@ use crate::unit::unit_of;
 
 /// Most lines of numbers from which separator and decimal sign are found.
 const JUDGED: usize = 64;
-/// Words for a reading that is missing, beside what is read as NaN or infinite.
+/// Words for a missing reading, besides the spellings of NaN and infinity that Rust parses.
 const MISSING: [&str; 12] =
     ["", "na", "n/a", "#n/a", "null", "none", "-", "--", "1.#qnan", "-1.#ind", "1.#inf", "-1.#inf"];
 
-/// How a text of columns is written.
+/// The dialect of a table of text.
 #[derive(Clone, Debug)]
 pub(super) struct Dialect {
-    /// What stands between fields.
+    /// Separator between fields.
     pub(super) separator: Separator,
-    /// What fractions begin with; nothing where the first lines have none.
+    /// Decimal sign; nothing where the first lines hold no fraction.
     pub(super) decimal: Option<u8>,
     /// The columns.
     pub(super) header: Vec<ColumnName>,
@@ -23,20 +23,21 @@ pub(super) struct Dialect {
     pub(super) header_line: u64,
     /// First line that may hold numbers, from 1.
     pub(super) data_line: u64,
-    /// What was found and does not go without saying.
+    /// Findings that differ from the plainest format.
     pub(super) assumptions: Vec<Assumption>,
 }
 
 /// A line of text, and its number in the file.
 type Line<'a> = (u64, &'a [u8]);
 
-/// Whether a line is a comment: `#`, `%` or `//` stand at its beginning.
+/// Whether a line is a comment: it begins with `#`, `%` or `//`.
 pub(super) fn is_comment(line: &[u8]) -> bool {
     let start = line.trim_ascii_start();
     start.starts_with(b"#") || start.starts_with(b"%") || start.starts_with(b"//")
 }
 
-/// Places of the fields of a line. Quotes are left out; separators between them do not separate.
+/// Writes the byte ranges of the fields of a line, without quotes around them. Separators within quotes do not
+/// separate.
 pub(super) fn split(line: &[u8], separator: Separator, fields: &mut Vec<(u32, u32)>) {
     fields.clear();
     let byte = match separator {
@@ -82,7 +83,7 @@ fn split_blanks(line: &[u8], fields: &mut Vec<(u32, u32)>) {
     }
 }
 
-/// A place without blanks and quotes around it.
+/// A byte range of a line, without blanks and quotes around it.
 fn trimmed(line: &[u8], mut from: usize, mut to: usize) -> (u32, u32) {
     while from < to && line[from].is_ascii_whitespace() {
         from += 1;
@@ -161,7 +162,8 @@ fn spelling(lines: &[Line<'_>]) -> Option<(Separator, u8, usize)> {
             counted.iter().filter(|line| line.is_data() && line.fields > 1).take(JUDGED).collect();
         let alike = |fields: usize| data.iter().filter(|line| line.fields == fields).count();
         let Some(fields) = data.iter().map(|line| line.fields).max_by_key(|fields| alike(*fields)) else { continue };
-        // A line of which some fields are no numbers counts little: they may be two numbers with another separator between them.
+        // A row with a field that is no number has a low score: the field may be two numbers with another separator
+        // between them.
         let score = |line: &&&Counted| if line.all { 4 * line.numbers } else { line.numbers };
         let total: usize = data.iter().filter(|line| line.fields == fields).map(|line| score(&line)).sum();
         if best.is_none_or(|(most, ..)| total > most) {
@@ -186,6 +188,7 @@ fn decoded(bytes: &[u8], latin: &mut bool) -> String {
 impl Dialect {
     /// Finds how a text is written from its first lines.
     pub(super) fn of(lines: &[Line<'_>]) -> Self {
+        // 1. Separator, decimal sign and number of columns.
         let text: Vec<Line<'_>> =
             lines.iter().copied().filter(|(_, line)| !line.trim_ascii().is_empty() && !is_comment(line)).collect();
         let found = spelling(&text);
@@ -202,6 +205,7 @@ impl Dialect {
         };
         let (separator, sign, columns) =
             found.unwrap_or_else(|| (by_header(), b'.', text.first().map_or(0, |(_, line)| count(line, by_header()))));
+        // 2. The first row of numbers, and the header above it.
         let is_data = |line: &[u8], places: &mut Vec<(u32, u32)>| {
             let counted = Counted::of(line, separator, sign, places);
             counted.is_data() && (counted.fields == columns || found.is_none())
@@ -216,6 +220,7 @@ impl Dialect {
         if separator != Separator::Comma {
             assumptions.push(Assumption::Separator { separator });
         }
+        // 3. The names of the columns: those of the header, else those in a comment, else numbers.
         let mut latin = false;
         let mut named = |line: &[u8], places: &mut Vec<(u32, u32)>| -> Vec<String> {
             split(line, separator, places);
@@ -258,6 +263,7 @@ impl Dialect {
         if latin {
             assumptions.push(Assumption::Latin1Header { line: header_line });
         }
+        // 4. A row of units below the header.
         let mut header: Vec<ColumnName> = names.into_iter().map(ColumnName::new).collect();
         let mut data_line = match header_at {
             Some(at) => text.get(at + 1).map_or(u64::MAX, |(line, _)| *line),
@@ -272,7 +278,7 @@ impl Dialect {
             assumptions.push(Assumption::UnitsRow { line: data_line });
             data_line = header_at.and_then(|at| text.get(at + 2)).map_or(u64::MAX, |(line, _)| *line);
         }
-        // A fraction decides which sign they begin with; whole numbers leave that open.
+        // 5. The decimal sign is decided by the first fraction; whole numbers leave it open.
         let fraction = |line: &[u8]| {
             split(line, separator, &mut places);
             places.iter().any(|&(from, to)| line[from as usize..to as usize].contains(&sign))
@@ -286,7 +292,8 @@ impl Dialect {
     }
 }
 
-/// The units of the columns, when a line is a row of units: no field is a number, and most of those that say anything are units.
+/// The units of the columns, when a line is a row of units: no field is a number, and at least half of the fields that
+/// are not empty are units.
 fn units_row(
     line: &[u8],
     separator: Separator,

@@ -115,7 +115,7 @@ pub enum LogError {
         /// The two units.
         mismatch: Box<UnitMismatch>,
     },
-    /// Nothing says which unit the time stamps have.
+    /// The unit of the time stamps is not stated, and cannot be inferred.
     #[error(
         "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row, which may be in several units; state the factor to seconds"
     )]
@@ -171,7 +171,7 @@ pub enum LogError {
         /// What the model has.
         available: Vec<String>,
     },
-    /// A setting names a column that the file does not have, or renames one although no model says what it is.
+    /// A setting names a column that the file does not have, or renames one although there is no model.
     #[error("{adjustment} of `{name}`: without a model columns keep their names, and `t_s` is the time; {}", columns(.available))]
     UnknownColumn {
         /// The setting that was given.

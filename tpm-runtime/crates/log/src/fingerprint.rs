@@ -1,8 +1,8 @@
-//! Fingerprints, which tell files apart.
+//! Fingerprints: hashes by which files are told apart.
 
 use std::io::{self, Read};
 
-/// FNV-1a, 64 bits, of no byte.
+/// Offset basis of FNV-1a, 64 bits: the hash of no bytes.
 const EMPTY: u64 = 0xcbf2_9ce4_8422_2325;
 /// The factor of FNV-1a, 64 bits.
 const PRIME: u64 = 0x0100_0000_01b3;

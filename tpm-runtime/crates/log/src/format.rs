@@ -1,4 +1,4 @@
-//! Formats of logs, told by their first bytes.
+//! Formats of logs, recognised by the first bytes of a file.
 
 use crate::columns::Columns;
 use crate::csv::{Csv, HEAD, Lines};
@@ -11,7 +11,7 @@ use std::path::Path;
 /// Share of control characters beyond which bytes are no text.
 const CONTROLS: f64 = 0.05;
 
-/// What a file is, by its first bytes.
+/// The format of a file, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Text,
@@ -20,7 +20,7 @@ enum Format {
     Mat,
     /// MATLAB 7.3, or HDF5 by any other name.
     Hdf5,
-    /// A file of which the first bytes tell what it is, with what to do about it.
+    /// A format that is recognised but not read: its description, and the remedy.
     Other(&'static str, &'static str),
 }
 
@@ -28,13 +28,13 @@ const SAVE: &str = "save the table as UTF-8 text in columns (CSV)";
 const RECORD: &str = "convert it with `ros2 bag convert` to MCAP";
 const UNPACK: &str = "unpack it first";
 
-/// What to do where a format is not built in.
+/// The remedy where a format is not built in.
 #[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
 const SAVE_CSV: &str = "save the table as CSV";
 #[cfg(not(feature = "mat73"))]
 const RESAVE: &str = "save it with `save -v7` in MATLAB, or the table as CSV";
 
-/// First bytes, and what begins with them.
+/// The first bytes of files, and the format of files that begin with them.
 const MAGIC: [(&[u8], Format); 16] = [
     (b"\x89MCAP0\r\n", Format::Mcap),
     (b"PAR1", Format::Parquet),
@@ -111,7 +111,7 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
     }
 }
 
-/// Line of a zero byte in what is text otherwise, such as a log that was damaged while it was written.
+/// Line of the first zero byte in a file that is text up to there, such as a log that was damaged while it was written.
 fn lone_zero(head: &[u8]) -> Option<u64> {
     let at = head.iter().position(|byte| *byte == 0)?;
     let text = |byte: &u8| *byte != 0 && (!byte.is_ascii_control() || byte.is_ascii_whitespace());

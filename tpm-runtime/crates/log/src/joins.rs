@@ -1,37 +1,39 @@
-//! Places where another recording goes on: the position is elsewhere from one sample to the next.
+//! Joins: samples at which the readings jump because another recording begins there.
 //!
-//! A motion has a velocity before and behind every sample, and what it moves in one sample lies between what these say. Where it moves by
-//! much more,
+//! The change of a motion over one sample interval is close to the changes over the neighbouring intervals. Where
+//! it is much larger,
 //!
 //! ```text
 //! e_k = |d_k - m| - max |d_i - m| over i in {k-2, k-1, k+1, k+2} ,
 //! d_k = y_{k+1} - y_k ,      m the median of these four d_i ,
 //! ```
 //!
-//! readings on the two sides belong to different motions: recordings were written one behind the other, or the reading wrapped around. A
-//! single wrong reading jumps there and back, which gives no e_k.
+//! the readings on the two sides belong to different motions: recordings were written one behind the other, or the
+//! reading wrapped around. A single wrong reading jumps there and back, so that its e_k is not large.
 
 use tpm_numerics::differences::deviation_of;
 
-/// How much farther than its neighbours say a motion must go in one sample, in standard deviations of what second differences are: far
-/// beyond all that noise does.
+/// Detection threshold of e_k, in standard deviations of the second differences: far beyond noise.
 const FAR: f64 = 12.0;
-/// The same in least steps of the readings: rounding of five readings together is less.
+/// Detection threshold of e_k, in least steps of the readings: the rounding errors of five readings together are
+/// smaller.
 const STEPS: f64 = 4.0;
-/// The same in units of what is exceeded by one sample in [`RARE`]: a motion in steps goes farther now and then.
+/// Detection threshold of e_k, in multiples of the value that one sample in [`RARE`] exceeds: a motion in steps jumps
+/// now and then.
 const BEYOND: f64 = 5.0;
-/// Samples among which one may go as far as the motion ever does; of joins there are fewer.
+/// Number of samples per join at least; where more samples jump, the jumps belong to the motion.
 const RARE: usize = 200;
-/// Most samples of which the usual sizes are taken; of a longer signal equally spaced ones are.
+/// Most samples from which the thresholds are computed; of a longer signal equally spaced samples are used.
 const USUAL_OF: usize = 1 << 18;
 
-/// Samples at which another motion begins, each with how much farther it is than the motion before would have gone.
+/// Samples at which another recording begins, each with its jump beyond the motion's own change, signed, in the
+/// signal's unit.
 pub(super) fn joins(signal: &[f64]) -> Vec<(usize, f64)> {
     if signal.len() < 9 {
         return Vec::new();
     }
     let moved = |k: usize| signal[k + 1] - signal[k];
-    // How far a sample moves beyond the median of its neighbours, and by how much more than they do.
+    // The change over one interval beyond the median of its neighbours, and e_k.
     let beyond = |k: usize| {
         let near = [k - 2, k - 1, k + 1, k + 2].map(moved);
         let (low, high) =
@@ -100,7 +102,7 @@ mod tests {
             [40, 777, 5_000, 5_011].into_iter().for_each(|k| signal[k] += 1.0);
             assert_eq!(joins(&signal), [], "lone {noise} {step}");
         }
-        // A stair of few large steps, a ball that bounces, steps of a motor, noise alone.
+        // A staircase of few large steps, a bouncing ball, steps of a motor, noise alone.
         let stair: Vec<f64> = (0..10_000).map(|k| f64::from(k / 100)).collect();
         let ball: Vec<f64> = (0..10_000).map(|k| (0.003 * f64::from(k)).sin().abs()).collect();
         let noise: Vec<f64> = motion(10_000, 1.0, 0.0, 7);

@@ -1,7 +1,7 @@
 //! Logs of real machines: reading them, splitting them where they have gaps, and finding the part that repeats.
 //!
-//! A file of any format is a table of named columns (`columns`); what the columns mean is settled in one place (`names`); the rows become a
-//! [`Recording`] of evenly sampled segments, each a [`Log`].
+//! A file of any format is a table of named columns (`columns`). The columns are assigned to signals in one place
+//! (`names`), and the rows become a [`Recording`] of evenly sampled segments, each a [`Log`].
 //!
 //! Invariant: nothing about a log is assumed silently. Columns, sample time, period, steady part, hold and harmonics
 //! are read or found, checked, and reported with the result; every fault is an error that names the line.

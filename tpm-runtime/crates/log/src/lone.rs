@@ -1,26 +1,28 @@
-//! Readings that stand alone: a sensor that failed for one sample, a line that was lost and written as zero.
+//! Outliers of a single sample: a sensor that failed for one sample, or a line that was lost and written as zero.
 //!
-//! A motion is smooth from sample to sample, so that a reading is nearly what the cubic through its four neighbours says,
+//! A motion is smooth from sample to sample, so that a reading lies close to the cubic through its four neighbours. Its
+//! distance from that cubic is
 //!
 //! ```text
 //! d_k = y_k - (-y_{k-2} + 4 y_{k-1} + 4 y_{k+1} - y_{k+2}) / 6 .
 //! ```
 //!
-//! One wrong reading by `s` among right ones gives `d = s (1/6, -2/3, 1, -2/3, 1/6)` from two samples before to two samples after it; no
-//! jump, bend or noise of a motion looks so.
+//! One reading that is wrong by `s` among right ones gives `d = s (1/6, -2/3, 1, -2/3, 1/6)` from two samples before to
+//! two samples after it. No jump, bend or noise of a motion has this pattern.
 
 use tpm_numerics::differences::deviation_of;
 
-/// Weights of the four neighbours, nearest last.
+/// Weights of the neighbours in the cubic: of the two outer ones, then of the two inner ones.
 const WEIGHTS: [f64; 2] = [-1.0 / 6.0, 4.0 / 6.0];
-/// How far a reading must stand from its neighbours, in standard deviations of what the others do: far beyond all that noise does.
+/// Detection threshold of |d_k|, in standard deviations of d over the signal: far beyond noise.
 const FAR: f64 = 12.0;
-/// The same in steps of the sensor: the rounding of five readings together is less.
+/// Detection threshold of |d_k|, in least steps of the readings: the rounding errors of five readings together are
+/// smaller.
 const STEPS: f64 = 4.0;
-/// Share of that distance by which its neighbours may differ from what the reading alone does to them.
+/// Tolerance on the pattern of d at the four neighbours, as a share of the detection threshold.
 const ALIKE: f64 = 1.0 / 3.0;
 
-/// The readings that stand alone, each with the value that its neighbours say.
+/// Indices of the outliers, each with the value interpolated from its four neighbours, in the signal's unit.
 pub fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     if signal.len() < 9 {
         return Vec::new();

@@ -10,7 +10,7 @@ use crate::stored::{Stored, StoredColumn};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
 
-/// Length of the header, and where it says which byte of a number comes first.
+/// Length of the header, and place in it of the mark of the byte order.
 const HEADER: usize = 128;
 const ORDER: usize = 126;
 /// Types of elements.
@@ -49,7 +49,7 @@ struct Element<'a> {
 fn element<'a>(rest: &mut &'a [u8], order: Order) -> Option<Element<'a>> {
     let word = |at: usize| Some(order.u32(rest.get(at..at + 4)?.try_into().ok()?));
     let first = word(0)?;
-    // Up to four bytes stand within the tag.
+    // An element of up to four bytes is stored within its tag.
     let (kind, length, start, end): (u32, usize, usize, usize) = if first >> 16 != 0 {
         (first & 0xffff, (first >> 16) as usize, 4, 8)
     } else {
@@ -92,7 +92,7 @@ fn numbers(element: &Element<'_>, order: Order) -> Option<Vec<f64>> {
     }
 }
 
-/// What a variable holds.
+/// The content of a variable.
 enum Variable {
     Columns(Vec<StoredColumn<'static>>),
     /// The name of a variable that is no array of real numbers.
@@ -118,7 +118,8 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
     Some(Variable::Columns(columns_of(&name, &values, rows, columns)))
 }
 
-/// The columns of a matrix whose numbers stand column by column; its longer side is time. A single number is a setting, no signal.
+/// The columns of a matrix whose numbers are stored column by column; its longer side is time. A single number is a
+/// setting, no signal.
 pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn<'static>> {
     let (length, width) = (rows.max(columns), rows.min(columns));
     if length < 2 || width == 0 || width > WIDEST {

@@ -10,8 +10,8 @@ use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions};
 use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Most bytes that one of a file may unpack to: deflate makes no more than 1032 of one. A damaged header states more, for which there may be
-/// no memory.
+/// Largest ratio of unpacked bytes to the bytes of the file: deflate unpacks one byte to 1032 at most. A damaged header
+/// may state more than the memory holds.
 const DENSEST: usize = 1100;
 /// Classes of MATLAB that are no signals, although they are stored as numbers.
 const NO_SIGNALS: [&str; 3] = ["char", "logical", "cell"];
@@ -28,7 +28,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
     };
     let mut bytes = Vec::new();
     input.read_to_end(&mut bytes).map_err(|source| LogError::Io { path: path.into(), source })?;
-    // A damaged file is a fault of the file, also where the crate panics on it.
+    // The reader may panic on a damaged file, which is reported as a fault of the file.
     let found = catch_unwind(AssertUnwindSafe(|| variables(bytes)));
     let (columns, others) = match found {
         Ok(Ok(found)) => found,
@@ -69,8 +69,8 @@ fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn<'static>>, Vec<String>)
     Ok((columns, others))
 }
 
-/// Rows and columns of a dataset that may be a signal: MATLAB's dimensions stand in the other order. Nothing for what is no matrix of
-/// numbers.
+/// Rows and columns of a dataset that may be a signal: MATLAB's dimensions are stored in reverse order. Nothing for a
+/// dataset that is no matrix of numbers.
 fn signal(dataset: &Dataset) -> Option<(usize, usize)> {
     let class = dataset.attribute("MATLAB_class").and_then(|class| class.read_string()).unwrap_or_default();
     let numeric = matches!(dataset.dtype(), Datatype::FixedPoint { .. } | Datatype::FloatingPoint { .. });

@@ -28,7 +28,7 @@ const CDR: &str = "cdr";
 /// Groups of readings of a joint, in the order of the message.
 const GROUPS: [&str; 3] = ["position", "velocity", "effort"];
 
-/// Bytes that are taken from the front; every method gives nothing where they end too soon.
+/// A cursor over bytes; every method gives nothing where the bytes end too soon.
 struct Taken<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -192,7 +192,7 @@ impl Topic {
     }
 }
 
-/// What has been read of a file.
+/// The contents of a file that were read so far.
 #[derive(Default)]
 struct File {
     /// Types by number.

@@ -1,6 +1,6 @@
-//! Which column holds which signal, in which unit.
+//! The assignment of columns to signals, with their units.
 //!
-//! This is the one place where names, units and factors are settled, whatever the format of the file is. A signal is looked for under
+//! Names, units and factors are settled here alone, whatever the format of the file is. A signal is looked for under
 //! its name first, then under its name with a unit: `q [deg]`, `q (deg)`, `q_deg`. The time is `t_s`, else one of `t`, `time`,
 //! `timestamp`, `stamp`, with a unit or without, else a stamp in two columns of seconds and fractions, as ROS writes it. Where several
 //! columns may be meant, none is chosen.
@@ -46,10 +46,10 @@ pub(super) struct Place {
     pub(super) offset: f64,
 }
 
-/// Where time stands.
+/// The column or the columns of the time.
 #[derive(Clone, Debug)]
 pub(super) enum Time {
-    /// In one column; the factor to seconds is known, or follows from the stamps.
+    /// One column; its factor to seconds is known, or is inferred from the stamps.
     One {
         /// Index of the column.
         index: usize,
@@ -57,7 +57,7 @@ pub(super) enum Time {
         column: String,
         factor: Option<f64>,
     },
-    /// In two columns.
+    /// Two columns, whole seconds and fractions.
     Two {
         /// Index of the column of whole seconds.
         seconds: usize,
@@ -72,7 +72,7 @@ pub(super) enum Time {
     },
 }
 
-/// Where everything stands in a file.
+/// The columns of the time and of all signals in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) time: Time,
@@ -80,7 +80,7 @@ pub(super) struct Plan {
     pub(super) places: Vec<Place>,
     /// Places of the signals that may be there.
     pub(super) optional: Vec<Option<Place>>,
-    /// What was assumed on the way.
+    /// Assumptions about names and units.
     pub(super) assumptions: Vec<Assumption>,
 }
 
@@ -88,7 +88,7 @@ pub(super) struct Plan {
 struct Fitting<'a> {
     index: usize,
     unit: Option<&'a str>,
-    /// Whether the unit stands in brackets, so that it is one in any case.
+    /// Whether the unit is in brackets, so that it is certainly a unit.
     bracketed: bool,
 }
 
@@ -111,7 +111,7 @@ impl<'a> Names<'a> {
 }
 
 impl Names<'_> {
-    /// Settles where the time and the signals stand, and by which factors they are multiplied.
+    /// Finds the columns of the time and of the signals, and the factors and offsets of these.
     ///
     /// # Errors
     /// [`LogError`] for a column that is missing or ambiguous, a unit that is not converted, a setting of an unknown name.
@@ -141,8 +141,9 @@ impl Names<'_> {
         Ok(Plan { time, places, optional: also, assumptions })
     }
 
-    /// Settles where the time stands, and takes every other column for a signal of the column's own name and unit, but for those that are
-    /// left out. Factors and offsets are by these names; only the time may be said to stand in a column of another name.
+    /// Finds the column of the time, and takes every other column, except those left out, for a signal of the column's
+    /// own name and unit. Factors and offsets are given by these names; only the time may be mapped to a column of
+    /// another name.
     ///
     /// # Errors
     /// [`LogError`] for a time that is missing or ambiguous, or a setting of an unknown name.
@@ -207,7 +208,7 @@ impl Names<'_> {
         let exact: Vec<usize> = self.indices(|column| column.text == wanted).collect();
         match exact[..] {
             [index] => {
-                // The signal's own name has no unit in it; the name of another column may.
+                // The signal's own name holds no unit; the name of a column that was stated may.
                 let (_, unit, bracketed) =
                     if wanted == signal { (wanted, None, false) } else { split_unit(&self.header[index].text) };
                 return Ok(Some(Fitting { index, unit, bracketed }));
@@ -228,7 +229,8 @@ impl Names<'_> {
         });
         let mut fitting: Vec<Fitting<'_>> = fitting.collect();
         if fitting.len() > 1 {
-            // What looks like a unit behind an underscore is a part of the name if it measures something else.
+            // What looks like a unit behind an underscore is a part of the name if it does not convert to the signal's
+            // unit.
             let converts =
                 |of: &Fitting<'_>| unit.zip(of.unit).is_some_and(|(own, unit)| conversion(unit, own).is_ok());
             fitting.retain(|of| of.bracketed || converts(of));
@@ -287,7 +289,8 @@ impl Names<'_> {
             (None, Some((unit, _)), None) => (1.0, Some(unit)),
             (None, Some((unit, sure)), Some(own)) => match conversion(unit, own) {
                 Ok(factor) => (factor, Some(unit)),
-                // The end of a name that was stated, or is the signal's own, need not be a unit.
+                // The end of a column's name behind an underscore need not be a unit where the whole name was looked
+                // for.
                 Err(_) if mapped && !sure => (1.0, None),
                 Err(fault) => return Err(self.unit_fault(&column, unit, &signal.name, own, fault)),
             },
@@ -363,7 +366,7 @@ impl Names<'_> {
         };
         let found = found.ok_or_else(|| self.missing(TIME))?;
         let column = self.header[found.index].text.clone();
-        // `t_s` says itself that it is in seconds; a row of units may say otherwise.
+        // The name `t_s` states seconds; a row of units may state another unit.
         let stated = self.stated(&found).or((column == TIME).then_some(("s", true)));
         let factor = match (scale, stated) {
             (Some(scale), _) => Some(scale),
@@ -405,7 +408,7 @@ impl Names<'_> {
         two
     }
 
-    /// A stamp in two columns; with a name, the one whose columns begin with it.
+    /// A stamp in two columns, seconds and fractions; with a name, the stamp whose columns begin with it.
     fn two(&self, name: Option<&str>) -> Result<Option<Time>, LogError> {
         let parts = |index: usize| -> Option<(&str, &str)> {
             let text = self.header[index].text.as_str();

@@ -1,4 +1,4 @@
-//! What a user may say of the columns of a log.
+//! Settings of a user for the columns of a log.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 pub struct ReadingSettings {
     /// Column of a coordinate or input (or of `t_s`) whose column has another name.
     pub map: BTreeMap<String, String>,
-    /// Factor from the numbers of a column (or of the stamps, `t_s`) to the model's unit. It stands in place of a unit that the
+    /// Factor from the numbers of a column (or of the stamps, `t_s`) to the model's unit. It replaces a unit that the
     /// header states.
     pub scale: BTreeMap<String, f64>,
     /// Offset that is added after the factor, in the model's unit: `signal = scale * column + offset`.

@@ -1,8 +1,8 @@
 //! Parquet files.
 //!
-//! Every column of numbers at the top of the schema or in a group is one here, a nested one by its path (`joint.position`); lists and
-//! texts are not read. Timestamps are in the unit that the schema states. Row groups are read one after the other, and of each
-//! the selected columns alone.
+//! Every column of numbers at the top of the schema or in a group is a column of the log; a nested one is named by its
+//! path (`joint.position`). Lists and texts are not read. Timestamps are in the unit that the schema states. Row groups
+//! are read one after the other, and of each the selected columns alone.
 
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns};
@@ -30,8 +30,9 @@ pub(super) struct Parquet {
     wanted: Vec<usize>,
     /// The selected columns of the current row group.
     values: Vec<Vec<f64>>,
-    /// The row group after the current one, and the row after the last one that was taken from this.
+    /// Index of the next row group.
     next_group: usize,
+    /// Index of the next row in the current group.
     next_row: usize,
     /// Rows that were taken in all.
     rows: u64,

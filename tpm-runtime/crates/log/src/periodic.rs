@@ -11,15 +11,17 @@ use tpm_numerics::differences::{WHITE_NOISE_SPREAD, white_noise};
 const COARSE: usize = 8192;
 /// Most samples of a period that are compared to find its length to a sample; of a longer one equally spaced samples are.
 const COMPARED: usize = 32_768;
-/// Share of a record, its end, in which a period is looked for when the blocks of the whole are too long to show any.
+/// Divisor of a record's length: a period is searched in the last part of this length when the blocks of the whole
+/// record are too long to show one.
 const TAIL: usize = 16;
 /// Largest root-mean-square difference between successive periods of a periodic log, as a share of the motion.
 const NOT_PERIODIC: f64 = 0.1;
-/// Least share of the motion that the two compared periods must contain, since a machine at rest repeats trivially.
+/// Least variance of the two compared periods, as a share of the variance of the record, since a machine at rest
+/// repeats trivially.
 const MOVING: f64 = 0.25;
 /// Number of blocks in a period, in each of which settling is judged.
 const BLOCKS: usize = 32;
-/// Smallest transient that is detected, as a share of the signal.
+/// Smallest transient that is detected, as a share of the signal's standard deviation.
 const NEGLIGIBLE: f64 = 1e-8;
 /// Largest error that is expected of a refined period, samples.
 const SLIP: f64 = 1e-3;
@@ -28,10 +30,11 @@ const SLIP: f64 = 1e-3;
 const TOLERANCE: f64 = 3.0;
 /// Most harmonics with which the period is refined.
 const REFINED: usize = 64;
-/// Standard deviations by which chance may raise the difference between two periods of pure noise.
+/// Bound on chance: standard deviations by which the mean square difference between two periods of pure noise may
+/// exceed its expectation.
 const CHANCE: f64 = 4.0;
-/// Largest deviation of a period from a whole number of samples, summed over the record, at which the period is rounded;
-/// samples.
+/// A period is rounded to a whole number of samples when its deviation from that, summed over all periods of the
+/// record, is at most this many samples.
 const WHOLE: f64 = 0.02;
 
 /// The periodic part of a log.
@@ -39,8 +42,8 @@ const WHOLE: f64 = 0.02;
 pub struct Periodic {
     /// First sample of the part that repeats.
     pub steady_from: usize,
-    /// First sample used: the samples that whole periods leave over are shared between the start, where they give more
-    /// time to settle, and the end.
+    /// First sample used. Samples beyond the whole periods are shared between the start, where they give more time to
+    /// settle, and the end.
     pub from: usize,
     /// Samples in a period; whole unless the signals show otherwise.
     pub samples_per_period: f64,
@@ -53,7 +56,7 @@ pub struct Periodic {
 /// The difference between two successive periods.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mismatch {
-    /// Root mean square as a share of the motion; one for two stretches that have nothing in common.
+    /// Root mean square as a share of the motion; one for two stretches that are uncorrelated.
     pub share: f64,
     /// Standard deviation of the samples' white noise as a share of what was recorded, where this noise explains the difference in
     /// every coordinate; nothing where the periods differ by more, or hardly differ.
@@ -91,7 +94,7 @@ impl<'a> Difference<'a> {
     /// Compares the last period, of any length, with the one before; nothing for a signal that is at rest.
     fn at(signal: &'a [f64], length: f64) -> Option<Self> {
         let (end, last) = (signal.len(), length.round() as usize);
-        // A fractional period needs one sample more on the far side than rounding may leave.
+        // A fractional period needs one sample more at its start than a rounded period.
         let reach = (length.ceil() as usize + last).min(end);
         let scale = variance(&signal[end - reach..]);
         let difference = |i: usize| signal[i] - value_at(signal, i as f64 - length);
@@ -99,7 +102,8 @@ impl<'a> Difference<'a> {
         (scale > 0.0).then_some(Self { signal, last, scale, square: square / (2.0 * scale) })
     }
 
-    /// Variance of the white noise of the samples, where it explains by how much the periods differ above this share of the signal.
+    /// Variance of the white noise of the samples, where this noise explains the part of the difference that exceeds a
+    /// share `share` of the signal.
     fn explained_above(&self, share: f64) -> Option<f64> {
         let white = white_noise(self.signal).powi(2);
         let chance = 1.0 + CHANCE * (2.0 / self.last as f64 + WHITE_NOISE_SPREAD / self.signal.len() as f64).sqrt();
@@ -107,7 +111,8 @@ impl<'a> Difference<'a> {
     }
 }
 
-/// Whether the last two periods of a signal differ by more than this share of it and white noise of its samples together.
+/// Whether the last two periods of a signal differ by more than a share `share` of it and the white noise of its
+/// samples explain together. `length` is the period in samples.
 pub fn differs(signal: &[f64], length: f64, share: f64) -> bool {
     Difference::at(signal, length).is_some_and(|own| own.square > share.powi(2) && own.explained_above(share).is_none())
 }
@@ -146,6 +151,7 @@ pub fn find_periodic(
     if start >= samples {
         return Err(PeriodicFault::Range);
     }
+    // 1. The period: stated, or searched in the motion.
     let motion: Vec<&[f64]> = channels[..coordinates.min(channels.len())].iter().map(|c| &c[start..samples]).collect();
     let available = samples - start;
     let (length, end) = match period {
@@ -167,10 +173,12 @@ pub fn find_periodic(
         }
         None => search(&motion)?,
     };
+    // 2. Successive periods must agree.
     let mismatch = Mismatch::at(&motion, end, length);
     if mismatch.share > NOT_PERIODIC && (period.is_none() || mismatch.noise.is_none()) {
         return Err(PeriodicFault::Mismatch { period: length, mismatch });
     }
+    // 3. The end of settling, in all channels.
     let tails: Vec<&[f64]> = channels.iter().map(|c| &c[start..start + end]).collect();
     let settle = |length: f64| {
         if from.is_some() { 0 } else { tails.par_iter().map(|c| settled(c, length)).max().unwrap_or(0) }
@@ -184,6 +192,7 @@ pub fn find_periodic(
         length = if whole_samples { refined.round() } else { refined };
         first = settle(length);
     }
+    // 4. The whole periods that the steady part holds.
     let periods = ((end - first) as f64 / length + 1e-9).floor() as usize;
     if periods == 0 {
         return Err(PeriodicFault::Range);
@@ -234,8 +243,8 @@ fn block_length(samples: usize) -> usize {
     samples.div_ceil(COARSE).max(1)
 }
 
-/// The shortest lag at which the motion repeats best, as far as blocks of samples show it, and the sample at which the periodic part
-/// ends.
+/// The shortest lag at which the motion, averaged in blocks of samples, repeats best, and the sample at which the
+/// periodic part ends.
 ///
 /// The last two periods are compared, because they are the most settled ones; when they do not repeat (the machine was
 /// stopped before the recording was), the end is moved forward.
@@ -268,7 +277,7 @@ fn search_blocks(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
             return Ok((refined, full));
         }
         if fault == PeriodicFault::None {
-            // Noise hides which lag it is, and so it is judged where the motion differs least.
+            // Noise may hide the period among the lags. The noise is judged at the lag of the smallest difference.
             let hidden = Mismatch::at(motion, full, (least * block) as f64);
             if hidden.noise.is_some() {
                 fault = PeriodicFault::Mismatch { period: refined, mismatch: hidden };
@@ -280,8 +289,9 @@ fn search_blocks(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
     Err(fault)
 }
 
-/// Whether the motion is more alike after a lag than after half of it, over the whole record. A periodic motion is; one that was
-/// recorded for a single period has no such lag, though two short stretches of it may well look alike.
+/// Whether the motion differs less from itself at a lag than at half of this lag, over the whole record. A periodic
+/// motion does so at its period. A motion that was recorded for a single period has no such lag, even if two short
+/// stretches of it look alike.
 fn repeats(motion: &[&[f64]], end: usize, lag: usize) -> bool {
     let apart = |lag: usize| -> f64 {
         let of = |c: &&[f64]| {
@@ -295,7 +305,8 @@ fn repeats(motion: &[&[f64]], end: usize, lag: usize) -> bool {
     apart(lag) < apart(lag / 2)
 }
 
-/// The shortest lag whose difference is nearly the smallest of all, and the lag of the smallest.
+/// The shortest lag whose mean square difference is nearly the smallest of all, and the lag of the smallest; nothing
+/// where the motion never repeats.
 fn best_lags(motion: &[&[f64]], end: usize) -> Option<(usize, usize)> {
     let whole: Vec<f64> = motion.iter().map(|c| variance(c)).collect();
     let sums: Vec<TailSums> = motion.iter().map(|c| TailSums::of(&c[..end])).collect();
@@ -317,8 +328,8 @@ fn best_lags(motion: &[&[f64]], end: usize) -> Option<(usize, usize)> {
                 .fold(0.0, f64::max)
         })
         .collect();
-    // A period between two lags leaves the slope times up to half a sample at either lag. The minimum of the parabola
-    // through three lags is the difference at the fractional lag.
+    // When the period lies between two lags, the signals at either lag differ by their slope times up to half a sample.
+    // The minimum of the parabola through three lags estimates the difference at the fractional lag.
     let last = differences.len() - 1;
     let minimum = |lag: usize| {
         let here = differences[lag];
@@ -374,7 +385,7 @@ fn gap(signal: &[f64], end: usize, lag: usize) -> f64 {
     pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / compared as f64
 }
 
-/// Distance of the samples of a period that are compared with the next.
+/// Distance, in samples, of those samples of a period that are compared with the next period.
 fn compared_every(lag: usize) -> usize {
     lag.div_ceil(COMPARED).max(1)
 }
@@ -590,7 +601,7 @@ mod tests {
             assert!((found.samples_per_period - period).abs() < 1e-3, "period {period} noise {noise}: {found:?}");
             assert!(found.steady_from < 2000, "period {period} noise {noise}: {found:?}");
         }
-        // Two motions in turn have the period of both together.
+        // Two motions that alternate have the period of both together.
         let mut x = motion(300.0, 600_000, 0.0, 1e-3);
         x.iter_mut().enumerate().for_each(|(i, x)| *x += 0.5 * (2.0 * PI * i as f64 / 3_000.0).cos());
         let found = find_periodic(&[x], 1, None, None).expect("periodic");
@@ -624,7 +635,7 @@ mod tests {
 
     #[test]
     fn a_single_period_names_no_period() {
-        // Shapes and phases at which two short stretches look more alike than their neighbours.
+        // Shapes and phases at which two short stretches differ less than their neighbours.
         for shape in 0..3 {
             for start in 0..9 {
                 let x: Vec<f64> = (0..1000)
@@ -650,7 +661,7 @@ mod tests {
             let PeriodicFault::Mismatch { mismatch, .. } = fault else { panic!("{fault:?}") };
             let found = mismatch.noise.expect("all is noise");
             assert!((found - share).abs() < 0.05, "{noise}: {found}");
-            // Whoever states the period need not see it in two periods.
+            // A stated period is accepted although the record does not hold it twice.
             let stated = find_periodic(&[x], 1, Some(300.0), None).expect("stated");
             assert!(stated.samples_per_period == 300.0 && stated.periods == 10, "{stated:?}");
         }

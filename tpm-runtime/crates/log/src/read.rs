@@ -1,7 +1,7 @@
 //! Reading a logged run.
 //!
-//! Invariant: a [`Log`] holds evenly sampled, finite signals of equal lengths, in the model's units and order; each sample
-//! knows its line in the file.
+//! Invariant: a [`Log`] holds evenly sampled, finite signals of equal lengths, in the model's units and order, and the
+//! line in the file of each sample.
 
 use crate::assumption::Assumption;
 use crate::columns::Columns;
@@ -133,7 +133,8 @@ impl Log {
         Ok(Self::open_signals_with(path, signals, options)?.0)
     }
 
-    /// What [`open_signals`](Self::open_signals) reads, with what was assumed of the file.
+    /// Reads a log as [`open_signals`](Self::open_signals) does, and returns it with the assumptions made about the
+    /// file.
     ///
     /// # Errors
     /// Those of [`open_signals`](Self::open_signals).
@@ -146,9 +147,9 @@ impl Log {
         read_whole(open_file(path)?, &path.display().to_string(), &signals, &[], options)
     }
 
-    /// Replaces readings of the first `coordinates` channels that stand alone, far from what their neighbours say, by what these say;
-    /// before that those that repeat the one before, where reading has not done so. Returns those that stood alone: channel, sample, and
-    /// by how much each was changed.
+    /// Replaces single outliers in the first `coordinates` channels by the values interpolated from their neighbours.
+    /// Readings that repeat the reading before are replaced first, where this was not done in reading. Returns the
+    /// outliers: channel, sample, and the change of the reading in the channel's unit.
     pub fn mend(&mut self, coordinates: usize) -> Vec<(usize, usize, f64)> {
         let mut mended = Vec::new();
         for (c, channel) in self.channels.iter_mut().take(coordinates).enumerate() {
@@ -334,7 +335,7 @@ mod tests {
 
     #[test]
     fn so_many_digits_in_all_are_not_jitter() {
-        // Seven digits in all leave steps of a millisecond beyond a thousand seconds.
+        // With seven significant digits, stamps beyond a thousand seconds have steps of a millisecond.
         let stamp = |i: usize| {
             let t = 996.0 + i as f64 * 0.002_003;
             let decimals = if t < 1000.0 { 4 } else { 3 };

@@ -1,4 +1,4 @@
-//! Tables of text, and what is read of them.
+//! Reading of tables of text.
 
 use crate::names::Signal;
 use crate::{Assumption, Log, LogError, ReadingSettings, Recording, Separator};
@@ -11,7 +11,7 @@ fn sample(i: usize) -> [f64; 3] {
 
 /// A way to write the samples.
 struct Style<'a> {
-    /// What stands above the numbers.
+    /// The text above the numbers.
     head: &'a str,
     separator: &'a str,
     decimal: &'a str,
@@ -156,7 +156,7 @@ fn stamps_of_ros_stand_in_two_columns() {
         let said = remarks(text.as_bytes(), &ReadingSettings::default());
         assert!(said[0].contains("in seconds and nanoseconds"), "{said:?}");
     }
-    // One column of nanoseconds, told by its size.
+    // One column of nanoseconds, whose unit is inferred from its magnitude.
     let mut text = "stamp,x,u\n".to_owned();
     for i in 0..1200 {
         let [_, x, u] = sample(i);
@@ -222,7 +222,7 @@ fn nothing_is_guessed_where_several_columns_may_be_meant() {
             read(format!("{head}\n{rows}").as_bytes(), &ReadingSettings::default()).expect_err(head).to_string();
         assert!(parts.iter().all(|part| message.contains(part)), "{message}");
     }
-    // What only looks like a unit is part of a name: `x_s` is no length.
+    // An ending that only looks like a unit is a part of the name: `x_s` is no length.
     let rows: String = (0..40).map(|i| format!("{},{i},{},{}\n", 0.001 * f64::from(i), 2 * i, 3 * i)).collect();
     let recording = read(format!("t_s,x_s,x_m,u\n{rows}").as_bytes(), &ReadingSettings::default()).expect("one length");
     assert_eq!(recording.segments[0].channels[0][1], 2.0);
@@ -277,7 +277,7 @@ fn gaps_and_missing_readings_split_a_record() {
     let cut_line = PLAIN.text(60) + "0.12,0.1";
     let recording = holds_samples(cut_line.as_bytes(), &ReadingSettings::default());
     assert_eq!(recording.report.assumptions, [Assumption::CutLine { line: 62 }]);
-    // Samples at different times in different columns leave no row whole.
+    // With samples at different times in different columns no row is complete.
     let alternating = edited(|i| {
         Some(if i % 2 == 0 { format!("{},1,\n", 0.002 * i as f64) } else { format!("{},,2\n", 0.002 * i as f64) })
     });

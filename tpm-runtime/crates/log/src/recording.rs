@@ -1,4 +1,4 @@
-//! A record with gaps: stretches of even samples, and what was found in reading them.
+//! A record with gaps: stretches of even samples, and a report on reading them.
 //!
 //! Invariant: nothing is filled in. Where readings are missing or time jumps, the record is split; every segment is an evenly sampled
 //! [`Log`], and all have the same sample time.
@@ -64,10 +64,10 @@ impl Recording {
             let read = Self::of_model(&mut *source.columns()?, &name, model, options)?;
             return Ok(Recording { fingerprint: source.fingerprint()?, ..read });
         };
-        // Read and fingerprinted in one go.
+        // The file is read and fingerprinted in one pass.
         let mut file = FingerprintReader::new(open_file(path)?);
         let mut recording = Self::read(&mut file, &name, model, options)?;
-        // What a reader leaves unread at the end of the file belongs to the fingerprint.
+        // The fingerprint includes the bytes at the end of the file that the reader leaves unread.
         std::io::copy(&mut file, &mut std::io::sink()).map_err(|source| LogError::Io { path: name, source })?;
         recording.fingerprint = file.fingerprint();
         Ok(recording)
@@ -145,8 +145,8 @@ impl Recording {
         self.len() == 0
     }
 
-    /// Splits a table where readings are missing, time jumps or a coordinate does, which are the first channels; `check` may refuse what
-    /// it holds.
+    /// Splits a table where readings are missing, and where the time or a coordinate jumps; the coordinates are the
+    /// first channels. `check` may refuse the table.
     pub(super) fn of(
         mut table: Table,
         (coordinates, rates): (&[Signal], &[Signal]),
@@ -167,6 +167,7 @@ impl Recording {
             let step = table.time[sample] - table.time[sample - 1];
             return Err(jitter(&table, Uneven::Step { sample, step, expected: usual }));
         }
+        // 1. The cuts, and the stretches between them that are long enough.
         let cuts = cuts(&table, coordinates, usual);
         let pieces = pieces(&cuts, table.time.len());
         let good: Vec<&(Range<usize>, Option<Cut>)> = pieces.iter().filter(|(piece, _)| piece.len() >= LEAST).collect();
@@ -177,6 +178,7 @@ impl Recording {
         let mut report =
             ReadingReport { rows, assumptions: std::mem::take(&mut table.assumptions), ..Default::default() };
         report.left_out = left_out(&table, &pieces);
+        // 2. The even grid, and the segments on it.
         let ranges: Vec<Range<usize>> = good.iter().map(|(piece, _)| piece.clone()).collect();
         let first = table.time[0];
         let starts: Vec<f64> = ranges.iter().map(|range| (table.time[range.start] - first) * table.factor).collect();
@@ -186,6 +188,7 @@ impl Recording {
         report.jitter = jitter_of(&table.time, &ranges, grid.step);
         let logs = if grid.resampled { resampled(&table, &ranges, grid.step) } else { stretches(&mut table, &ranges) };
         let segments: Vec<Log> = logs.into_iter().map(|log| Log { sample_time, ..log }).collect();
+        // 3. The report on segments and on rates that are left out.
         for ((log, start), (_, cut)) in segments.iter().zip(starts).zip(&good) {
             report.segments.push(SegmentReport::of(log, start, cut.clone()));
         }
@@ -202,7 +205,8 @@ impl Recording {
     }
 }
 
-/// Puts what the fresh readings say in place of those of coordinates, the first channels, that repeat the one before.
+/// Replaces readings of the coordinates (the first channels) that repeat the reading before by values interpolated from
+/// fresh readings.
 fn replace_repeated(table: &mut Table, coordinates: &[Signal]) -> Vec<Repeated> {
     let mut all = Vec::new();
     for (signal, channel) in coordinates.iter().zip(&mut table.channels) {
@@ -233,7 +237,8 @@ fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> 
         let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
         cuts.extend(joins(&without_repeats(channel)).into_iter().map(joined));
     }
-    // What is missing explains the gap that it leaves, and a gap that the motion is elsewhere behind it.
+    // Of several cuts at one sample the cause is kept: missing readings cause a gap, and a gap causes a jump of the
+    // motion.
     let rank = |cut: &Cut| match cut {
         Cut::Missing { .. } => 0,
         Cut::Gap { .. } | Cut::Back { .. } => 1,
@@ -257,7 +262,7 @@ fn pieces(cuts: &[(usize, Cut)], samples: usize) -> Vec<(Range<usize>, Option<Cu
     pieces
 }
 
-/// What no segment has of a record.
+/// The rows of a record that are in no segment, with the reasons.
 fn left_out(table: &Table, pieces: &[(Range<usize>, Option<Cut>)]) -> Vec<LeftOut> {
     let missing = |hole: &Hole| LeftOut {
         from_line: hole.from_line,
@@ -309,7 +314,7 @@ struct Grid {
     /// Its step, in the unit of the stamps.
     step: f64,
     uneven: Option<Unevenness>,
-    /// Whether readings are interpolated to the grid; otherwise they are those of the grid.
+    /// Whether readings are interpolated to the grid; otherwise they are taken as the samples of the grid.
     resampled: bool,
 }
 
@@ -353,7 +358,7 @@ impl Grid {
     }
 }
 
-/// By how much the steps of segments are off an even step.
+/// Deviation of the steps in the segments from an even step, as a share of it.
 fn jitter_of(time: &[f64], segments: &[Range<usize>], step: f64) -> Jitter {
     let off = || segments.iter().flat_map(|range| time[range.clone()].windows(2).map(|w| (w[1] - w[0]) / step - 1.0));
     Jitter { rms: root_mean_square(off()), largest: off().map(f64::abs).fold(0.0, f64::max) }
@@ -403,7 +408,7 @@ fn resampled(table: &Table, segments: &[Range<usize>], step: f64) -> Vec<Log> {
     segments.iter().map(of).collect()
 }
 
-/// The segments as they stand in the table, which is emptied.
+/// The segments, moved out of the table without interpolation.
 fn stretches(table: &mut Table, segments: &[Range<usize>]) -> Vec<Log> {
     let taken = |channel: &mut Vec<f64>, range: &Range<usize>| {
         if *range == (0..channel.len()) { std::mem::take(channel) } else { channel[range.clone()].to_vec() }
@@ -421,7 +426,7 @@ fn stretches(table: &mut Table, segments: &[Range<usize>]) -> Vec<Log> {
     segments.iter().map(of).collect()
 }
 
-/// A rate of which every reading is there.
+/// The rate, provided that all its readings are finite.
 fn finite(rate: Option<Vec<f64>>) -> Option<Vec<f64>> {
     rate.filter(|rate| rate.iter().all(|value| value.is_finite()))
 }

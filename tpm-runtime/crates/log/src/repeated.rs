@@ -6,23 +6,27 @@
 //! y_k = y_{k-1}   but   |y_{k+1} - y_{k-1}| > 8 r ,      r the least difference of neighbouring readings that is not zero,
 //! ```
 //!
-//! the reading y_k is the one before, late by a sample. Rounding makes readings equal too: as often as it makes them differ by one step,
-//! or by two, in one direction. Only what is beyond that by chance is taken for repeated. Such a reading says nothing of its own; the
-//! cubic through the two fresh readings on either side stands in for it.
+//! the reading y_k is the one before, late by a sample. Rounding makes readings equal too, about as often as it makes
+//! them differ by one step, or by two, in a given direction. Readings count as repeated only where there are more equal
+//! ones than that by chance. A repeated reading holds no information; it is replaced by the cubic through the two fresh
+//! readings on either side.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Most readings behind one another that repeat; a channel that stands for longer rests, or is recorded at a lower rate.
+/// Most successive readings that repeat; a channel that is constant for longer rests, or is recorded at a lower rate.
 const LONGEST: usize = 3;
-/// Share of the readings above which a channel is recorded at a lower rate than the others, which no interpolation mends.
+/// Largest share of repeated readings; a channel with more is recorded at a lower rate than the others, which
+/// interpolation cannot mend.
 const MOST: f64 = 0.2;
-/// Change over equal readings, in least differences per reading, from which on rounding does not explain that they are equal.
+/// Least change of the signal across equal readings that rounding does not explain, in least differences per reading.
 const CHANGES: f64 = 4.0;
-/// How far beyond what rounding does the number of equal readings must be: in its standard deviations, and at least.
+/// Margin by which the number of equal readings must exceed the number expected from rounding: standard deviations of
+/// that number, and a least count.
 const BEYOND: (f64, f64) = (5.0, 8.0);
 
-/// The readings that repeat the one before, each with the value that the fresh readings around it say.
+/// Indices of the readings that repeat the reading before, each with the value interpolated from the fresh readings
+/// around it.
 pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     let least = signal
         .windows(2)
@@ -50,7 +54,8 @@ pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     if (found as f64) < BEYOND.1 || found as f64 > MOST * signal.len() as f64 {
         return Vec::new();
     }
-    // Differences by one or two steps, up or down, are four times as many as those of zero that rounding makes.
+    // Rounding makes differences by one or two steps, up or down, four times as often as it makes equal readings, so
+    // that their number is a safe bound.
     let close = |k: &usize| {
         let steps = (signal[*k] - signal[*k - 1]).abs() / least;
         steps > 0.0 && steps < 2.5 && changes(*k - 1, *k + 1)
@@ -76,7 +81,7 @@ pub(super) fn without_repeats(signal: &[f64]) -> Cow<'_, [f64]> {
     Cow::Owned(whole)
 }
 
-/// What the cubic through two fresh readings on either side says at a sample; nothing near the ends.
+/// Value at a sample of the cubic through two fresh readings on either side; nothing near the ends.
 fn by_fresh(signal: &[f64], fresh: &[bool], k: usize) -> Option<f64> {
     let mut before = (0..k).rev().filter(|&i| fresh[i]);
     let mut after = (k + 1..signal.len()).filter(|&i| fresh[i]);

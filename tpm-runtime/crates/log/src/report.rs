@@ -1,4 +1,4 @@
-//! What was found in reading a log.
+//! The report on reading a log: assumptions, cuts, rows left out, and uneven time stamps.
 
 use crate::assumption::Assumption;
 use crate::read::Log;
@@ -22,7 +22,7 @@ pub enum Cut {
         /// Line of the first.
         from_line: u64,
     },
-    /// Time goes on by more than a sample.
+    /// Time advances by more than a sample.
     Gap {
         /// Time between the two samples, s.
         seconds: f64,
@@ -32,11 +32,11 @@ pub enum Cut {
         /// By how much, s.
         seconds: f64,
     },
-    /// A coordinate is elsewhere from one sample to the next.
+    /// A coordinate jumps from one sample to the next: another recording begins.
     Joined {
         /// The coordinate.
         signal: String,
-        /// How much farther it is than its motion goes in a sample, unit of the coordinate.
+        /// The jump beyond the motion's own change over the sample, unit of the coordinate.
         by: f64,
     },
 }
@@ -71,7 +71,7 @@ pub struct SegmentReport {
     pub samples: usize,
     /// Time of the first sample, counted from the first sample of the record, s.
     pub start: f64,
-    /// Why it does not go on where the stretch before ends; nothing for the first one.
+    /// Why the record is split before this stretch; nothing for the first one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cut: Option<Cut>,
 }
@@ -112,7 +112,7 @@ pub struct LeftOut {
     pub why: Why,
 }
 
-/// Stamps that are not even, and what was made of them.
+/// Time stamps that are not even, and how they were treated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unevenness {
     /// Root mean square of the deviation of a step from the sample time, as a share of the sample time.
@@ -153,7 +153,7 @@ impl fmt::Display for Unevenness {
     }
 }
 
-/// By how much the steps of time stamps are off the sample time.
+/// Deviation of the steps of time stamps from the sample time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Jitter {
     /// Root mean square, as a share of the sample time.
@@ -197,17 +197,17 @@ pub struct ReadingReport {
     pub left_out: Vec<LeftOut>,
     /// Stamps that are not even.
     pub uneven: Option<Unevenness>,
-    /// Readings of coordinates that repeat the one before, and were replaced. They are no part of the remarks: what uses the record says
-    /// what it makes of them.
+    /// Readings of coordinates that repeat the reading before, and were replaced. They are no part of the remarks,
+    /// since they are reported by the estimator that uses the record.
     pub repeated: Vec<Repeated>,
     /// The only segment that was used, from 0; nothing where all were.
     pub used: Option<usize>,
-    /// By how much the steps of all segments are off the sample time. It is no part of the report as it is serialised.
+    /// Deviation of the steps of all segments from the sample time. It is not serialised.
     pub jitter: Jitter,
 }
 
 impl ReadingReport {
-    /// Whether there is nothing to say: an even record in one stretch, in the plainest format.
+    /// Whether there is nothing to report: an even record in one stretch, in the plainest format.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         self.repeated.is_empty() && self.remarks().is_empty()

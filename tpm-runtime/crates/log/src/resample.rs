@@ -1,7 +1,8 @@
 //! Uneven time stamps: whether the readings or the stamps are late, and readings on an even grid.
 //!
-//! A motion is smooth, and so a reading is nearly what the cubic through its four neighbours says at its time. Readings that were taken
-//! evenly and stamped late lie on that cubic when even times are put in; readings that were taken late lie on it with their stamps.
+//! A motion is smooth, so that a reading lies close to the cubic through its four neighbours. Readings that were taken
+//! evenly and stamped late lie on the cubic over even times; readings that were taken late lie on the cubic over their
+//! stamps.
 
 use serde::Serialize;
 use tpm_numerics::differences::deviation_of;
@@ -16,8 +17,8 @@ const ORDER: f64 = 4.0;
 pub struct InterpolationError {
     /// The column.
     pub column: String,
-    /// Root mean square of the error, in the unit of the signal: what the residuals of cubics through every second and every fourth
-    /// reading come to at the step of the record. Noise of the readings counts as error.
+    /// Root mean square of the error, in the unit of the signal. It is extrapolated to the step of the record from the
+    /// residuals of cubics through every second and every fourth reading. Noise of the readings counts as error.
     pub rms: f64,
     /// That error as a share of the signal's standard deviation.
     pub share: f64,
@@ -38,7 +39,8 @@ fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
     value
 }
 
-/// What readings differ by from the cubic through the four readings that stand `near` and `far` places before and behind them.
+/// Residuals of readings about the cubic through the four readings that are `near` and `far` places before and behind
+/// them.
 fn residuals<'a>(
     time: impl Fn(usize) -> f64 + 'a,
     signal: &'a [f64],
@@ -59,7 +61,8 @@ fn roughness(time: impl Fn(usize) -> f64, signal: &[f64]) -> f64 {
     deviation_of(residuals(time, signal, 1, 2).map(f64::abs))
 }
 
-/// How much rougher a signal is at its stamps than on an even grid, as the logarithm of the ratio; zero where that cannot be told.
+/// Logarithm of the ratio of a signal's roughness at its stamps to its roughness on an even grid; zero where either is
+/// zero.
 pub(super) fn rougher_at_stamps(stamps: &[f64], signal: &[f64]) -> f64 {
     let even = roughness(|i| i as f64, signal);
     let stamped = roughness(|i| stamps[i], signal);
@@ -97,8 +100,8 @@ pub(super) fn readings_before(stamps: &[f64], step: f64, samples: usize) -> Vec<
         .collect()
 }
 
-/// Root mean square of the error of interpolation between the stamps of a signal. The residuals at two and at four times the step say
-/// with which power of the step the error falls.
+/// Root mean square of the error of interpolation between the stamps of a signal, in its unit. The residuals at two and
+/// at four times the step show with which power of the step the error falls.
 pub(super) fn interpolation_error(stamps: &[f64], signal: &[f64]) -> f64 {
     let rms = |near: usize, far: usize| {
         let (sum, count) =

@@ -1,4 +1,4 @@
-//! Where the columns of a log are: in a file, or in memory.
+//! The source of a log's columns: a file, or memory.
 
 use crate::columns::{ColumnName, Columns};
 use crate::error::LogError;
@@ -24,7 +24,7 @@ impl Samples {
         Samples { columns: columns.into() }
     }
 
-    /// What tells these samples from others.
+    /// Fingerprint of the names and values of all columns.
     fn fingerprint(&self) -> String {
         fingerprint_of(self.columns.iter().flat_map(|(name, values)| {
             let name = name.bytes().chain(iter::once(0));
@@ -33,7 +33,7 @@ impl Samples {
     }
 }
 
-/// Where the columns of a log are.
+/// The source of a log's columns.
 #[derive(Clone, Copy, Debug)]
 pub enum LogSource<'a> {
     /// In a file of any format.
@@ -79,7 +79,7 @@ impl<'a> LogSource<'a> {
         }
     }
 
-    /// What tells it from others.
+    /// Fingerprint of the file's bytes, or of the samples in memory.
     ///
     /// # Errors
     /// [`LogError::Io`] when a file cannot be read.

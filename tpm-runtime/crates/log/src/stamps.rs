@@ -1,4 +1,4 @@
-//! Time stamps: how finely they are printed, and whether they lie on an even grid.
+//! Time stamps: the digits to which they are printed, and whether they lie on an even grid.
 
 use std::collections::BTreeMap;
 
@@ -6,21 +6,21 @@ use std::collections::BTreeMap;
 pub(super) const JITTER: f64 = 0.01;
 /// Largest deviation of a time stamp from the even grid, as a share of the sample time.
 pub(super) const DRIFT: f64 = 0.5;
-/// Steps beyond this multiple of the usual one leave samples out.
+/// A step longer than this multiple of the usual one is a gap.
 const GAP: f64 = 1.5;
-/// Fewest steps that differ from the usual one among stamps whose rounding makes them alternate.
+/// Fewest steps that differ from the usual one for stamps to count as rounded so coarsely that their steps alternate.
 const ALTERNATING: usize = 8;
-/// Most steps of which the usual one is the median; of more, equally spaced ones are taken.
+/// Most steps whose median is the usual step; of more steps, equally spaced ones are used.
 const MEDIAN_OF: usize = 1 << 20;
 
 /// Value of one unit in the last digit to which stamps are printed, by the power of ten below the stamp.
 ///
-/// Stamps may be printed without trailing zeros, or with so many digits in all, so that the finest digit among those of one power of
-/// ten is the one to which they are rounded.
+/// Stamps may be printed without trailing zeros, or with a fixed number of significant digits. The finest digit among
+/// the stamps of one power of ten is therefore the digit to which these are rounded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Resolution {
     digits: BTreeMap<i32, f64>,
-    /// Sizes of the stamps that have the current power of ten.
+    /// Range of the magnitudes that have the current power of ten.
     range: (f64, f64),
     decade: i32,
     finest: f64,
@@ -73,14 +73,14 @@ pub(super) fn last_digit(text: &[u8], decimal: u8) -> f64 {
     TENTHS.get(decimals as usize).copied().unwrap_or_else(|| 10.0_f64.powi(-decimals))
 }
 
-/// Stamps with the digit to which they were printed, all in the unit of the file.
+/// Time stamps with the digits to which they were printed, in the unit of the file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stamps<'a> {
     pub(super) time: &'a [f64],
     pub(super) resolution: &'a Resolution,
 }
 
-/// Where stamps leave an even grid, and by how much, in the unit of the file.
+/// A deviation of time stamps from an even grid, in the unit of the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Uneven {
     /// The step to a sample is not the usual one.
@@ -135,8 +135,8 @@ impl Stamps<'_> {
         })
     }
 
-    /// Whether stamps are printed so coarsely that their steps alternate, and all the same lie next to an even grid. A few odd steps
-    /// do not make a grid: samples may be missing there.
+    /// Whether stamps are printed so coarsely that their steps alternate, yet every stamp lies within its last digit of
+    /// an even grid. A few unusual steps are not enough, since samples may be missing there.
     pub(super) fn is_coarse_grid(&self) -> bool {
         let (Some(first), Some(last)) = (self.time.first(), self.time.last()) else { return false };
         let step = (last - first) / (self.time.len() - 1).max(1) as f64;

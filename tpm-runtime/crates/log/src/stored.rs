@@ -11,7 +11,7 @@ pub(super) struct StoredColumn<'a> {
     pub(super) name: ColumnName,
     /// Readings, NaN where one is missing.
     pub(super) values: Cow<'a, [f64]>,
-    /// Whether this is a stamp, which says nothing where all else is missing.
+    /// Whether this is a column of stamps; a row with stamps alone is skipped.
     pub(super) stamp: bool,
 }
 
@@ -80,7 +80,7 @@ impl Columns for Stored<'_> {
                 says |= !column.stamp && !read.is_nan();
             }
             self.row += 1;
-            // A message of other joints is no row in which readings of these are missing.
+            // A message about other joints is skipped; it is no row with missing readings.
             let stamped = self.wanted.iter().any(|&column| self.columns[column].stamp);
             if says || !stamped {
                 return Ok(Some(row as u64 + 1));

@@ -1,4 +1,4 @@
-//! Everything that a file holds, for those who look at a record before they use it.
+//! A survey of all channels of a file, to inspect a record before it is used.
 //!
 //! With a model, the channels are its coordinates, its inputs and the measured rates that are there; without one, every column of
 //! numbers. Invariant: a channel that never changes is no fault here; it is a finding.
@@ -12,7 +12,7 @@ use crate::table::Table;
 use serde::Serialize;
 use tpm_core::model::Model;
 
-/// What a channel is to a model.
+/// The role of a channel in a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
@@ -22,7 +22,7 @@ pub enum Role {
     Input,
     /// The measured rate of a coordinate.
     Rate,
-    /// A column of the file; no model says what it is.
+    /// A column of the file, without a model.
     Column,
 }
 
@@ -33,7 +33,7 @@ pub struct Surveyed {
     pub name: String,
     /// Its unit, where one is known.
     pub unit: Option<String>,
-    /// What it is to the model.
+    /// Its role in the model.
     pub role: Role,
 }
 
@@ -46,10 +46,11 @@ pub struct Unread {
     pub why: String,
 }
 
-/// A record and what its channels are.
+/// A record and the roles of its channels.
 #[derive(Debug)]
 pub struct Survey {
-    /// The record. A model's rates are its rates; otherwise there are channels alone.
+    /// The record. With a model it holds the measured rates apart from the channels; without one every column is a
+    /// channel.
     pub recording: Recording,
     /// The channels, then the rates, one for every coordinate of a model.
     pub channels: Vec<Surveyed>,
@@ -58,7 +59,7 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// What a log holds of a model's signals.
+    /// Surveys the signals of a model in a log.
     ///
     /// # Errors
     /// Those of [`Recording::open`], but for a channel that never changes.
@@ -86,7 +87,8 @@ impl Survey {
         Ok(Survey { recording, channels: channels.collect(), unread: Vec::new() })
     }
 
-    /// All columns of numbers that a log has beside its time. Columns of text are named, and so are those that are empty in most rows.
+    /// Surveys all columns of numbers in a log besides its time. Columns of text, and columns that are empty in most
+    /// rows, are listed as unread.
     ///
     /// # Errors
     /// [`LogError`] when the file cannot be read, its time is not known, or no stretch is long enough.
@@ -117,7 +119,7 @@ impl Survey {
     }
 }
 
-/// Whether a record can be read without a column: with another time it would be another record.
+/// Whether a record can be read without a column, which the column of the time cannot be.
 fn may_be_left_out(column: &str, left_out: &[String], options: &ReadingSettings) -> bool {
     let time = options.map.get("t_s").is_some_and(|of| of == column);
     !time && !left_out.iter().any(|other| other == column)

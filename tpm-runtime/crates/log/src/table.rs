@@ -1,4 +1,4 @@
-//! The rows of a log as they stand in the file, with the places where readings are missing.
+//! The rows of a log in the order of the file, with the places where readings are missing.
 
 use crate::assumption::Assumption;
 use crate::columns::Columns;
@@ -7,15 +7,15 @@ use crate::names::{Names, Plan, Signal, Time};
 use crate::options::ReadingSettings;
 use crate::stamps::{Resolution, Stamps};
 
-/// Stamps beyond these sizes count milliseconds, microseconds or nanoseconds from 1970 on: as seconds they would lie thousands of years
-/// ahead.
+/// Least stamps that count nanoseconds, microseconds or milliseconds from 1970 on, with the unit and its length in s.
+/// As seconds such stamps would lie thousands of years ahead.
 const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3)];
 
-/// Sample times of machines, s. A column of time without a unit is in the unit that puts its steps into this range, if there is only one
-/// such unit; steps below a second are seconds.
+/// Range of plausible sample times of machines, s. A column of time without a unit is taken to be in the unit that puts
+/// its steps into this range, if there is only one such unit. Steps below one are seconds.
 const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
 
-/// No machine's reading is larger: squares of larger ones, and differences of their squares, would soon be no numbers.
+/// Largest magnitude of a reading, in the model's unit. Products of squares of larger readings would overflow.
 const LARGEST: f64 = 1e100;
 
 /// Whether a value in the model's unit can be the reading of a machine.
@@ -26,7 +26,7 @@ fn is_reading(value: f64) -> bool {
 /// Rows in which a needed reading is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Hole {
-    /// The sample before which the rows stand.
+    /// The sample before which the rows are missing.
     pub(super) before: usize,
     /// First line.
     pub(super) from_line: u64,
@@ -34,7 +34,7 @@ pub(super) struct Hole {
     pub(super) to_line: u64,
     /// Rows.
     pub(super) rows: usize,
-    /// The first field of the first row that is missing, as a place in [`Table::columns`].
+    /// The first missing field of the first row, as an index into [`Table::columns`].
     pub(super) column: usize,
 }
 
@@ -48,7 +48,7 @@ pub(super) struct Table {
     pub(super) header_line: u64,
     /// Stamps in the unit of the file.
     pub(super) time: Vec<f64>,
-    /// Seconds in that unit.
+    /// Length of that unit, s.
     pub(super) factor: f64,
     pub(super) resolution: Resolution,
     pub(super) channels: Vec<Vec<f64>>,

@@ -1,11 +1,11 @@
 //! Units as headers of logs write them.
 //!
-//! A header says `deg/s`, `°/s`, `m/s2` or `Nm`; here its text becomes a product that the units of the model language know, which
-//! hold the one table of units with their exact factors.
+//! A header states a unit as `deg/s`, `°/s`, `m/s2` or `Nm`. The text is translated here to a product of units of the
+//! model language, which holds the only table of units with their exact factors.
 
 use tpm_units::Unit;
 
-/// Spellings of headers beside the names of the language, and the products that they stand for.
+/// Spellings in headers besides the names of the language, and the products that they mean.
 const SPELLINGS: [(&str, &str); 45] = [
     ("-", "1"),
     ("°", "deg"),
@@ -54,7 +54,7 @@ const SPELLINGS: [(&str, &str); 45] = [
     ("Ω", "ohm"),
 ];
 
-/// Why a column is not brought to the unit of a signal.
+/// Why a column cannot be converted to the unit of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum UnitFault {
     /// The text is no unit that is known.
@@ -65,7 +65,7 @@ pub(super) enum UnitFault {
     Cycles,
 }
 
-/// The unit that a text of a header stands for; none where it is no unit.
+/// The unit that a text of a header means; none where it is no unit.
 pub(super) fn unit_of(text: &str) -> Option<Unit> {
     let mut product = String::new();
     // A unit in brackets of its own, as in a row of units.
@@ -120,7 +120,7 @@ fn factor(text: &str) -> Option<String> {
     if power == "1" {
         return Some(name.to_string());
     }
-    // A spelling may stand for a product, of which every factor has the power.
+    // A spelling that means a product takes no power, which would apply to its last factor alone.
     (!name.contains(['*', '/'])).then(|| format!("{name}^{power}"))
 }
 

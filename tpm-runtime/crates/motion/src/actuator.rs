@@ -22,14 +22,14 @@ pub struct LowPass {
 }
 
 impl LowPass {
-    /// Rates of (value, rate) under an input.
+    /// Time derivatives of the states (value, rate) under an input.
     #[must_use]
     pub fn rates(&self, input: f64, value: f64, rate: f64) -> (f64, f64) {
         let w = self.natural_frequency;
         (rate, w * w * (input - value) - w / self.quality * rate)
     }
 
-    /// The response at the frequency w (rad/s), real and imaginary part.
+    /// The frequency response at w (rad/s), real and imaginary part.
     #[must_use]
     pub fn response(&self, w: f64) -> (f64, f64) {
         let x = w / self.natural_frequency;
@@ -50,7 +50,7 @@ pub struct Dynamics {
     pub bandwidth: Option<f64>,
 }
 
-/// The lags without the delay as `x' = A x + b u`, the force being one of the states.
+/// The lags without the delay in state space, `x' = A x + b u`. One of the states is the force.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lags {
     /// A, states times states.
@@ -113,7 +113,8 @@ impl Dynamics {
     pub fn samples(&self, sample_time: f64) -> (usize, f64) {
         let whole = (self.delay / sample_time).floor();
         let rest = self.delay - whole * sample_time;
-        // A delay of n samples that was written in decimals is n samples.
+        // Rounding of a delay that was stated in decimals: within a billionth of a sample it is a whole number of
+        // samples.
         if sample_time - rest < 1e-9 * sample_time {
             (whole as usize + 1, 0.0)
         } else if rest < 1e-9 * sample_time {
@@ -124,8 +125,8 @@ impl Dynamics {
     }
 }
 
-/// Puts the known dynamics of the actuators between the recorded inputs (the channels behind the coordinates) and the model,
-/// so that the spectra are those of forces, up to the hold.
+/// Multiplies the spectra of the recorded inputs (the channels behind the coordinates) by the known dynamics of their
+/// actuators, so that they become spectra of forces, but for the hold.
 pub fn correct_actuators(spectra: &mut Spectra, coordinates: usize, actuators: &[Dynamics]) {
     for (i, dynamics) in actuators.iter().enumerate().filter(|(_, dynamics)| !dynamics.is_ideal()) {
         spectra.pass(coordinates + i, |frequency| dynamics.response(frequency));

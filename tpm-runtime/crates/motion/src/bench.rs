@@ -1,4 +1,4 @@
-//! Whoever plays a trial: a simulated plant, a process, a person at a machine.
+//! The interface to whatever plays a trial: a simulated plant, a process, or a person at a machine.
 
 use crate::record::Record;
 use crate::trial::Trial;

@@ -1,16 +1,16 @@
 //! The periodic motion of the coordinates that a pattern leaves open.
 //!
-//! A chain is driven at one end and its pattern prescribes the other (Feng, chapter 4): the rows without an input,
-//! `m2 x2'' + k3 (x2 - x1) = 0`, then fix the motion of what lies between, and a collocated controller takes its reference
-//! from there. Invariant: the open coordinates are finite Fourier series that make every harmonic of these rows vanish to
-//! rounding (harmonic balance, by Newton's method; one step where the rows are linear in the open coordinates), with as many
-//! harmonics as it takes until the highest ones are negligible. Where the estimates leave these rows empty (all zero before the
-//! first run) nothing determines the open coordinates, and they rest at zero.
+//! A chain is driven at one end and its pattern prescribes the other (Feng, chapter 4). The rows without an input, such
+//! as `m2 x2'' + k3 (x2 - x1) = 0`, then determine the motion of the coordinates between them, which is the reference
+//! of a collocated controller. Invariant: the open coordinates are finite Fourier series that make every harmonic of
+//! these rows vanish to rounding (harmonic balance, by Newton's method; one step where the rows are linear in the open
+//! coordinates), with as many harmonics as it takes until the highest ones are negligible. Where the estimates leave
+//! these rows empty (all zero before the first run) nothing determines the open coordinates, and they rest at zero.
 //!
-//! Dry friction on an open coordinate makes its rows jump, and harmonics of a jump do not fade out. Its motion is therefore found
-//! first without the jump, then with a jump that is spread over velocities up to a share of the largest, `tanh(v/width)` for
-//! `sign(v)`, and less and less so. A coordinate that sticks creeps. As a reference this is exact enough: what is identified
-//! is the motion that was measured.
+//! Dry friction on an open coordinate makes its rows jump, and the harmonics of a jump decay slowly. The motion is
+//! therefore found first without the jump, then with smoothed jumps, `tanh(v/width)` in place of `sign(v)`, whose
+//! widths shrink from the largest velocity to a small share of it. A coordinate that should stick creeps instead. This
+//! is exact enough for a reference, since the parameters are identified from the measured motion.
 
 use crate::driven::Driven;
 use crate::dry::Sides;
@@ -26,17 +26,22 @@ use tpm_numerics::{DMatrix, DVector};
 const HARMONICS: (usize, usize) = (8, 128);
 /// Most Newton steps before the iteration counts as not converging.
 const MOST_STEPS: usize = 40;
-/// Largest Newton step, as a share of the motion, that is rounding: the iteration has converged.
+/// Newton's iteration has converged when the largest change of a Fourier coefficient is at most this share of the
+/// largest one.
 const CONVERGED: f64 = 1e-13;
-/// Largest Newton step, as a share of the motion, that a motion with a spread jump may still be off.
+/// Convergence bound of Newton's iteration where a jump of dry friction is smoothed, as a share of the largest
+/// coefficient.
 const CONVERGED_BESIDE_JUMP: f64 = 1e-8;
-/// Largest share of the largest line at which a line of the upper quarter of the harmonics is negligible.
+/// The series is long enough when the lines of the upper quarter of its harmonics are at most this share of the largest
+/// line.
 const NEGLIGIBLE: f64 = 1e-12;
-/// Largest share of the largest line at which a line of the upper quarter is negligible beside a jump that is spread.
+/// Bound on the lines of the upper quarter of the harmonics, as a share of the largest line, where a jump of dry
+/// friction is smoothed.
 const NEGLIGIBLE_BESIDE_JUMP: f64 = 1e-4;
-/// Velocities over which a jump is spread, one after the other, as shares of the largest velocity without friction.
+/// Successive widths over which a jump is smoothed, as shares of the coordinate's largest velocity without friction.
 const SPREADS: [f64; 6] = [1.0, 0.5, 0.25, 0.12, 0.06, 0.03];
-/// Step of the difference quotients as a share of a slot's size; five points, so exact up to the fourth degree.
+/// Step of the difference quotients, as a share of the largest magnitude in a slot of the motion. The five-point rule
+/// is exact up to the fourth degree.
 const DIFFERENCE_STEP: f64 = 1e-3;
 
 /// Fills the series of the open coordinates with their periodic motion under given parameters.
@@ -119,7 +124,8 @@ fn is_short(lines: &[f64], negligible: f64) -> bool {
     lines[1 + 2 * (harmonics - harmonics / 4)..].iter().all(|x| x.abs() <= negligible * peak)
 }
 
-/// Mean, then cosine and sine of every harmonic, as a series without lines of mere rounding.
+/// The series of given coefficients (mean, then cosine and sine of every harmonic), without those that are mere
+/// rounding.
 fn series(lines: &[f64]) -> HarmonicSeries {
     let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
     let kept = |x: f64| if x.abs() > f64::EPSILON * peak { x } else { 0.0 };
@@ -152,7 +158,7 @@ impl<'a> Balance<'a> {
         harmonics: usize,
     ) -> Result<Self, EvalError> {
         let dims = model.dims();
-        // Products of four series of this length are still resolved.
+        // Enough points to resolve the product of four series of this length without aliasing.
         let points = (8 * (harmonics + 1)).next_power_of_two();
         let mut driven = Driven::new(model);
         let mut motion = vec![0.0; dims.motion_len()];
@@ -170,11 +176,11 @@ impl<'a> Balance<'a> {
         Ok(Balance { model, open, parameters, constants, harmonics, points, rows, dry })
     }
 
-    /// Mean and lines of every open coordinate.
+    /// Solves the balance; per open coordinate the mean, then cosine and sine of every harmonic.
     fn solve(&self, trajectory: &Trajectory) -> Result<Vec<Vec<f64>>, CompletionError> {
         let width = 2 * self.harmonics + 1;
         let mut unknown = DVector::<f64>::zeros(self.open.len() * width);
-        // An endless width is no jump at all.
+        // An infinite width removes the jump.
         let mut widths = vec![f64::INFINITY; self.dry.len()];
         let mut now = self.newton(trajectory, &widths, &mut unknown)?;
         let largest: Vec<f64> = self.dry.iter().map(|&c| self.largest_velocity(&now, c)).collect();
@@ -186,7 +192,7 @@ impl<'a> Balance<'a> {
             match self.newton(&now, &widths, &mut unknown) {
                 Ok(next) => now = next,
                 Err(fault) if spread == SPREADS[0] => return Err(fault),
-                // The motion under the wider jump is a reference all the same.
+                // The motion with the wider smoothing serves as the reference.
                 Err(_) => {
                     unknown = before;
                     break;
@@ -205,7 +211,8 @@ impl<'a> Balance<'a> {
         (0..self.points).map(velocity).fold(0.0, f64::max)
     }
 
-    /// Newton's method from mean and lines of every open coordinate, with jumps spread over `widths`; the motion that it finds.
+    /// Newton's method from the coefficients `unknown` of the open coordinates, with jumps smoothed over `widths`.
+    /// Returns the motion that it finds.
     fn newton(
         &self,
         trajectory: &Trajectory,
@@ -228,7 +235,8 @@ impl<'a> Balance<'a> {
                 place(unknown, &mut now);
                 return Ok(now);
             }
-            // Rows of high harmonics are larger by the square of their frequency.
+            // Equations of high harmonics are larger by the square of their frequency, so that every equation is
+            // scaled.
             let scale: Vec<f64> = jacobian.row_iter().map(|row| row.amax()).collect();
             if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || residual.iter().any(|x| !x.is_finite()) {
                 return Err(OpenReason::Singular.into());
@@ -294,9 +302,10 @@ impl<'a> Balance<'a> {
         Ok((residual, jacobian))
     }
 
-    /// The rows, with jumps spread over `widths`, and their derivatives at the points of a period.
+    /// The rows, with jumps smoothed over `widths`, and their partial derivatives at the points of a period.
     fn sample(&self, now: &Trajectory, widths: &[f64]) -> Result<Samples, EvalError> {
         let dims = self.model.dims();
+        // 1. The motion at all points, and the size of each of its slots.
         let mut motions = vec![0.0; self.points * dims.motion_len()];
         let mut sizes = vec![0.0_f64; dims.motion_len()];
         for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
@@ -320,6 +329,7 @@ impl<'a> Balance<'a> {
             }
             Ok(())
         };
+        // 2. The rows along the motion.
         let mut forces = vec![vec![0.0; self.points]; self.rows.len()];
         for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
             evaluate(motion, &mut force)?;
@@ -327,6 +337,7 @@ impl<'a> Balance<'a> {
                 forces[n] = force[row];
             }
         }
+        // 3. Their partial derivatives, by difference quotients in every derivative of every open coordinate.
         let mut gains = Vec::new();
         for (open, &c) in self.open.iter().enumerate() {
             for order in 0..=self.model.coordinate_order(c) {
@@ -353,7 +364,7 @@ impl<'a> Balance<'a> {
 
 /// The rows without an input over a period.
 struct Samples {
-    /// Per row.
+    /// Per row, the values at the points of the period.
     forces: Vec<Vec<f64>>,
     gains: Vec<Gains>,
 }
@@ -366,7 +377,8 @@ struct Gains {
     samples: Vec<f64>,
 }
 
-/// Transform of one period of a real signal, divided by the number of points: means of the signal times cosines and sines.
+/// Fourier transform of one period of a real signal, divided by the number of points: the means of the signal times
+/// cosines and sines.
 struct Lines(Vec<Complex<f64>>);
 
 impl Lines {
@@ -381,13 +393,14 @@ impl Lines {
     }
 }
 
-/// Unknowns are the mean, then cosine and sine of every harmonic: what turns a mean of products into such a factor.
+/// Factor from the mean of a signal times a basis function 1, cos, sin, cos 2, sin 2, ... to the Fourier coefficient of
+/// that function.
 const fn weight(unknown: usize) -> f64 {
     if unknown == 0 { 1.0 } else { 2.0 }
 }
 
-/// The given derivative of an unknown's function 1, cos, sin, cos 2, sin 2, ...: harmonic, whether it is a sine, and its factor;
-/// nothing when it is zero.
+/// The derivative of order `order` of an unknown's basis function 1, cos, sin, cos 2, sin 2, ...: its harmonic, whether
+/// it is a sine, and its factor. Nothing when the derivative is zero.
 fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize, bool, f64)> {
     let harmonic = unknown.div_ceil(2);
     if harmonic == 0 {
@@ -426,7 +439,7 @@ mod tests {
         }
     }
 
-    /// The second cart rubs on its rail, `m2 x2'' + k3 (x2 - x1) + fc sign(x2') = 0`, and x1 is prescribed.
+    /// The second cart has dry friction, `m2 x2'' + k3 (x2 - x1) + fc sign(x2') = 0`, and x1 is prescribed.
     #[derive(Clone, Copy, Debug)]
     struct RubbingCart;
 
@@ -472,7 +485,7 @@ mod tests {
         }
     }
 
-    /// A cart that rubs moves as an integration of its equation says.
+    /// The motion of a cart with dry friction agrees with an integration of its equation.
     #[test]
     fn dry_friction_on_the_open_coordinate_is_found() {
         let parameters = [2.0, 1.0, 40.0, 300.0, 200.0, 8.0];
@@ -506,7 +519,8 @@ mod tests {
             (found.coordinates[1].derivative(phase, 8.0, 0) - last[n]).abs()
         });
         let off = off.fold(0.0, f64::max);
-        // Without friction the cart passes through 0 together with what drives it; friction makes it late by a seventh of its amplitude.
+        // Without friction the cart passes through 0 together with the prescribed cart; friction delays it by a seventh
+        // of its amplitude.
         assert!(last[0] < -0.14 * peak && off < 2e-3 * peak, "{off} of {peak}");
     }
 

@@ -1,7 +1,7 @@
 //! The controller of a run, sample by sample: feed-forward, feedback, and the bounds beyond which a run ends.
 //!
-//! Invariant: whoever measures, the inputs depend on the trial and on the measured samples alone. After the start nothing
-//! allocates.
+//! Invariant: the inputs depend on the trial and on the measured samples alone, whatever machine or simulation measures
+//! them. After the start nothing allocates.
 
 use crate::feedback::Velocity;
 use crate::record::Ending;
@@ -22,11 +22,11 @@ pub struct Controller<'a> {
     seen: Vec<f64>,
     /// Pole of the low pass of positions.
     pole: f64,
-    /// What has passed it.
+    /// Tracking errors behind the low pass of positions.
     passed: Vec<f64>,
     /// Rates of the tracking errors.
     rates: Vec<f64>,
-    /// Values per sample of the reference.
+    /// Number of values per sample of the reference.
     width: usize,
     /// Sample that comes next.
     sample: usize,
@@ -52,8 +52,9 @@ impl<'a> Controller<'a> {
         }
     }
 
-    /// Takes in the next sample of the coordinates, and writes the inputs that feed-forward and feedback ask for, not yet cut at any
-    /// limit. `rate` gives a coordinate's measured rate; only feedback of measured rates asks for it.
+    /// Takes in the next sample of the coordinates, and writes the sum of feed-forward and feedback to `inputs`, not
+    /// yet cut at any limit. `rate` gives a coordinate's measured rate; it is called only for feedback of measured
+    /// rates.
     ///
     /// # Errors
     /// [`EvalError`] when the feedback names a coordinate or an input that is not there.
@@ -70,7 +71,7 @@ impl<'a> Controller<'a> {
         for ((error, measured), wanted) in self.errors.iter_mut().zip(measured).zip(reference) {
             *error = measured - wanted;
         }
-        // The first errors stand for those before them.
+        // The low pass starts in its steady state at the first errors.
         if self.sample == 1 {
             self.passed.copy_from_slice(&self.errors);
         }

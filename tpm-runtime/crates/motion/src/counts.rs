@@ -1,18 +1,18 @@
-//! Readings that are rounded to counts.
+//! Quantisation: readings of a sensor that are rounded to counts.
 
 use std::f64::consts::PI;
 
-/// Harmonics of the saw tooth of rounding that are added up.
+/// Number of harmonics of the saw tooth of the rounding error that are summed.
 const SAW_TOOTH: u32 = 100;
-/// Halvings of an interval in which a variance lies.
+/// Bisections of the interval in which a noise variance is sought.
 const HALVINGS: u32 = 40;
-/// Share of a harmonic of the saw tooth that is too small to count.
+/// Attenuation of a harmonic of the saw tooth by noise below which this and all higher harmonics are negligible.
 const NEGLIGIBLE: f64 = 1e-12;
 
-/// Lengths of the stretches of successive samples in which the rounding errors of a motion are alike, in the order of the samples.
+/// Lengths, in the order of the samples, of the stretches of successive samples whose rounding errors are nearly equal.
 ///
-/// Rounding errors stay alike while the motion advances by nearly whole counts from sample to sample, none among them. Those that are
-/// alike are one reading.
+/// Rounding errors stay nearly equal while the motion advances by a nearly whole number of counts of size `step` from
+/// sample to sample, or rests. Readings with nearly equal rounding errors count as one independent reading.
 pub fn alike(motion: &[f64], step: f64) -> Vec<usize> {
     let mut lengths = Vec::new();
     let mut k = 0;
@@ -29,8 +29,8 @@ pub fn alike(motion: &[f64], step: f64) -> Vec<usize> {
     lengths
 }
 
-/// Variance, in squares of a count, of the part of a rounding error that follows from the motion alone, beside noise of a variance in the
-/// same unit.
+/// Variance, in counts squared, of the part of a rounding error that is a function of the motion alone, beside sensor
+/// noise of variance `noise`, in counts squared.
 ///
 /// The mean of the rounding error over the noise is a saw tooth over the count, whose m-th harmonic noise of s counts makes smaller by
 /// exp(-2 pi^2 s^2 m^2) (Widrow and Kollar, Quantization Noise, 2008). Without noise it is the whole error, of variance 1/12.
@@ -42,9 +42,11 @@ pub fn repeating(noise: f64) -> f64 {
     (1..=SAW_TOOTH).map(harmonic).sum()
 }
 
-/// Variance of the noise of a sensor, in squares of a count, of whose readings this variance differs from period to period.
+/// Variance of a sensor's noise, in counts squared, from the variance `between` of its readings between periods, in
+/// counts squared.
 ///
-/// The whole error of a reading has the variance of the noise and 1/12, of which [`repeating`] is the same in every period.
+/// The error of a reading has the noise variance plus 1/12. Of this, [`repeating`] is the same in every period and does
+/// not show in `between`.
 pub fn noise_within(between: f64) -> f64 {
     let (mut low, mut high) = ((between - 1.0 / 12.0).max(0.0), between.max(0.0));
     for _ in 0..HALVINGS {
@@ -54,9 +56,9 @@ pub fn noise_within(between: f64) -> f64 {
     f64::midpoint(low, high)
 }
 
-/// Mean error of rounding a value in counts, in counts, beside normal noise of a variance in squares of a count.
+/// Mean rounding error, in counts, of a value in counts under normal noise of variance `noise`, in counts squared.
 ///
-/// The saw tooth of [`repeating`], of which noise leaves a smooth wave.
+/// It is the saw tooth described at [`repeating`], which the noise smooths.
 pub fn mean_error(value: f64, noise: f64) -> f64 {
     let turn = 2.0 * PI * (value - value.round());
     let mut error = 0.0;
@@ -107,7 +109,7 @@ mod tests {
                 // The quadrature is wrong by up to a point where the rounding jumps.
                 assert!((found - mean(x)).abs() < 5e-4, "{sigma}, {x}: {found} {}", mean(x));
             }
-            // What differs from period to period: the whole error of a reading without the mean at its place.
+            // The variance between periods: that of the reading's error about its mean at this value.
             let whole = |x: f64| -> f64 {
                 let error = |z: &f64| ((x + sigma * z).round() - x).powi(2) * normal(*z);
                 points.iter().map(error).sum::<f64>() / total

@@ -1,8 +1,8 @@
-//! Which rows of a model an input acts in.
+//! The rows of a model on which inputs act.
 
 use tpm_core::model::{EvalError, Model};
 
-/// The rows in which an input acted at the instants seen so far.
+/// Collects the rows on which an input acts, over the instants seen so far.
 pub struct Driven {
     driven: Vec<bool>,
     map: Vec<f64>,
@@ -10,7 +10,7 @@ pub struct Driven {
 }
 
 impl Driven {
-    /// Before any instant.
+    /// The collection before the first instant.
     pub fn new(model: &dyn Model<f64>) -> Self {
         let dims = model.dims();
         Driven {
@@ -20,7 +20,7 @@ impl Driven {
         }
     }
 
-    /// Sees the motion of an instant.
+    /// Takes in the motion of an instant.
     ///
     /// # Errors
     /// [`EvalError`] when the slices do not fit the model.
@@ -33,7 +33,7 @@ impl Driven {
         Ok(())
     }
 
-    /// The rows in which no input acted.
+    /// The rows on which no input acted.
     pub fn without_input(&self) -> Vec<usize> {
         (0..self.driven.len()).filter(|&row| !self.driven[row]).collect()
     }

@@ -1,16 +1,17 @@
-//! Dry friction in a model's rows: the jump that they make where the velocity of a coordinate passes through zero.
+//! Dry friction in a model's rows: their jump where the velocity of a coordinate passes through zero.
 //!
-//! Invariant: a row is read on either side of rest at a velocity so small that nothing but its sign counts.
+//! Invariant: a row is evaluated on either side of rest at a velocity so small that only its sign has an effect.
 
 use tpm_core::model::{EvalError, Model};
 
-/// Magnitude of a velocity of which a row sees the sign alone; its square is zero in floating point.
+/// Magnitude of a velocity, unit of the coordinate per second, so small that only its sign has an effect on a row; its
+/// square is zero in floating point.
 pub const CREEP: f64 = 1e-200;
-/// Smallest difference of a row on the two sides of rest that is a jump; viscous friction gives differences of the size of
-/// [`CREEP`].
+/// Smallest difference of a row between the two sides of rest that counts as a jump. Viscous friction gives differences
+/// of the size of [`CREEP`].
 const LEAST_JUMP: f64 = 1e-100;
 
-/// Memory for reading a model's rows on both sides of rest.
+/// Workspace for evaluating a model's rows on both sides of rest.
 #[derive(Clone, Debug)]
 pub struct Sides {
     scratch: Vec<f64>,

@@ -1,7 +1,7 @@
-//! The feed-forward of a run: the inputs that the rows ask for along the reference.
+//! The feed-forward of a run: the inputs that the model's rows require along the reference.
 //!
-//! Invariant: the demand is `u = Phi(q_r) theta + known` solved for the inputs, sample by sample; what the zero-order hold and
-//! the known dynamics of the actuators do to it is undone harmonic by harmonic over a whole period.
+//! Invariant: the demand solves `B u = Phi(q_r) theta + known` for the inputs u, sample by sample. The responses of the
+//! zero-order hold and of the actuators' known dynamics are divided out harmonic by harmonic over a whole period.
 
 use crate::actuator::Dynamics;
 use crate::error::TrialError;
@@ -12,7 +12,7 @@ use tpm_core::linear;
 use tpm_core::model::Model;
 use tpm_numerics::fourier;
 
-/// Largest factor by which a harmonic that the actuator passes weakly is amplified.
+/// Largest factor by which a harmonic is amplified to make up for an actuator that attenuates it.
 const MOST_AMPLIFIED: f64 = 10.0;
 
 /// What is done about the zero-order hold in the feed-forward.
@@ -30,7 +30,12 @@ pub enum HoldCompensation {
     Exact,
 }
 
-/// Inputs that the rows ask for along a table of motions: the least-squares solution of `B u = Phi theta + known`.
+/// Inputs that the rows require along a table of motions, interleaved per sample: the least-squares solution of
+/// `B u = Phi theta + known`.
+///
+/// # Errors
+/// [`TrialError::Evaluation`] when the model cannot be evaluated, [`TrialError::NotFinite`] for a demand that is not
+/// finite, [`TrialError::Inputs`] when the rows do not determine the inputs.
 pub fn demand(
     model: &dyn Model<f64>,
     motions: &[f64],
@@ -65,7 +70,7 @@ pub fn demand(
     Ok(out)
 }
 
-/// Divides every harmonic of one period (all inputs interleaved) by what hold and actuator do to it.
+/// Divides every harmonic of one period (all inputs interleaved) by the responses of hold and actuator.
 pub(super) fn undo_drive(samples: &mut [f64], inputs: usize, sample_time: f64, actuators: &[Dynamics]) {
     let count = samples.len() / inputs.max(1);
     let (forward, inverse) = (fourier::forward(count), fourier::inverse(count));

@@ -1,14 +1,14 @@
 //! The feedback of a run in sampled time.
 //!
 //! Invariant: with the measured error `e = q - q_r` of a coordinate and its rate, an input receives
-//! `-(Kp e + Kd e')` from every path, formed at the sample times and held between them. Before that a low pass of the first order may
-//! smooth the positions (Feng, section 5.3), the error being what passes it,
+//! `-(Kp e + Kd e')` from every path, formed at the sample times and held between them. A first-order low pass may
+//! filter the error first (Feng, section 5.3),
 //!
 //! ```text
 //! e[n] = a e[n-1] + (1 - a) (q[n] - q_r[n]) ,   a = e^{-T/tau} ,   F(z) = (1 - a) / (1 - a z^-1) ,
 //! ```
 //!
-//! of which the rate is formed too, unless a sensor measures it.
+//! and the rate is then formed from the filtered error, unless a sensor measures it.
 
 use crate::actuator::Dynamics;
 use crate::feed_forward::HoldCompensation;
@@ -60,7 +60,7 @@ pub struct Loop {
     pub velocity: Velocity,
     /// Time constant of the low pass that the errors of positions pass first, s; zero for none.
     pub position_filter: f64,
-    /// What the feed-forward does about the hold.
+    /// Compensation of the hold in the feed-forward.
     pub compensation: HoldCompensation,
     /// Known dynamics between command and force, by input; inputs beyond the last one have none.
     pub actuators: Vec<Dynamics>,
@@ -79,8 +79,9 @@ impl Loop {
         if self.position_filter > 0.0 { (-self.sample_time / self.position_filter).exp() } else { 0.0 }
     }
 
-    /// Response of the feedback from the phasor of a coordinate's measured error to an input's phasor, `-C(jW)`, with the low pass of
-    /// positions and the differentiator, or the smoothing of both, but without the hold: `F(W) (Kp + Kd D(W))`.
+    /// Frequency response of the feedback at `frequency` W (rad/s), from the phasor of a coordinate's measured error to
+    /// an input's phasor with the sign reversed: `F(W) (Kp + Kd D(W))`. It includes the low pass of positions and the
+    /// differentiator or the least-squares smoothing, but not the hold.
     #[must_use]
     pub fn response(&self, input: usize, coordinate: usize, frequency: f64) -> Complex<f64> {
         let pole = self.position_pole();
@@ -121,7 +122,8 @@ impl Loop {
         self.actuators.get(input).copied().unwrap_or_default()
     }
 
-    /// What the hold and the actuator do to an input's phasor at the frequency W (rad/s).
+    /// Response of hold and actuator at the frequency W (rad/s): the factor from an input's commanded phasor to that of
+    /// its force.
     #[must_use]
     pub fn drive(&self, input: usize, frequency: f64, hold: Hold) -> Complex<f64> {
         held(hold, frequency * self.sample_time) * self.actuator(input).response(frequency)

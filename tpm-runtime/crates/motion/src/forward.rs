@@ -10,13 +10,14 @@ use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
 /// Magnitude of a state beyond which the terms of a model are taken to overflow.
 const OVERFLOWING: f64 = 1e50;
-/// Most instants of a step at which a coordinate comes to rest and the step is divided; a machine that needs more rattles.
+/// Most divisions of a step at instants at which a coordinate with dry friction comes to rest. The rest of the step is
+/// then taken undivided.
 const MOST_RESTS: usize = 16;
-/// Most steps of the search for the instant at which a velocity passes through zero.
+/// Most iterations of the search for the instant at which a velocity passes through zero.
 const MOST_TRIALS: usize = 12;
-/// Share of a velocity at which the search for its zero ends.
+/// The search for a velocity's zero ends at this share of the larger velocity at the ends of its interval.
 const AT_REST: f64 = 1e-9;
-/// Share of a step that is too short to be divided.
+/// Shortest part of a step, as a share of it, that is integrated on its own.
 const SHORTEST: f64 = 1e-9;
 
 /// Why a plant could not be advanced.
@@ -37,7 +38,7 @@ pub enum PlantError {
     },
 }
 
-/// Where in a step the rates are read.
+/// The instant of a step at which the rates of the state are evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instant {
     /// At its beginning.
@@ -48,7 +49,7 @@ pub enum Instant {
     End = 2,
 }
 
-/// Inputs that follow from the motion at an instant of a step.
+/// A control law: writes the inputs that follow from the motion at an instant of a step.
 pub(super) type Law<'l> = dyn FnMut(Instant, &[f64], &mut [f64]) -> Result<(), EvalError> + 'l;
 
 /// A simulated machine.
@@ -58,7 +59,7 @@ pub struct Plant<'m> {
     parameters: Vec<f64>,
     constants: Vec<f64>,
     coordinates: usize,
-    /// Slots of a motion that are states; the rate of state s stands at `slots[s] + coordinates`.
+    /// Slots of a motion that are states; the rate of state s is in slot `slots[s] + coordinates`.
     slots: Vec<usize>,
     state: Vec<f64>,
     start: Vec<f64>,
@@ -149,7 +150,7 @@ impl<'m> Plant<'m> {
     /// Advances by `steps` steps of `duration / steps` seconds under constant inputs.
     ///
     /// # Errors
-    /// [`PlantError`]; the motion is then the one at fault.
+    /// [`PlantError`]; the motion is then the one at which it occurred.
     pub fn advance(&mut self, inputs: &[f64], duration: f64, steps: usize) -> Result<(), PlantError> {
         self.advance_by(duration, steps, &mut |plant, step| plant.step([inputs; 3], step))
     }
@@ -158,7 +159,7 @@ impl<'m> Plant<'m> {
     /// duration, from 0 to 1.
     ///
     /// # Errors
-    /// [`PlantError`]; the motion is then the one at fault.
+    /// [`PlantError`]; the motion is then the one at which it occurred.
     pub fn advance_under(
         &mut self,
         duration: f64,
@@ -178,7 +179,7 @@ impl<'m> Plant<'m> {
         advanced
     }
 
-    /// Advances by `steps` calls of `one` with the length of a step; the caller knows the inputs.
+    /// Advances by `steps` calls of `one`, each with the length of a step in seconds; `one` provides the inputs.
     pub fn advance_by(
         &mut self,
         duration: f64,
@@ -223,7 +224,8 @@ impl<'m> Plant<'m> {
         }
     }
 
-    /// One step, divided at the instants at which coordinates with dry friction come to rest; `own` is room for the inputs.
+    /// One step, divided at the instants at which coordinates with dry friction come to rest; `own` is workspace for
+    /// the inputs.
     fn step_with_friction(&mut self, inputs: [&[f64]; 3], own: &mut [f64], h: f64) -> Result<(), EvalError> {
         let mut from = 0.0;
         for _ in 0..MOST_RESTS {
@@ -248,7 +250,7 @@ impl<'m> Plant<'m> {
                 if velocity.abs() <= wanted {
                     break;
                 }
-                // The false position; the end that stays is halved in weight (the Illinois rule).
+                // The method of false position; the value at the end that stays is halved (the Illinois rule).
                 if (velocity > 0.0) == (low.1 > 0.0) {
                     low = (to, velocity);
                     high.1 *= 0.5;
@@ -280,8 +282,8 @@ impl<'m> Plant<'m> {
         })
     }
 
-    /// The state whose velocity passes through zero first, among coordinates with dry friction, and the share of the last step at which
-    /// it does so.
+    /// Among the velocities of coordinates with dry friction, the state that passes through zero first, and the share
+    /// of the last step at which it does so.
     fn first_rest(&self) -> Option<(usize, f64)> {
         let passed = self.friction.sliding().filter_map(|(c, side)| {
             let state = self.slots.iter().position(|slot| *slot == self.coordinates + c)?;
@@ -291,8 +293,8 @@ impl<'m> Plant<'m> {
         passed.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// One step of length `h` under inputs that a law gives of the motion at the start, the middle and the end; `inputs` is
-    /// room for them.
+    /// One step of length `h` under inputs that a control law computes from the motion at the start, the middle and the
+    /// end of the step; `inputs` is workspace.
     pub fn step_under(&mut self, inputs: &mut [f64], h: f64, law: &mut Law<'_>) -> Result<(), EvalError> {
         self.runge_kutta(h, |plant, at| {
             plant.place();
@@ -326,7 +328,7 @@ impl<'m> Plant<'m> {
         Ok(())
     }
 
-    /// Puts the state into the motion.
+    /// Copies the state into the motion.
     fn place(&mut self) {
         for (&value, &slot) in self.state.iter().zip(&self.slots) {
             self.motion[slot] = value;
@@ -347,7 +349,7 @@ impl<'m> Plant<'m> {
         Ok(())
     }
 
-    /// Takes the rates of the state from the motion.
+    /// Copies the rates of the state from the motion.
     fn read_rates(&mut self) {
         for (rate, &slot) in self.rate.iter_mut().zip(&self.slots) {
             *rate = self.motion[slot + self.coordinates];
@@ -413,8 +415,8 @@ mod tests {
         assert!(finest < 1e-11, "{finest:e} {errors:?}");
     }
 
-    /// A mass on a spring that rubs: from every reversal it swings about the point where spring and friction balance, and sticks where
-    /// the spring no longer overcomes the friction.
+    /// A mass on a spring with dry friction: from every reversal it swings about the point where spring and friction
+    /// balance, and it sticks where the spring no longer overcomes the friction.
     #[test]
     fn dry_friction_stops_a_mass_where_it_must() {
         let (m, k, fc) = (2.0, 50.0, 6.0);

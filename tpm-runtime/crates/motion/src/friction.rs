@@ -1,15 +1,16 @@
 //! Dry friction of a simulated machine: which coordinates stick, and the accelerations while they do.
 //!
 //! The rows of a model jump where the velocity of a coordinate with dry friction passes through zero, between those of either
-//! direction. A coordinate at rest sticks while a force between the two holds it there (A. F. Filippov, 1960): with the
-//! accelerations `a0` under forces of the backward side and `D_c` what the change to the forward side of coordinate c adds,
+//! direction. A coordinate at rest sticks while a force between the two holds it there (A. F. Filippov, 1960). With the
+//! accelerations `a0` under the forces of the backward side, and their change `D_c` when coordinate c changes to its
+//! forward side,
 //!
 //! ```text
 //! a = a0 + sum_c D_c x_c,   0 <= x_c <= 1,   a_c = 0 for every c that sticks.
 //! ```
 //!
 //! A coordinate whose x leaves this range slides, forwards beyond 1 and backwards below 0. Invariant: while a coordinate slides,
-//! rows are read on the side of its direction, also where a step of the integration passes beyond its rest.
+//! rows are evaluated on the side of its direction, even where a step of the integration overshoots its rest.
 
 use crate::{CREEP, Sides};
 use tpm_core::linear::solve_in_place;
@@ -29,7 +30,7 @@ impl State {
     }
 }
 
-/// The coordinates with dry friction, and room for their accelerations.
+/// The coordinates with dry friction, their states, and workspace for the accelerations.
 #[derive(Clone, Debug)]
 pub(super) struct Friction {
     dry: Vec<usize>,
@@ -38,13 +39,13 @@ pub(super) struct Friction {
     stuck: Vec<usize>,
     velocities: Vec<f64>,
     base: Vec<f64>,
-    /// Per coordinate that sticks: what the change to its forward side adds to all accelerations.
+    /// Per coordinate that sticks: the change of all accelerations when this coordinate changes to its forward side.
     changes: Vec<f64>,
     matrix: Vec<f64>,
     shares: Vec<f64>,
 }
 
-/// A model with its numbers and the inputs at an instant.
+/// A model with its parameters, constants and the inputs at an instant.
 pub(super) struct Forces<'a> {
     pub(super) model: &'a dyn Model<f64>,
     pub(super) parameters: &'a [f64],
@@ -53,8 +54,8 @@ pub(super) struct Forces<'a> {
 }
 
 impl Friction {
-    /// The dry friction of a model, found by reading its rows on both sides of rest: in zero, and where no position is zero, since
-    /// friction may vanish in a point.
+    /// The dry friction of a model, found by evaluating its rows on both sides of rest. This is done with all positions
+    /// at zero and again where no position is zero, since friction may vanish at a point.
     ///
     /// # Errors
     /// [`EvalError`] when parameters or constants do not fit the model.
@@ -131,7 +132,7 @@ impl Friction {
         }
     }
 
-    /// The accelerations into their slots of the motion; those of coordinates that stick are zero.
+    /// Writes the accelerations into their slots of the motion; those of coordinates that stick are zero.
     ///
     /// # Errors
     /// [`EvalError`] when the rows do not determine them.
@@ -162,10 +163,12 @@ impl Friction {
         })
     }
 
-    /// Accelerations of the backward side, changes to the forward side, and the shares of these that hold what sticks.
+    /// Evaluates the accelerations of the backward side and their changes to the forward side, and solves for the
+    /// shares x that keep the coordinates that stick at rest.
     fn find_shares(&mut self, forces: &Forces<'_>, motion: &mut [f64], workspace: &mut [f64]) -> Result<(), EvalError> {
         let Forces { model, parameters, constants, inputs } = *forces;
         let n = model.dims().coordinates;
+        // 1. Velocities on the side that each state prescribes, and the list of coordinates that stick.
         self.stuck.clear();
         for (at, (&c, state)) in self.dry.iter().zip(&self.state).enumerate() {
             let velocity = &mut motion[n + c];
@@ -182,6 +185,7 @@ impl Friction {
                 self.stuck.push(at);
             }
         }
+        // 2. Accelerations of the backward side, and their change for every coordinate that sticks.
         model.forward_dynamics(motion, parameters, constants, inputs, workspace)?;
         for (c, base) in self.base.iter_mut().enumerate() {
             *base = motion[model.coordinate_order(c) * n + c];
@@ -198,6 +202,7 @@ impl Friction {
         for (&c, &velocity) in self.dry.iter().zip(&self.velocities) {
             motion[n + c] = velocity;
         }
+        // 3. The shares at which the accelerations of these coordinates vanish.
         let count = self.stuck.len();
         for (row, &at) in self.stuck.iter().enumerate() {
             let c = self.dry[at];
@@ -207,7 +212,8 @@ impl Friction {
             self.shares[row] = -self.base[c];
         }
         if solve_in_place(&mut self.matrix[..count * count], &mut self.shares[..count]).is_err() {
-            // Friction that vanishes here holds nothing: whatever moves first slides.
+            // Friction that vanishes at this position holds nothing: every coordinate slides in the direction of its
+            // acceleration.
             for (share, &at) in self.shares.iter_mut().zip(&self.stuck) {
                 *share = if self.base[self.dry[at]] > 0.0 { f64::INFINITY } else { f64::NEG_INFINITY };
             }

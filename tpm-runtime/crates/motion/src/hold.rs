@@ -3,7 +3,7 @@
 use num_complex::Complex;
 use tpm_core::harmonics::Hold;
 
-/// What a hold does to the phasor of a harmonic at the angle `W T` (rad).
+/// The factor by which a hold multiplies the phasor of a harmonic at the angle `W T` (rad).
 pub fn held(hold: Hold, angle: f64) -> Complex<f64> {
     let (re, im) = hold.factor(angle);
     Complex::new(re, im)

@@ -1,4 +1,4 @@
-//! One run of a machine: the motion it follows, the loop that holds it there, what is recorded, and the harmonics of that.
+//! One run of a machine: its reference motion, the control loop, the record, and the harmonics of the record.
 //!
 //! ```text
 //! Trajectory, Loop -> Trial -> Bench -> Record -> Spectra

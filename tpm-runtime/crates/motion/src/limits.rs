@@ -1,4 +1,4 @@
-//! How large a run may be: what a file may ask for is checked before anything is allocated for it.
+//! Bounds on the size of a run, so that a request in a file is checked before memory is allocated for it.
 
 /// The most samples of a run: eighty megabytes for every channel, or nearly three hours at a kilohertz.
 pub(crate) const MOST_SAMPLES: f64 = 1e7;
@@ -9,8 +9,8 @@ pub const MOST_POINTS: usize = 100_000;
 /// The most steps of the simulated machine between two samples.
 pub const MOST_SUB_STEPS: usize = 10_000;
 
-/// Whether a run that settles for so many periods and then measures for `measured` seconds, four periods at least, has no more samples
-/// than [`MOST_SAMPLES`]. The frequency is in rad/s.
+/// Whether a run of `settling` periods and then `measured` seconds, but at least four periods, has at most ten million
+/// samples. The frequency is in rad/s, the sample time in s.
 pub fn has_few_samples(settling: usize, measured: f64, frequency: f64, sample_time: f64) -> bool {
     let period = 2.0 * std::f64::consts::PI / frequency;
     let measured = (measured / period).ceil().max(4.0);

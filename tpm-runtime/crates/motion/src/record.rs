@@ -1,4 +1,4 @@
-//! What comes back from a run.
+//! The record of a run: its samples and how it ended.
 
 use crate::trial::Trial;
 use serde::{Deserialize, Serialize};
@@ -100,7 +100,7 @@ impl Ending {
     }
 }
 
-/// How a run ended, as reports and manifests say it.
+/// How a run ended, as reports and manifests state it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunEnding {
@@ -144,9 +144,9 @@ pub enum RecordError {
     /// The samples were taken at another rate.
     #[error("the record has a sample every {given} s, the trial one every {needed} s")]
     SampleTime {
-        /// Of the trial, s.
+        /// Sample time of the trial, s.
         needed: f64,
-        /// Of the samples, s.
+        /// Sample time of the record, s.
         given: f64,
     },
     /// The samples end before the trial, and show no bound that was passed.
@@ -175,7 +175,7 @@ pub struct Record {
     pub rates: Vec<Option<Vec<f64>>>,
     /// How the run ended.
     pub ending: Ending,
-    /// Samples in which an input was cut at its limit.
+    /// Number of samples in which an input was cut at its limit.
     pub saturated: usize,
 }
 
@@ -189,8 +189,8 @@ impl Record {
 
     /// The record of a trial from the samples that a machine gave. The record ends where a tracking error, a position or a measured
     /// velocity passes its bound, or an error is not a number; a sample in which an input stands at its limit counts as saturated.
-    /// Samples that end before the trial do so because the machine stopped the run: this is `stopped`, or an input stands at its
-    /// limit in the last of them.
+    /// Samples may end before the trial only if the machine stopped the run, as `stopped` states or as an input at its
+    /// limit in the last sample shows.
     ///
     /// # Errors
     /// [`RecordError::SampleTime`] when the samples were taken at another rate than the trial's, [`RecordError::TooShort`] when
@@ -210,6 +210,7 @@ impl Record {
         }
         let mut record =
             Record { sample_time: needed, coordinates, inputs, rates, ending: Ending::Complete, saturated: 0 };
+        // 1. The first sample at which a bound is passed, among those that the trial plays.
         let width = trial.reference.len() / trial.samples_per_period.max(1);
         let error =
             |n: usize, c: usize| record.coordinates[c][n] - trial.reference[n % trial.samples_per_period * width + c];
@@ -224,12 +225,14 @@ impl Record {
         };
         let passed = (0..played).find_map(passes);
         let length = passed.map_or(played, |(n, _)| n + 1);
+        // 2. Samples that are missing at the end need a reason.
         if passed.is_none() && record.len() < trial.samples() {
             match record.len().checked_sub(1).filter(|last| stopped || record.saturates(trial, *last)) {
                 Some(sample) => record.ending = Ending::Stopped { sample },
                 None => return Err(RecordError::TooShort { needed: trial.samples(), given: record.len() }),
             }
         }
+        // 3. The record ends at that sample, and saturated samples are counted.
         let rates = record.rates.iter_mut().flatten();
         for channel in record.coordinates.iter_mut().chain(&mut record.inputs).chain(rates) {
             channel.truncate(length);
@@ -241,7 +244,7 @@ impl Record {
         Ok(record)
     }
 
-    /// Whether an input stands at its limit in a sample.
+    /// Whether an input is at its limit in a sample.
     fn saturates(&self, trial: &Trial, sample: usize) -> bool {
         self.inputs.iter().zip(&trial.input_limits).any(|(input, limit)| input[sample].abs() >= *limit)
     }

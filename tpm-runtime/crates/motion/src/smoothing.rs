@@ -43,8 +43,8 @@ impl Smoothing {
         self.samples > self.degree && self.samples <= MOST_SAMPLES
     }
 
-    /// Weights of the samples, the newest first, in the value and in the slope (1/s) for samples every `sample_time` seconds. A
-    /// degree that the samples do not determine is lowered to what they do.
+    /// Weights of the samples, the newest first, in the value and in the slope (1/s) for samples every `sample_time`
+    /// seconds. The degree is lowered to at most one less than the number of samples, which determine no higher one.
     #[must_use]
     pub fn weights(self, sample_time: f64) -> (Vec<f64>, Vec<f64>) {
         let count = self.samples.max(2);
@@ -94,7 +94,7 @@ impl Smoother {
         Smoother { past: vec![0.0; value.len()], value, slope, newest: 0, begun: false }
     }
 
-    /// Takes in one sample and returns value and slope; before the first one the signal stood at it.
+    /// Takes in one sample and returns value and slope. The signal is taken as constant before its first sample.
     pub fn push(&mut self, sample: f64) -> (f64, f64) {
         if !self.begun {
             self.past.fill(sample);

@@ -1,9 +1,9 @@
-//! Harmonics of recorded signals with the noise that they carry.
+//! Harmonics of recorded signals, with the covariance of their noise.
 //!
 //! Invariant: the lines are those of the trigonometric polynomial that fits the windowed record best. For a whole number
 //! of samples per period that is one Fourier transform (its bins at multiples of the number of periods); otherwise the
 //! normal equations of the fit, a Hermitian Toeplitz matrix with a condition near one, are solved. The noise of a line is
-//! read from the same windowed transform between the lines, where a periodic signal has nothing.
+//! estimated from the bins of the same windowed transform between the lines, where a periodic signal vanishes.
 
 use crate::{mean_error, noise_within};
 use num_complex::Complex;
@@ -14,15 +14,17 @@ use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Highest harmonic that is fitted when the period is not a whole number of samples; it bounds the size of the linear system.
 const MAX_FITTED: usize = 256;
-/// Largest distance of a difference from whole steps, as a share of a step, of values that lie on a grid.
+/// Tolerance on a grid: largest distance of a difference of two values from a whole number of steps, as a share of a
+/// step.
 const GRID_TOLERANCE: f64 = 1e-3;
-/// Noise, in squares of a count, from which on the mean error of rounding is less steep than the motion: 2 exp(-2 pi^2 s^2) is below one.
+/// Least noise variance, in counts squared, that dithers the quantiser: from it on the mean rounding error is less
+/// steep than the motion, since its slope 2 exp(-2 pi^2 s^2) is below one.
 const DITHER: f64 = std::f64::consts::LN_2 / (2.0 * PI * PI);
-/// A line belongs to the motion when its power is this many times that of its noise.
+/// A line belongs to the motion when its power exceeds this multiple of its noise variance.
 const CERTAIN: f64 = 9.0;
-/// Most passes in which a motion and the error of rounding it are found together.
+/// Most fixed-point iterations between a motion and its mean rounding error.
 const MOST_PASSES: usize = 50;
-/// They are found when the motion changes by no more than this share of a count.
+/// The fixed-point iteration has converged when the motion changes by no more than this, in counts.
 const SETTLED: f64 = 1e-6;
 /// Least number of bins between the lines that one noise estimate averages.
 const LEAST_NOISE_BINS: usize = 16;
@@ -60,7 +62,7 @@ impl Window {
         }
     }
 
-    /// Bins around a line that carry the line itself.
+    /// Half width, in bins, of the neighbourhood of a line that the line itself fills.
     pub const fn guard(self) -> f64 {
         match self {
             Window::Rectangular => 0.5,
@@ -96,7 +98,7 @@ pub enum SpectrumError {
         /// Samples in a period.
         period: f64,
     },
-    /// The harmonics cannot be told apart on this record.
+    /// The record does not determine the harmonics: the normal equations are singular.
     #[error("the harmonics cannot be told apart on {samples} samples; use a whole number of periods, at least two")]
     Singular {
         /// Samples in the record.
@@ -124,9 +126,9 @@ pub struct Spectra {
     pub noise: Vec<DMatrix<Complex<f64>>>,
     /// Bins that each noise estimate averages; 0 when the record has one period only.
     pub noise_bins: usize,
-    /// Per channel: the step of the values when all of them are whole multiples of one apart (counts); zero otherwise.
+    /// Per channel: the step of the quantiser, when all values are whole multiples of one step apart; zero otherwise.
     pub steps: Vec<f64>,
-    /// Per channel: whether the motion rests in every period, so that the same counts are read over and over.
+    /// Per channel: whether the motion rests in every period, so that the same counts are read repeatedly.
     pub rests: Vec<bool>,
     /// Per channel: the windowed transform, its weights summing to one (of the residual of the fit for broken periods).
     pub bins: Vec<Vec<Complex<f64>>>,
@@ -225,8 +227,8 @@ impl Spectra {
         })
     }
 
-    /// Passes a channel through a linear response to the angular frequency (rad/s), which is real at zero: its lines, its noise
-    /// with that of the other channels, and its transform.
+    /// Multiplies a channel by a frequency response, a function of the angular frequency (rad/s) that is real at zero:
+    /// its lines, the covariance of its noise with that of all channels, and its transform.
     ///
     /// # Panics
     /// When there is no such channel.
@@ -247,19 +249,22 @@ impl Spectra {
         }
     }
 
-    /// The mean error of rounding to counts along a period of a channel of which one reading is given; nothing where the readings are no
-    /// counts, or where noise does not dither them.
+    /// The mean rounding error of a quantised channel along a period, in the channel's unit; `reading` is one of its
+    /// readings and places the grid. Nothing where the readings are not quantised, or where noise does not dither the
+    /// quantiser.
     ///
-    /// Normal noise of s counts leaves a mean error of rounding that is a smooth function of the motion, see [`mean_error`]. It is the same in
-    /// every period, and shows as wrong lines, largest where the motion dwells. The motion follows from the lines, the error from the motion.
-    /// From [`DITHER`] on the error is less steep than the motion, so that finding one from the other again and again converges.
+    /// Under normal noise the mean rounding error is a smooth function of the motion, see [`mean_error`]. It is the
+    /// same in every period, so that it biases the lines, most of all where the motion dwells. The motion follows from
+    /// the lines and the error from the motion, by a fixed-point iteration. With enough noise the error is less steep
+    /// than the motion, and the iteration converges.
     pub fn mean_rounding(&self, channel: usize, reading: f64) -> Option<Vec<f64>> {
         let (step, points) = (self.step(channel), self.samples_per_period.round() as usize);
         let highest = self.highest();
         if !(step > 0.0 && self.has_whole_periods() && self.noise_bins > 0 && highest > 0) {
             return None;
         }
-        // White noise has E|n|^2 = 4 sigma^2 bandwidth / N in every line; what differs from period to period shakes the counts alike.
+        // White noise has E|n|^2 = 4 sigma^2 bandwidth / N in every line. Noise that differs from period to period
+        // dithers the quantiser just as sensor noise does.
         let samples = self.samples_per_period * self.periods as f64;
         let power = (1..=highest).map(|k| self.variance(channel, k)).sum::<f64>() / highest as f64;
         let noise = noise_within(power * samples / (4.0 * self.window.bandwidth() * step * step));
@@ -301,11 +306,12 @@ impl Spectra {
         self.noise.len().saturating_sub(1)
     }
 
-    /// Power of the floor under the highest lines of a channel, as the variance E|n|^2 of one phasor; `None` when the
-    /// highest resolved lines are too few, or were not fitted.
+    /// Noise floor of the highest quarter of a channel's lines, as the variance E|n|^2 of one phasor. `None` when there
+    /// are fewer than 32 lines, or when the highest lines that the sampling resolves were not fitted.
     ///
-    /// Errors that repeat in every period, such as the quantisation of a repeated motion, leave nothing between the lines,
-    /// but this floor. The median is deaf to single lines that stand out; a median of |n|^2 is ln 2 of its mean.
+    /// Errors that repeat in every period, such as the quantisation of a repeated motion, are absent between the lines
+    /// but present in this floor. The median ignores single lines that stand out; the median of |n|^2 is ln 2 times its
+    /// mean.
     #[must_use]
     pub fn floor(&self, channel: usize) -> Option<f64> {
         let lines = self.lines.get(channel)?;
@@ -325,7 +331,7 @@ impl Spectra {
         self.noise.get(harmonic)?.get((channel, other)).copied()
     }
 
-    /// The step of a channel whose values all lie on a grid; zero for others.
+    /// The step of a channel's quantiser, in the channel's unit; zero for a channel that is not quantised.
     #[must_use]
     pub fn step(&self, channel: usize) -> f64 {
         self.steps.get(channel).copied().unwrap_or(0.0)
@@ -342,7 +348,8 @@ fn is_whole(samples_per_period: f64) -> bool {
     (samples_per_period - samples_per_period.round()).abs() < 1e-9
 }
 
-/// The step of values that lie on a grid, more than once on every point of it on average; zero when they do not.
+/// The step of the grid on which all values lie, provided that there are more values than grid points between the
+/// extremes; zero otherwise.
 pub fn step(values: &[f64]) -> f64 {
     let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
     let least = apart().fold(f64::INFINITY, f64::min);
@@ -355,7 +362,8 @@ pub fn step(values: &[f64]) -> f64 {
     if counted { least } else { 0.0 }
 }
 
-/// Covariance of the lines' noise, from the bins between them, and the number of bins averaged.
+/// Covariance of the noise in the first `count` lines, estimated from the bins between lines, and the least number of
+/// bins that an estimate averages.
 fn line_noise(
     bins: &[Vec<Complex<f64>>],
     count: usize,
@@ -399,9 +407,9 @@ fn line_noise(
     (noise, if averaged == usize::MAX { 0 } else { averaged })
 }
 
-/// Samples whose harmonics are computed side by side.
+/// Number of successive samples whose harmonics are computed side by side.
 const LANES: usize = 8;
-/// Groups of so many samples that one thread takes at a time.
+/// Number of groups of [`LANES`] samples that one thread takes at a time.
 const PART: usize = 4096;
 
 /// Weighted least-squares fit of harmonics whose period is not a whole number of samples.
@@ -457,7 +465,7 @@ impl LineFit {
     }
 }
 
-/// Cosines and sines of the angles of successive samples.
+/// Cosines and sines of `angle` times the index of successive samples, from the sample `first` on.
 fn turns(angle: f64, first: usize) -> ([f64; LANES], [f64; LANES]) {
     let (mut cos, mut sin) = ([0.0; LANES], [0.0; LANES]);
     for lane in 0..LANES {
@@ -525,7 +533,7 @@ mod tests {
 
     #[test]
     fn a_response_passes_lines_noise_and_transform_alike() {
-        // Two channels with a line and something between the lines; the second is then the first, half as large and late.
+        // Two channels with a line and noise between the lines; the second is then the first, halved and delayed.
         let (period, periods) = (40.0, 8);
         let wave = |n: usize| {
             let phase = 2.0 * PI * n as f64 / period;
@@ -626,7 +634,7 @@ mod tests {
             let after = after.expect("dithered");
             assert!(after < 0.25 * before, "{deviation}: {before} {after}");
         }
-        // Without noise nothing tells where between two counts the motion is.
+        // Without noise the readings do not show where between two counts the motion lies.
         assert!(errors(0.02).1.is_none());
     }
 }

@@ -1,28 +1,31 @@
 //! Strokes with rests between them, played over and over: one periodic motion.
 //!
-//! A stroke is a part of a trajectory, from one phase to another, and a rest after it. A sequence of strokes is periodic, but no
-//! finite series: its derivatives jump where a rest begins. Its Fourier series is cut where the accelerations that are left out
-//! no longer matter, and the reference is that series. Whoever reads a [`Trajectory`] reads it as any other, and the harmonics of the
-//! motion are those that are played.
+//! A stroke is a part of a trajectory, from one phase to another, and a rest after it. A sequence of strokes is
+//! periodic, but it is no finite series, since its derivatives jump where a rest begins. Its Fourier series is
+//! truncated where the omitted accelerations are negligible. The truncated series is the reference, a [`Trajectory`]
+//! like any other, so that the harmonics of the reference are exactly those that are played.
 //!
-//! Invariant: positions, velocities and accelerations go on from every stroke to the rest behind it and to the next stroke, the
-//! last stroke's to the first.
+//! Invariant: positions, velocities and accelerations are continuous from every stroke to the rest behind it and to the
+//! next stroke, and from the last stroke to the first.
 
 use crate::trajectory::{HarmonicSeries, Line, Trajectory};
 use std::f64::consts::TAU;
 use tpm_numerics::fourier::analyse;
 
-/// Samples of a period from which the series is computed. The series decays so fast that aliases are far below what is left out.
+/// Samples of a period from which the series is computed. The series decays so fast that aliases are far below the
+/// truncation error.
 const SAMPLES: usize = 1 << 14;
-/// Largest share of the root mean square of an acceleration that the series leaves out.
+/// Truncation bound: root mean square of the omitted acceleration, as a share of that of the whole acceleration.
 const LEFT_OUT: f64 = 2e-4;
 /// Highest harmonic of the series.
 const HIGHEST: usize = 512;
-/// Smallest harmonic of the series, as a share of the largest acceleration. Smaller ones are rounding.
+/// Smallest acceleration harmonic that is kept, as a share of the root of the sum of squares of all. Smaller ones are
+/// rounding.
 const ROUNDING: f64 = 1e-12;
-/// Smallest harmonic that is substantial, as a share of the largest.
+/// Smallest amplitude of a substantial harmonic, as a share of the largest amplitude of its coordinate.
 const SUBSTANTIAL: f64 = 1e-4;
-/// Largest jump of position, velocity or acceleration between two strokes, as a share of its largest value along the strokes.
+/// Largest jump of position, velocity or acceleration between two strokes that is rounding, as a share of the bound on
+/// that derivative along all strokes.
 const JUMP: f64 = 1e-6;
 
 /// A part of a trajectory, and the rest after it.
@@ -42,7 +45,7 @@ impl Stroke {
     }
 }
 
-/// A derivative that does not go on behind a stroke.
+/// A derivative that is discontinuous at the end of a stroke.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Break {
     /// The stroke, from 0.
@@ -51,13 +54,14 @@ pub struct Break {
     pub coordinate: usize,
     /// Order of the derivative: 0 is the position, 1 the velocity, 2 the acceleration.
     pub order: usize,
-    /// Its value at the end of the stroke, and where the motion goes on: zero in a rest.
+    /// Its value at the end of the stroke, and its value just after: zero in a rest.
     pub values: (f64, f64),
     /// Whether a rest follows.
     pub rests: bool,
 }
 
-/// The first derivative up to the acceleration that does not go on behind a stroke; none for strokes that make one motion.
+/// The first discontinuity at the end of a stroke among positions, velocities and accelerations; none for strokes that
+/// form one smooth motion.
 #[must_use]
 pub fn first_break(strokes: &[Stroke]) -> Option<Break> {
     let coordinates = strokes.first()?.trajectory.coordinates.len();
@@ -82,7 +86,8 @@ pub fn first_break(strokes: &[Stroke]) -> Option<Break> {
                 let rests = stroke.dwell > 0.0;
                 let mut goes_on = vec![begins];
                 if rests && order > 0 {
-                    // A rest ends at rest too, so that the next stroke must begin there.
+                    // In a rest the derivatives are zero: the stroke must end at zero, and the next stroke must begin
+                    // there.
                     goes_on.insert(0, 0.0);
                 }
                 if let Some(&other) = goes_on.iter().find(|other| (ends - **other).abs() > allowed) {
@@ -96,8 +101,8 @@ pub fn first_break(strokes: &[Stroke]) -> Option<Break> {
 
 /// The strokes one after the other, over and over, as a Fourier series.
 ///
-/// The strokes should go on from one to the next ([`first_break`]); the series smooths the jumps of those that do not. Without
-/// strokes, or without a time in which they are played, nothing moves.
+/// The strokes should be continuous from one to the next ([`first_break`]); the series smooths any jumps. Without
+/// strokes, or with a total duration of zero, nothing moves.
 #[must_use]
 pub fn repeated(strokes: &[Stroke]) -> Trajectory {
     let total: f64 = strokes.iter().map(|stroke| stroke.moving() + stroke.dwell).sum();
@@ -117,8 +122,8 @@ pub fn repeated(strokes: &[Stroke]) -> Trajectory {
     Trajectory { frequency: TAU / total, coordinates: series }
 }
 
-/// Highest harmonic of a series of strokes above a ten-thousandth of the largest of its coordinate. Those above it make the corners
-/// of the rests, and tell nothing that noise does not hide.
+/// Highest harmonic of a series of strokes whose amplitude exceeds a ten-thousandth of the largest of its coordinate.
+/// Higher harmonics shape the corners at the rests, and are hidden in noise.
 #[must_use]
 pub fn substantial_harmonic(strokes: &Trajectory) -> u32 {
     let of = |series: &HarmonicSeries| {
@@ -130,7 +135,7 @@ pub fn substantial_harmonic(strokes: &Trajectory) -> u32 {
     strokes.coordinates.iter().map(of).max().unwrap_or(0)
 }
 
-/// The series of one coordinate, cut where the accelerations that are left out are small.
+/// The series of coordinate `c`, truncated where the omitted accelerations are negligible.
 fn cut(positions: &[f64], c: usize, coordinates: usize) -> HarmonicSeries {
     let lines = analyse(positions, c, coordinates, SAMPLES / 4);
     let square = |(k, line): (usize, &num_complex::Complex<f64>)| line.norm_sqr() * (k as f64).powi(4);
@@ -201,7 +206,7 @@ mod tests {
         early[1].phases.0 = 0.75 * PI;
         let found = first_break(&early).expect("a velocity at the end of the first stroke");
         assert_eq!((found.stroke, found.coordinate, found.order, found.rests), (0, 0, 1, true));
-        // Without the rest the second stroke goes on with the velocity.
+        // Without the rest the velocity is continuous into the second stroke.
         early[0].dwell = 0.0;
         assert_eq!(first_break(&early), None);
         let alone = first_break(&early[..1]).expect("the stroke does not return");

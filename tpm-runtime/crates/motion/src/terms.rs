@@ -1,4 +1,4 @@
-//! The terms of a run, for whoever plays it without this library: feedback, limits, timing.
+//! The terms of a run, for a program that plays it without this library: feedback, limits, timing.
 //!
 //! ```text
 //! u[n] = u_ff[n] - sum over paths ( kp e[n] + kd v[n] ),      e[n] = q[n] - q_ref[n]

@@ -27,7 +27,7 @@ pub struct HarmonicSeries {
 }
 
 impl HarmonicSeries {
-    /// The series of one-sided phasors `a_k - j b_k`, from the mean on, with the harmonics that `keep` takes.
+    /// The series of one-sided phasors `a_k - j b_k`, from the mean on, with those harmonics for which `keep` is true.
     pub fn from_phasors(phasors: &[Complex<f64>], keep: impl Fn(usize, &Complex<f64>) -> bool) -> Self {
         let kept = phasors.iter().enumerate().skip(1).filter(|(k, z)| keep(*k, z));
         HarmonicSeries {
@@ -42,7 +42,7 @@ impl HarmonicSeries {
         let mean = if order == 0 { self.mean } else { 0.0 };
         self.lines.iter().fold(mean, |sum, line| {
             let (sin, cos) = (f64::from(line.harmonic) * phase).sin_cos();
-            // (cos, sin) -> (sin, -cos) times k w at every differentiation.
+            // Every differentiation multiplies by k w and turns cos into -sin, sin into cos.
             let (of_cos, of_sin) = match order % 4 {
                 0 => (cos, sin),
                 1 => (-sin, cos),
@@ -110,7 +110,7 @@ pub struct Part {
     pub powers: Vec<(usize, i32)>,
     /// Power of the fundamental frequency, such as -1 where an amplitude is a velocity.
     pub frequency_power: i32,
-    /// What they multiply.
+    /// The series that these powers multiply.
     pub series: HarmonicSeries,
 }
 

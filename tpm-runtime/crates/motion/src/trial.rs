@@ -48,7 +48,7 @@ pub struct Trial {
     pub velocity_bounds: Vec<f64>,
 }
 
-/// What goes into a [`Trial`].
+/// The settings from which a [`Trial`] is computed.
 #[derive(Clone, Debug)]
 pub struct TrialSettings<'a> {
     /// Number of the run.
@@ -80,7 +80,7 @@ pub struct TrialSettings<'a> {
 }
 
 impl Trial {
-    /// Works out the samples to play.
+    /// Computes reference and feed-forward, sample by sample.
     ///
     /// # Errors
     /// [`TrialError`] when a period has too few samples, the rows do not determine open coordinates or inputs, or the model
@@ -101,6 +101,7 @@ impl Trial {
             position_bounds,
             velocity_bounds,
         } = settings;
+        // 1. A whole number of samples per period, and the frequency that it gives.
         let dims = model.dims();
         let sample_time = control.sample_time;
         let asked = 2.0 * std::f64::consts::PI / (trajectory.frequency * sample_time);
@@ -116,6 +117,7 @@ impl Trial {
         }
         let samples = asked.round() as usize;
         trajectory.frequency = 2.0 * std::f64::consts::PI / (samples as f64 * sample_time);
+        // 2. The motion of the open coordinates, and the reference.
         complete(model, &mut trajectory, open, parameters, constants).map_err(|fault| match fault {
             CompletionError::Evaluation(source) => TrialError::Evaluation(source),
             CompletionError::Open(reason) => TrialError::Open {
@@ -127,6 +129,7 @@ impl Trial {
         for (n, motion) in reference.chunks_exact_mut(dims.motion_len()).enumerate() {
             trajectory.motion_at(n, samples, 0.0, motion);
         }
+        // 3. The feed-forward, half a sample ahead or with hold and actuators divided out, as the loop asks for.
         let advanced;
         let demanded = if control.compensation == HoldCompensation::Advance {
             let mut shifted = vec![0.0; reference.len()];
@@ -168,7 +171,8 @@ impl Trial {
         self.samples_per_period * self.periods
     }
 
-    /// Largest share of its limit that the feed-forward of any input takes, with the input and the sample of the period.
+    /// The largest magnitude of any input's feed-forward as a share of that input's limit, with the input and the
+    /// sample of the period.
     #[must_use]
     pub fn feed_forward_share(&self) -> (f64, usize, usize) {
         let inputs = self.input_limits.len().max(1);
@@ -216,7 +220,7 @@ mod tests {
         Trial::new(&MassSpringDrag, settings)
     }
 
-    /// Phasor of harmonic k of what a hold makes of the samples.
+    /// Phasor of harmonic k of the held samples.
     fn held(samples: &[f64], k: usize) -> (f64, f64) {
         let n = samples.len() as f64;
         let angle = 2.0 * PI * k as f64 / n;
@@ -236,7 +240,7 @@ mod tests {
         assert_eq!(plain.samples(), 600);
         let exact = trial(PI, HoldCompensation::Exact).expect("playable");
         let advance = trial(PI, HoldCompensation::Advance).expect("playable");
-        // The demand's own phasors: Feng 3.26 has cosines only.
+        // Phasors of the demand: Feng 3.26 has cosines only.
         let n = plain.feed_forward.len() as f64;
         let demand: Vec<f64> = (0..8)
             .map(|k| {

@@ -1,4 +1,4 @@
-//! How likely sums of squares are.
+//! Significance of sums of squared normal variables.
 
 /// How far a sum of `freedom` squared normal variables lies above its mean, in standard deviations of a normal variable
 /// (Wilson and Hilferty's cube root).

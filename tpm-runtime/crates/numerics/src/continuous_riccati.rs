@@ -1,9 +1,10 @@
 //! The continuous algebraic Riccati equation, by the sign of its Hamiltonian matrix.
 //!
-//! With G = B R^-1 B' the stable states of the Hamiltonian matrix `H = [A, -G; -Q, -A']` are (x, P x) for the stabilising solution P of
-//! `A' P + P A - P G P + Q = 0`. Newton's iteration `Z <- (c Z + (c Z)^-1)/2` from Z = H, with c the determinant's root, converges to
-//! the sign of H, which is -1 on these states: `(Z + 1) (x, P x) = 0` for every x (J. D. Roberts, 1980). Invariant: what is
-//! returned solves the equation to rounding and stabilises; both are tested.
+//! With G = B R^-1 B' the stable invariant subspace of the Hamiltonian matrix `H = [A, -G; -Q, -A']` holds the vectors
+//! (x, P x), where P is the stabilising solution of `A' P + P A - P G P + Q = 0`. Newton's iteration
+//! `Z <- (c Z + (c Z)^-1)/2` from Z = H, with a factor c that scales the eigenvalues' magnitudes to about one, tends to
+//! the sign of H, which is -1 on this subspace: `(Z + 1) (x, P x) = 0` for every x (J. D. Roberts, 1980). Invariant:
+//! what is returned solves the equation to rounding and stabilises; both are tested.
 
 use crate::DMatrix;
 use crate::eigenvalues::eigenvalues;
@@ -11,15 +12,15 @@ use crate::riccati::{Riccati, RiccatiError, SOLVED, weighted};
 
 /// Most steps of the iteration; a dozen are usual.
 const STEPS: usize = 100;
-/// Relative change at which the iteration has settled.
+/// Relative change of the sign matrix in one step below which the iteration has converged.
 const SETTLED: f64 = 1e-13;
-/// Change below which a step that changes more than the one before says that rounding is all that is left.
+/// Relative change below which a step that is no smaller than the step before is rounding: the iteration has converged.
 const NEARLY: f64 = 1e-6;
 
 /// Solves `A' P + P A - P B R^-1 B' P + Q = 0`; the poles are those of A - B K, rad/s.
 ///
 /// # Errors
-/// [`RiccatiError`], but for [`RiccatiError::SampleTime`].
+/// [`RiccatiError`], never [`RiccatiError::SampleTime`].
 pub fn continuous_riccati(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -29,16 +30,19 @@ pub fn continuous_riccati(
     let n = a.nrows();
     let weighted = weighted(a, b, q, r)?;
     let reach = b * &weighted;
+    // 1. The Hamiltonian matrix.
     let mut sign = DMatrix::zeros(2 * n, 2 * n);
     sign.view_mut((0, 0), (n, n)).copy_from(a);
     sign.view_mut((0, n), (n, n)).copy_from(&-&reach);
     sign.view_mut((n, 0), (n, n)).copy_from(&-q);
     sign.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
+    // 2. Newton's iteration for its sign.
     let mut last = f64::INFINITY;
     for _ in 0..STEPS {
         let factors = sign.clone().lu();
         let inverse = factors.try_inverse().ok_or(RiccatiError::NotStabilisable)?;
-        // The geometric mean of the eigenvalues' magnitudes, as the norms of matrix and inverse tell it.
+        // The inverse geometric mean of the eigenvalues' magnitudes, estimated by the norms of the matrix and of its
+        // inverse.
         let scale = (inverse.norm() / sign.norm()).sqrt();
         let next = 0.5 * (scale * &sign + inverse / scale);
         let change = (&next - &sign).amax() / next.amax();
@@ -51,7 +55,7 @@ pub fn continuous_riccati(
         }
         last = change;
     }
-    // [Z12; Z22 + 1] P = -[Z11 + 1; Z21], twice as many equations as unknowns.
+    // 3. P by least squares from [Z12; Z22 + 1] P = -[Z11 + 1; Z21], twice as many equations as unknowns.
     let identity = DMatrix::<f64>::identity(n, n);
     let mut left = sign.columns(n, n).into_owned();
     let mut right = -sign.columns(0, n).into_owned();
@@ -62,6 +66,7 @@ pub fn continuous_riccati(
     let qr = left.qr();
     let solution = qr.r().solve_upper_triangular(&(qr.q().transpose() * right)).ok_or(RiccatiError::NotStabilisable)?;
     let solution = 0.5 * (&solution + solution.transpose());
+    // 4. The gain, the poles of the closed loop and the residual of the equation.
     let gain = &weighted * &solution;
     let poles = eigenvalues(&(a - b * &gain));
     let terms = [a.transpose() * &solution, &solution * a, &solution * &reach * &solution, q.clone()];

@@ -1,17 +1,17 @@
 //! Difference quotients, and differences of samples.
 
-/// Shifts in steps h and the weights of the values there: their sum over `12 h` is the derivative, exact up to the fourth
-/// degree.
+/// Five-point stencil of the first derivative: shifts in steps h, and the weights of the values there. The weighted sum
+/// divided by `12 h` is the derivative, exact for polynomials up to the fourth degree.
 pub const FIVE_POINT: [(f64, f64); 4] = [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)];
 
-/// Variance of the square of [`white_noise`] as a share of its square, times the number of samples.
+/// Relative variance of the noise variance that [`white_noise`] estimates (its square), times the number of samples.
 pub const WHITE_NOISE_SPREAD: f64 = 12.5;
 
 /// Median of the magnitude of a normal variable of unit variance.
 const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_082;
 
-/// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is
-/// sampled densely.
+/// Standard deviation of the white noise on a signal, in the signal's unit. It is estimated by the median magnitude of
+/// the sixth differences, in which a densely sampled motion is negligible. Zero for fewer than seven samples.
 pub fn white_noise(signal: &[f64]) -> f64 {
     const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
     let power: f64 = BINOMIAL.iter().map(|b| b * b).sum();
@@ -19,7 +19,8 @@ pub fn white_noise(signal: &[f64]) -> f64 {
     deviation_of(signal.windows(BINOMIAL.len()).map(difference)) / power.sqrt()
 }
 
-/// Standard deviation of a normal variable by the median of its sizes, which a few that are far off do not move; zero without any.
+/// Standard deviation of a normal variable, estimated by the median of its magnitudes `sizes`, which a few outliers do
+/// not move; zero without any.
 pub fn deviation_of(sizes: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = sizes.collect();
     if sizes.is_empty() {

@@ -1,9 +1,9 @@
-//! Eigenvalues of a real matrix, with an end.
+//! Eigenvalues of a real matrix, by a bounded number of iterations.
 //!
-//! The double-shift QR iteration of the linear-algebra crate has no exceptional shifts, so that it never ends on about one
-//! matrix in a million. Invariant: every iteration here is bounded. A matrix on which the iteration does not end is reflected,
-//! which changes its eigenvalues by rounding only and the course of the iteration entirely (after Golub and Van Loan, Matrix
-//! Computations, 7.5).
+//! nalgebra's double-shift QR iteration has no exceptional shifts, and does not end on some matrices (`DESIGN.md`, "Why
+//! nalgebra and what does it get wrong?"). Invariant: every iteration here is bounded. A matrix on which the iteration
+//! does not end is reflected, which changes its eigenvalues by rounding only and the course of the iteration entirely
+//! (after Golub and Van Loan, Matrix Computations, 7.5).
 
 use crate::{DMatrix, DVector};
 use nalgebra::linalg::Schur;
@@ -33,7 +33,7 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
 /// `Q A Q` with the reflection `Q = 1 - 2 v v'/v'v`.
 fn reflected(matrix: &DMatrix<f64>, attempt: usize) -> DMatrix<f64> {
     let n = matrix.nrows();
-    // Any direction does that has no part in common with the matrix's own structure.
+    // Any direction serves that does not share the structure of the matrix, such as its zeros.
     let v = DVector::from_fn(n, |i, _| ((i + 1) as f64 * (attempt as f64 + 0.5).sqrt()).sin()).normalize();
     let half = matrix - 2.0 * &v * (v.transpose() * matrix);
     &half - 2.0 * (&half * &v) * v.transpose()
@@ -60,7 +60,7 @@ mod tests {
         0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.6065306597126334,
     ];
 
-    /// Eigenvalues are told by the sums of their powers, the traces of the matrix's.
+    /// Checks eigenvalues by the sums of their powers, which are the traces of the matrix's powers.
     fn check(matrix: &DMatrix<f64>, found: &[Complex<f64>]) {
         let (mut power, size) = (matrix.clone(), found.iter().map(|z| z.norm()).fold(1.0, f64::max));
         for k in 1..=matrix.nrows() {

@@ -22,7 +22,8 @@ pub fn inverse(points: usize) -> Arc<dyn ComplexToReal<f64>> {
     PLANNER.with_borrow_mut(|planner| planner.plan_fft_inverse(points))
 }
 
-/// Values of one period of a signal, or of its derivative, at `points` even times.
+/// One period of a signal, or of its derivative of order `derivative`, at `points` equally spaced times. `lines` are
+/// its one-sided phasors from the mean on, of which those up to `harmonics` are used; `fundamental` is in rad/s.
 pub fn synthesise(
     lines: &[Complex<f64>],
     derivative: usize,
@@ -64,7 +65,8 @@ pub fn analyse(values: &[f64], offset: usize, stride: usize, harmonics: usize) -
         .collect()
 }
 
-/// Two-sided coefficients of a period sampled evenly, from the mean on; at negative harmonics a real series has the conjugates.
+/// Two-sided Fourier coefficients of a period sampled evenly, from the mean on. Those of negative harmonics are the
+/// conjugates, since the series is real.
 pub fn two_sided(series: &[f64]) -> Vec<Complex<f64>> {
     let mut lines = analyse(series, 0, 1, (series.len() / 2).saturating_sub(1));
     lines.iter_mut().skip(1).for_each(|line| *line *= 0.5);

@@ -1,9 +1,10 @@
-//! Which of several correlated variables say something of their own.
+//! Choice of linearly independent variables by their covariance.
 
 use crate::DMatrix;
 
-/// Indices of the variables, in order, that do not follow from those before them: given these, they keep more than a share
-/// `tolerance` of their variance. Variables of variance zero are left out. The covariance of what remains has a Cholesky factor.
+/// Indices, ascending, of the variables that are linearly independent of those before them: given those, more than a
+/// share `tolerance` of their variance remains. Variables of variance zero are left out. The covariance of the
+/// variables that are kept has a Cholesky factor.
 pub fn independent(covariance: &DMatrix<f64>, tolerance: f64) -> Vec<usize> {
     let mut kept: Vec<usize> = Vec::new();
     // Rows of the Cholesky factor of the kept variables.

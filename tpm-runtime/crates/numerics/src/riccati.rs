@@ -16,11 +16,12 @@ use num_complex::Complex;
 
 /// Most rounds of doubling: 2^60 samples are longer than any machine runs.
 const ROUNDS: usize = 60;
-/// Relative change at which doubling has settled.
+/// Relative change of the solution in one round below which the doubling has converged.
 const SETTLED: f64 = 1e-14;
 /// Largest residual of the equation, as a share of its terms, that still counts as solved.
 pub(super) const SOLVED: f64 = 1e-8;
-/// Share of a weight's largest entry by which it may fail to be symmetric or positive.
+/// Tolerance for rounding in the weights Q and R: share of a weight's largest entry by which it may be asymmetric or
+/// negative.
 const ROUNDING: f64 = 1e-12;
 
 /// Why there is no regulator.
@@ -47,7 +48,7 @@ pub enum RiccatiError {
     /// Q is negative somewhere.
     #[error("the weight of the states must be symmetric and not negative")]
     StateWeight,
-    /// No feedback stabilises, or Q does not see an unstable mode.
+    /// No feedback stabilises, or an unstable mode is not observable through Q.
     #[error(
         "no regulator was found: the inputs do not reach a mode that is not stable, or the weights of the states do not see it"
     )]
@@ -63,14 +64,14 @@ pub struct Riccati {
     pub gain: DMatrix<f64>,
     /// Eigenvalues of A - B K.
     pub poles: Vec<Complex<f64>>,
-    /// Largest entry that is left of the equation over that of its largest term.
+    /// Largest entry of the equation's residual, as a share of the largest entry of its terms.
     pub residual: f64,
 }
 
 /// Solves `P = Q + A' P A - A' P B (R + B' P B)^-1 B' P A`.
 ///
 /// # Errors
-/// [`RiccatiError`], but for [`RiccatiError::SampleTime`].
+/// [`RiccatiError`], never [`RiccatiError::SampleTime`].
 pub fn riccati(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
@@ -79,6 +80,7 @@ pub fn riccati(
 ) -> Result<Riccati, RiccatiError> {
     let n = a.nrows();
     let (mut transition, mut reach, mut solution) = (a.clone(), b * weighted(a, b, q, r)?, q.clone());
+    // 1. The doubling iteration, until the solution no longer changes.
     let mut settled = false;
     for _ in 0..ROUNDS {
         let inverse = (DMatrix::identity(n, n) + &reach * &solution).lu();
@@ -104,10 +106,12 @@ pub fn riccati(
     if !settled {
         return Err(RiccatiError::NotStabilisable);
     }
+    // 2. The gain and the poles of the closed loop.
     let seen = b.transpose() * &solution;
     let gain = (r + &seen * b).lu().solve(&(&seen * a)).ok_or(RiccatiError::NotStabilisable)?;
     let closed = a - b * &gain;
     let poles = eigenvalues(&closed);
+    // 3. The residual of the equation; what is returned solves it and stabilises.
     let terms = [q.clone(), a.transpose() * &solution * a, a.transpose() * &solution * b * &gain, solution.clone()];
     let largest = terms.iter().map(DMatrix::amax).fold(0.0, f64::max);
     let left = (&terms[0] + &terms[1] - &terms[2] - &terms[3]).amax();
@@ -179,7 +183,7 @@ mod tests {
             let expected = (-half + (half * half + b * b * q * r).sqrt()) / (b * b);
             match riccati(&one(a), &one(b), &one(q), &one(r)) {
                 Ok(found) => assert!((found.solution[(0, 0)] / expected - 1.0).abs() < 1e-13, "{a}"),
-                // Without a weight on the unstable state doubling finds the solution that leaves it alone.
+                // Without a weight on the unstable state doubling finds the solution that does not stabilise it.
                 Err(fault) => assert_eq!((q, fault), (0.0, RiccatiError::NotStabilisable)),
             }
         }
@@ -199,7 +203,7 @@ mod tests {
                 assert!(difference < 1e-10, "{n} {m}: {difference:e}");
                 assert!(found.residual < 1e-12, "{:e}", found.residual);
                 assert!(found.solution.symmetric_eigenvalues().min() >= -1e-12 * plain.amax());
-                // P is what the closed loop costs: P = Q + K'RK + (A-BK)' P (A-BK).
+                // P is the cost of the closed loop: P = Q + K'RK + (A-BK)' P (A-BK).
                 let closed = &a - &b * &found.gain;
                 let cost = &q + found.gain.transpose() * &r * &found.gain + closed.transpose() * &plain * &closed;
                 assert!((cost - &plain).amax() < 1e-10 * plain.amax());

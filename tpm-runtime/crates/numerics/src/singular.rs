@@ -1,22 +1,22 @@
 //! Singular values of a real matrix, as the eigenvalues of a symmetric one.
 //!
-//! The linear-algebra crate's own decomposition loses digits where a singular value is small beside the largest: of random
-//! matrices with dependent columns it gives back one in fifty with errors of 1e-9 to 1 (dimforge/nalgebra, issue 1172), and
-//! estimates along the directions that the data do show come out wrong. Its symmetric eigenvalues are right to rounding.
+//! nalgebra's own decomposition loses digits where a singular value is small beside the largest; its symmetric
+//! eigenvalues are right to rounding (`DESIGN.md`, "Why nalgebra and what does it get wrong?").
+//!
 //! Invariant: the eigenvalues of `[0 A; A' 0]` are plus and minus the singular values of A, and zeros (Golub and Van Loan,
-//! Matrix Computations, 8.6). The square of A, which loses half of the digits, serves for condition numbers that can spare them
-//! only.
+//! Matrix Computations, 8.6). The eigenvalues of A' A lose half of the digits, so that they serve only for condition
+//! numbers that are not large.
 
 use crate::{DMatrix, DVector};
 
 /// The singular values of a matrix above a tolerance, with their vectors.
 #[derive(Clone, Debug)]
 pub struct Singular {
-    /// Descending.
+    /// Singular values, descending.
     pub values: DVector<f64>,
-    /// Left vectors, by columns.
+    /// Left singular vectors, by columns.
     pub left: DMatrix<f64>,
-    /// Right vectors, by columns.
+    /// Right singular vectors, by columns.
     pub right: DMatrix<f64>,
 }
 
@@ -41,8 +41,8 @@ impl Singular {
         let mut counted: Vec<usize> =
             (0..rows + columns).filter(|&i| eigen.eigenvalues[i] > tolerance * largest).collect();
         counted.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-        // The parts of an eigenvector are the left and the right vector, each of half of its square; where the eigenvectors of
-        // plus and minus a value mix, the parts keep their directions.
+        // The two parts of an eigenvector are the left and the right singular vector, each with half of its squared
+        // length. Where the eigenvectors of plus and minus a value mix, each part still keeps its direction.
         let part = |from: usize, count: usize| {
             let raw = DMatrix::from_fn(count, counted.len(), |r, c| eigen.eigenvectors[(from + r, counted[c])]);
             unit_columns(raw).0
@@ -77,7 +77,7 @@ pub fn condition(matrix: &DMatrix<f64>, tolerance: f64) -> f64 {
     if matrix.is_empty() || matrix.iter().any(|x| !x.is_finite()) {
         return f64::INFINITY;
     }
-    // The square loses no more than half of the digits here, and is half as large.
+    // With a condition number below 1e4, A' A loses no more than half of the digits, and it is half as large.
     let squares = matrix.tr_mul(matrix).symmetric_eigenvalues();
     let (largest, smallest) = (squares.max(), squares.min());
     if smallest > tolerance.max(1e-4).powi(2) * largest {
@@ -109,7 +109,8 @@ pub fn largest_one(direction: &[f64]) -> Vec<f64> {
 pub fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
     let n = columns.nrows();
     let mut basis: Vec<DVector<f64>> = Vec::with_capacity(n);
-    // What of a vector the basis does not span; twice is enough (Gram and Schmidt, repeated).
+    // The part of a vector that is orthogonal to the basis. The Gram-Schmidt process is run twice, which is enough
+    // against rounding.
     let rest = |basis: &[DVector<f64>], mut vector: DVector<f64>| {
         for _ in 0..2 {
             for known in basis {
@@ -126,7 +127,7 @@ pub fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
     }
     let given = basis.len();
     while basis.len() < n {
-        // The unit vector of which the basis spans least.
+        // The unit vector with the smallest projection on the basis.
         let spanned = |i: usize| basis.iter().map(|known| known[i] * known[i]).sum::<f64>();
         let next = (0..n).min_by(|&i, &j| spanned(i).total_cmp(&spanned(j))).unwrap_or(0);
         let unit = DVector::from_fn(n, |i, _| if i == next { 1.0 } else { 0.0 });
@@ -152,7 +153,7 @@ mod tests {
             let rows = columns + case % 3;
             let mut random = |r: usize, c: usize| DMatrix::from_fn(r, c, |_, _| rng.random_range(-1.0..1.0));
             let mut matrix = random(rows, rank) * random(rank, columns);
-            // What rounding leaves of a dependence, and what noise does.
+            // Perturbations from the size of noise down to that of rounding make the columns nearly dependent.
             matrix += random(rows, columns) * 10.0_f64.powi(-((case % 20) as i32));
             for mut column in matrix.column_iter_mut() {
                 column.normalize_mut();
@@ -169,7 +170,7 @@ mod tests {
             for (vectors, wanted) in [(&whole.left, whole.rank()), (&whole.right, whole.rank()), (&null, null.ncols())]
             {
                 let error = (vectors.tr_mul(vectors) - DMatrix::identity(wanted, wanted)).norm();
-                // Vectors of the smallest values that count are known to rounding over their distance from the next ones.
+                // The error of a singular vector is rounding divided by the distance to the next singular value.
                 assert!(error < 1e-4, "{case}: {error:e}");
             }
             assert!((&matrix * &null).norm() < 1e-8, "{case}");

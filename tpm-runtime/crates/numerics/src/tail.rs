@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 /// Half the width of the interval that holds 95 % of a normal distribution, in standard deviations.
 pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 
-/// Probability that a normal variable is at least as many standard deviations from its mean, to either side.
+/// Probability that a normal variable is at least `deviations` standard deviations from its mean, to either side.
 pub fn normal_two_sided(deviations: f64) -> f64 {
     libm::erfc(deviations.abs() / 2.0_f64.sqrt())
 }
 
-/// Probability that a chi-squared variable with so many degrees of freedom is at least as large.
+/// Probability that a chi-squared variable with so many degrees of freedom is at least `x`.
 ///
 /// The regularised incomplete gamma function Q(k/2, x/2) by its recurrence Q(a + 1, y) = Q(a, y) + y^a exp(-y)/Gamma(a + 1), from
 /// Q(1/2, y) = erfc(sqrt(y)) or Q(1, y) = exp(-y); no digits cancel, since all terms are positive.

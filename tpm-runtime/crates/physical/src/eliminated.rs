@@ -1,22 +1,19 @@
-//! Models with eliminated coordinates: lumped parameters from the motion of what remains, physical ones from both.
+//! Models with eliminated coordinates: lumped parameters from the motion of the remaining coordinates, and physical
+//! parameters from the lumped ones and the harmonic equations.
 //!
-//! A chain whose free cart is the output has the one row `B(x_l) c = u` (Feng, Eqns 4.12, 4.34), linear in lumped parameters c
-//! of which there are more than physical ones p. Under noise some of the c cannot be determined (two carts: c3 to c5), while all
-//! of the p can. Invariant: p minimises the weighted squares of the harmonic equations of `B c(p) = u` themselves, over all
-//! runs, with weights that belong to c(p). The c are also estimated without their relations, and reported as poorly
-//! determined where they are.
+//! A chain whose free cart is the output has the single row `B(x_l) c = u` (Feng, Eqns 4.12, 4.34). It is linear in
+//! lumped parameters c, of which there are more than physical parameters p. Under noise some of the c cannot be
+//! determined (two carts: c3 to c5), while all of the p can. Invariant: p minimises the weighted sum of squares of the
+//! harmonic equations `B c(p) = u` over all runs, with weights that belong to c(p). The c are also estimated without
+//! their relations to p, and are reported as poorly determined where they are.
 
 use crate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
 use std::sync::Arc;
 use tpm_core::model::Model;
-use tpm_estimate::Estimate;
-use tpm_estimate::EstimateError;
-use tpm_estimate::Estimator;
-use tpm_estimate::Information;
-use tpm_estimate::Run;
-use tpm_estimate::Settings;
-use tpm_estimate::{Evidence, POOR, Status};
-use tpm_estimate::{Fitted, MeasuredMotion, Structure, estimate_structured, refine_last};
+use tpm_estimate::{
+    Estimate, EstimateError, Estimator, Evidence, Fitted, Information, MeasuredMotion, POOR, PhysicalRemark,
+    ResidualOf, Run, Settings, Status, Structure, estimate_structured, refine_last,
+};
 use tpm_interpret::Interpreted;
 use tpm_numerics::{DMatrix, Matrix};
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -25,7 +22,7 @@ use tpm_symbolic::regressor::prepare::Prepared;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum EliminatedError {
-    /// A signal or a constant of the eliminated form is not the machine's.
+    /// A signal or constant of the eliminated form does not exist in the machine's own model.
     #[error("the machine has no {kind} `{name}`")]
     Missing {
         /// coordinate, input, constant or parameter.
@@ -59,7 +56,7 @@ pub struct Eliminated {
 }
 
 impl Eliminated {
-    /// The eliminated form of a model whose own equations are `machine`.
+    /// Prepares the eliminated form of a model; `machine` is the model before the elimination.
     ///
     /// # Errors
     /// [`EliminatedError`] when a name of the eliminated form is not the machine's, the machine's own parameters are lumped, or
@@ -108,7 +105,7 @@ impl Eliminated {
         &self.model
     }
 
-    /// The estimator of the machine's own, physical parameters.
+    /// The estimator of the physical parameters, which are the parameters of the machine's own model.
     #[must_use]
     pub fn estimator(self: &Arc<Self>, settings: &Settings) -> Box<dyn Estimator> {
         Box::new(EliminatedMotion {
@@ -117,12 +114,12 @@ impl Eliminated {
             records: Vec::new(),
             start: Vec::new(),
             lumped: None,
-            warnings: Vec::new(),
+            remarks: Vec::new(),
         })
     }
 }
 
-/// The estimator: measured motion of the coordinates that remain, over all runs.
+/// The estimator `measured-motion` on the remaining coordinates, over all runs.
 struct EliminatedMotion {
     form: Arc<Eliminated>,
     settings: Settings,
@@ -130,10 +127,10 @@ struct EliminatedMotion {
     /// Physical parameters to start from.
     start: Vec<f64>,
     lumped: Option<Estimate>,
-    warnings: Vec<String>,
+    remarks: Vec<PhysicalRemark>,
 }
 
-/// The search for physical parameters.
+/// The search for the physical parameters.
 struct Search<'a> {
     form: &'a Eliminated,
     found: Option<Physical>,
@@ -174,7 +171,7 @@ impl Estimator for EliminatedMotion {
         let settings = &self.settings;
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_structured(records, settings, &mut search)?.theta);
         let refined = refine_last(&mut self.records, &form.model, &constants, &spectra, run.hold, &mut first);
-        // The next search, with the refined noise, starts where this one ended.
+        // The next search, which uses the refined noise, starts where this one ended.
         if let Some(found) = search.found {
             self.start = found.values;
         }
@@ -191,7 +188,7 @@ impl Estimator for EliminatedMotion {
         match (fitted, search.found) {
             (Ok(Fitted { estimate, .. }), Some(physical)) => {
                 let found = form.estimate(&physical, &estimate);
-                self.warnings.clone_from(&physical.warnings);
+                self.remarks.clone_from(&physical.remarks);
                 self.lumped = Some(estimate);
                 Ok(Some(found))
             }
@@ -210,14 +207,14 @@ impl Estimator for EliminatedMotion {
         self.lumped.as_ref().map(|estimate| (&self.form.model as &dyn Model<f64>, estimate))
     }
 
-    fn warnings(&self) -> &[String] {
-        &self.warnings
+    fn remarks(&self) -> &[PhysicalRemark] {
+        &self.remarks
     }
 }
 
 impl Eliminated {
-    /// The physical parameters in the machine's order. Residuals beyond the noise of the lumped parameters' equations widen
-    /// their deviations too.
+    /// The estimate of the physical parameters in the machine's order. Residuals of the lumped parameters' equations
+    /// beyond their noise widen the standard deviations of the physical parameters too.
     fn estimate(&self, physical: &Physical, lumped: &Estimate) -> Estimate {
         let count = self.parameters.len();
         let inflation = lumped.chi_squared.max(1.0);
@@ -229,7 +226,7 @@ impl Eliminated {
         for (j, &i) in order.iter().enumerate() {
             std[j] = covariance[(j, j)].max(0.0_f64).sqrt();
             status[j] = match physical.status[i] {
-                // Wider deviations change nothing of what is already doubtful, or not estimated.
+                // Wider standard deviations change no status other than "identified".
                 Status::Identified => {
                     Status::of(Evidence::Shown { value: values[j], std: std[j], felt: f64::INFINITY }, POOR)
                 }
@@ -250,6 +247,7 @@ impl Eliminated {
             unobservable,
             condition: physical.condition,
             residual: lumped.residual,
+            residual_of: ResidualOf::Force,
             chi_squared: lumped.chi_squared,
             model_error: lumped.model_error.clone(),
         }

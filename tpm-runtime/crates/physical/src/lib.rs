@@ -1,10 +1,11 @@
-//! What an exact model is to an estimator.
+//! Exact models for numerical estimators.
 //!
-//! A model file declares physical parameters p, a regressor form has columns whose factors c(p) may be products of them, and a machine
-//! plays patterns whose coefficients are rational numbers. This crate is where the two meet: tables of the exact algebra along a
-//! reference ([`PatternTables`]), physical parameters behind lumped ones ([`physical`]), models with eliminated
-//! coordinates ([`Eliminated`]), experiments written in physical parameters ([`lumped`]), machines with motors on their inputs
-//! ([`MotorizedMachine`]), and linearised responses with exact matrices ([`LinearizedResponse`]).
+//! A model file declares physical parameters p. A regressor form has columns whose parameters c(p) may be products of
+//! them. A machine plays patterns whose coefficients are rational numbers. This crate evaluates the exact forms
+//! numerically: tables of the exact algebra along a reference ([`PatternTables`]), physical parameters from lumped ones
+//! ([`physical`]), models with eliminated coordinates ([`Eliminated`]), experiments written in physical parameters
+//! ([`lumped`]), machines with motors on their inputs ([`MotorizedMachine`]), and linearised responses with exact
+//! matrices ([`LinearizedResponse`]).
 
 mod eliminated;
 mod linearized;

@@ -1,4 +1,4 @@
-//! The response of a linearised model, for a fit of its physical parameters.
+//! The frequency response of a linearised model, as a function of the physical parameters that a fit seeks.
 //!
 //! Invariant: `(M s^2 + D s + K) q = F u` with the exact matrices of [`tpm_symbolic::linear::linearize`], each entry evaluated
 //! once per set of parameters; every symbol in them is either a parameter of the fit or has a value.
@@ -36,7 +36,7 @@ pub enum LinearizedError {
     },
 }
 
-/// One coordinate of a linearised model over one input.
+/// The frequency response from one input to one coordinate of a linearised model.
 #[derive(Clone, Debug)]
 pub struct LinearizedResponse<'a> {
     model: &'a ExactModel,
@@ -48,8 +48,8 @@ pub struct LinearizedResponse<'a> {
 }
 
 impl<'a> LinearizedResponse<'a> {
-    /// The response of `coordinate` to `input` as a function of `parameters`, in this order; `values` are of the other
-    /// parameters and run-time constants.
+    /// The frequency response from `input` to `coordinate` as a function of `parameters`, in this order. `values` holds
+    /// the values of the other parameters and of the run-time constants.
     ///
     /// # Errors
     /// [`LinearizedError`] that names what is missing.
@@ -121,15 +121,15 @@ impl ResponseModel for LinearizedResponse<'_> {
             for (right, drive) in right.iter_mut().zip(&drive) {
                 *right = Complex::from(*drive);
             }
-            // A singular matrix has no response; numbers that are not finite reject the parameters.
+            // A singular matrix has no solution; non-finite numbers make the fit reject the parameters.
             let solved = solve(&mut matrix, &mut right);
             *value = if solved { right[self.coordinate] } else { Complex::from(f64::NAN) };
         }
     }
 }
 
-/// Solves `matrix q = right` by elimination with pivots, both overwritten; a fit does so many thousand times, for which the
-/// allocations of a decomposition are too slow. False when the matrix is singular.
+/// Solves `matrix q = right` by Gaussian elimination with pivots, which overwrites both. False when the matrix is
+/// singular. A fit calls this many thousand times, for which the allocations of a library decomposition are too slow.
 fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> bool {
     let n = right.len();
     for k in 0..n {
@@ -158,7 +158,7 @@ fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> bool {
             let part = factor * right[k];
             right[r] -= part;
         }
-        // The inverse stays in the pivot's place for the substitution.
+        // The inverse of the pivot is stored in the pivot's place for the back substitution.
         matrix[k * n + k] = inverse;
     }
     for k in (0..n).rev() {
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn elimination_solves_and_says_when_it_cannot() {
-        // A matrix that needs a pivot, and a solution to start from.
+        // A matrix that needs a row exchange, and a known solution.
         let entries = [
             (0.0, 0.0),
             (2.0, -1.0),

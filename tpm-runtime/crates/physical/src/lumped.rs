@@ -1,7 +1,7 @@
 //! Experiments written in physical parameters, for models whose parameters were lumped.
 //!
-//! Invariant: a lumped parameter that the experiment names keeps its given value. Any other lumped parameter gets its
-//! value from the physical parameters that it consists of, when all of those are given, and has none otherwise.
+//! Invariant: a lumped parameter that the experiment names keeps its given value. Any other lumped parameter is
+//! computed from its physical parameters when values of all of them are given, and has no value otherwise.
 
 use crate::physical::is_lumped;
 use std::collections::BTreeSet;
@@ -9,13 +9,14 @@ use tpm_experiment::{Experiment, Named};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// The experiment in the parameters in which the model is linear: true values and estimates of physical parameters
-/// become those of the lumped ones. Frozen physical parameters and priors of physical parameters are left out; they
-/// are for [`physical`](crate::physical::physical).
+/// The experiment in the parameters in which the model is linear: true values and priors of physical parameters are
+/// converted to those of the lumped parameters. Frozen values and priors of physical parameters are removed from the
+/// experiment; [`physical`](crate::physical::physical) uses them.
 #[must_use]
 pub fn lumped(written: &Experiment, prepared: &Prepared) -> Experiment {
     let mut experiment = written.clone();
-    // The plant of a model with eliminated coordinates has its own equations, in physical parameters.
+    // The plant of a model with eliminated coordinates obeys the equations before the elimination, in physical
+    // parameters.
     if !is_lumped(prepared) || !prepared.model.eliminations.is_empty() {
         return experiment;
     }

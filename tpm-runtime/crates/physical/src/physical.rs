@@ -17,14 +17,12 @@
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
 use tpm_core::model::Model;
-use tpm_estimate::Estimate;
-use tpm_estimate::Information;
-use tpm_estimate::ParameterReport;
-use tpm_estimate::{COMPONENT, Evidence, POOR_PHYSICAL, Status};
-use tpm_numerics::Owned;
+use tpm_estimate::{
+    COMPONENT, Estimate, Evidence, Information, POOR_PHYSICAL, ParameterReport, PhysicalRemark, Status,
+};
 use tpm_numerics::chance::deviation;
 use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
-use tpm_numerics::{DMatrix, DVector, Dyn, Matrix};
+use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::mechanics::unit::Unit;
@@ -81,7 +79,7 @@ pub struct Physical {
     /// Relations among the lumped parameters that the misfit tests.
     pub freedom: usize,
     /// What the user should know.
-    pub warnings: Vec<String>,
+    pub remarks: Vec<PhysicalRemark>,
 }
 
 /// A fault of the settings.
@@ -524,7 +522,7 @@ impl Fixed {
         let mut rank = 0;
         let mut condition = f64::INFINITY;
         let mut unobservable = Vec::new();
-        let mut warnings = Vec::new();
+        let mut remarks = Vec::new();
         match self.jacobian(map, weighted, &solution.values) {
             Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
                 let (scaled, scale) = unit_columns(jacobian.select_columns(&free));
@@ -549,8 +547,7 @@ impl Fixed {
             }
             Some(_) => hidden.iter_mut().enumerate().for_each(|(i, hidden)| *hidden = free.contains(&i)),
             None => {
-                warnings
-                    .push("the physical parameters came to a place where the lumped ones have no value".to_string());
+                remarks.push(PhysicalRemark::Nowhere);
                 hidden = vec![true; count];
             }
         }
@@ -591,12 +588,14 @@ impl Fixed {
                 match status[i] {
                     Status::Identified | Status::Frozen | Status::Untrusted => {}
                     Status::Unobservable => {
-                        warnings.push(format!("the lumped parameters do not determine {name}"));
+                        remarks.push(PhysicalRemark::NotDetermined { parameter: name.to_string() });
                     }
-                    Status::PoorlyDetermined if solution.held[i] => warnings.push(format!(
-                        "{name} is held at its bound {value}: the lumped parameters ask for a value beyond it, which no such machine has"
-                    )),
-                    Status::PoorlyDetermined => warnings.push(format!("{name} is poorly determined")),
+                    Status::PoorlyDetermined if solution.held[i] => {
+                        remarks.push(PhysicalRemark::AtBound { parameter: name.to_string(), value });
+                    }
+                    Status::PoorlyDetermined => {
+                        remarks.push(PhysicalRemark::PoorlyDetermined { parameter: name.to_string() });
+                    }
                 }
                 let seen = status[i] != Status::Unobservable;
                 ParameterReport {
@@ -614,13 +613,11 @@ impl Fixed {
             .collect();
         let freedom = weighted.rows.nrows().saturating_sub(rank);
         if !solution.converged {
-            warnings.push("the search for the physical parameters did not converge".to_string());
+            remarks.push(PhysicalRemark::NotConverged);
         }
         let deviation = deviation(solution.misfit, freedom);
         if deviation > INCONSISTENT {
-            warnings.push(format!(
-                "the lumped parameters are not those of any machine of this structure: what the best physical ones leave is {deviation:.1} standard deviations from chance ({freedom} relations tested)"
-            ));
+            remarks.push(PhysicalRemark::Inconsistent { deviation, relations: freedom });
         }
         Physical {
             parameters,
@@ -633,7 +630,7 @@ impl Fixed {
             rank,
             misfit: solution.misfit,
             freedom,
-            warnings,
+            remarks,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Is a control loop stable before anything moves?
+//! Stability of a control loop, checked before the machine moves.
 //!
 //! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop
 //! is called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
@@ -18,15 +18,15 @@ use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::eigenvalues::eigenvalues;
 use tpm_numerics::{DMatrix, RowDVector};
 
-/// Least magnitude of a negative real part that counts as damping, as a share of the largest pole.
+/// Least magnitude of a negative real part that counts as damping, as a share of the largest magnitude of a pole.
 const UNDAMPED: f64 = 1e-9;
 /// Magnitude of a coefficient of the scaled characteristic polynomial below which it is zero.
 const ABSENT: f64 = 1e-9;
-/// Number of points inside every edge of a box.
+/// Number of points on every edge of a box, without its vertices.
 const EDGE_POINTS: usize = 3;
 /// Most sides of a box whose vertices and edges are tried; a box of more sides is sampled inside only.
 const MOST_SIDES: usize = 10;
-/// Largest damping ratio of a hardly damped mode, near which no harmonic may lie.
+/// Damping ratio below which a mode is hardly damped, so that no harmonic may lie near it.
 const HARDLY_DAMPED: f64 = 0.1;
 /// Step of the difference quotients; five points, so exact up to the fourth degree.
 const DIFFERENCE_STEP: f64 = 1e-3;
@@ -40,7 +40,7 @@ pub struct Range {
     pub ends: (f64, f64),
 }
 
-/// Where a loop is to be stable.
+/// The domain in which a loop must be stable: parameters, their ranges, and positions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StabilityDomain {
     /// The nominal parameters.
@@ -67,7 +67,7 @@ pub struct BoxCheck {
     pub edges: usize,
     /// Points inside.
     pub interior: usize,
-    /// Largest real part of a pole at any of them, 1/s.
+    /// Largest real part of a pole at any of these points, 1/s.
     pub slowest: f64,
 }
 
@@ -96,7 +96,7 @@ pub enum StabilityError {
         /// A term that the characteristic polynomial lacks whatever the gains: its power and the degree.
         absent: Option<(usize, usize)>,
     },
-    /// Stable in continuous time, not with samples.
+    /// The loop is stable in continuous time, but not in sampled time.
     #[error(
         "the closed loop would be stable in continuous time, but not with samples every {sample_time} s (with {parameters}; a pole of size {size} outside the unit circle): sample faster, lower the gains, or shorten the derivative filter"
     )]
@@ -141,16 +141,19 @@ pub fn check(
     control: &Loop,
     demand: &StabilityDomain,
 ) -> Result<LoopStability, StabilityError> {
+    // 1. The nominal parameters at all positions.
     let mut poles = Vec::new();
     for (i, position) in demand.positions.iter().enumerate() {
         match at(model, control, &demand.nominal, demand, position) {
             Ok(found) if i == 0 => poles = found,
             Ok(_) => {}
-            // Before anything is known there may be no mass; the first estimate is checked by what the run does.
+            // Before the first estimates a mass may be zero, and the loop cannot be linearised; the run itself is then
+            // the only check.
             Err(StabilityError::Undetermined { .. }) => break,
             Err(unstable) => return Err(unstable),
         }
     }
+    // 2. The points of the box: vertices, points on edges and random points inside, as shares of its sides.
     let mut checked = BoxCheck { vertices: 0, edges: 0, interior: demand.interior, slowest: f64::NEG_INFINITY };
     if demand.ranges.is_empty() {
         return Ok(LoopStability { poles, sampled: None });
@@ -176,6 +179,7 @@ pub fn check(
     }
     let mut random = ChaCha8Rng::seed_from_u64(demand.seed);
     points.extend((0..demand.interior).map(|_| (0..sides).map(|_| random.random::<f64>()).collect()));
+    // 3. The loop at every point and position.
     for shares in points {
         let mut parameters = demand.nominal.clone();
         for (range, share) in demand.ranges.iter().zip(shares) {
@@ -190,7 +194,7 @@ pub fn check(
     Ok(LoopStability { poles, sampled: Some(checked) })
 }
 
-/// Natural frequencies of the machine without its feedback, linearised at rest, of the modes that are hardly damped, rad/s.
+/// Natural frequencies, rad/s, of the hardly damped modes of the machine without feedback, linearised at rest.
 ///
 /// # Errors
 /// [`EvalError`] where the rows cannot be linearised.
@@ -233,7 +237,7 @@ fn at(
     let finite = poles.iter().all(|pole| pole.re.is_finite());
     if !finite || worst.re >= -UNDAMPED * largest {
         let absent = absent_term(&closed, largest).filter(|(power, degree)| {
-            // Whatever the gains: other ones leave it absent too.
+            // The term is reported only if it is absent with other gains too, and hence whatever the gains.
             [(0.3, 2.0), (4.0, 0.5)].into_iter().all(|gains| {
                 plant.close(control, gains).is_some_and(|other| {
                     let size = eigenvalues(&other).iter().map(|pole| pole.norm()).fold(0.0, f64::max);
@@ -243,7 +247,7 @@ fn at(
         });
         return Err(StabilityError::Unstable { parameters: named(), pole: (worst.re, worst.im), absent });
     }
-    // Where the machine has no sampled form the loop has no poles that could be judged.
+    // Where the machine cannot be discretised the sampled loop has no poles to be judged.
     let inside =
         plant.sampled(control).map_or_else(|| vec![Complex::new(f64::NAN, 0.0)], |sampled| eigenvalues(&sampled));
     let size = inside.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
@@ -267,7 +271,8 @@ fn characteristic(matrix: &DMatrix<f64>, scale: f64) -> Vec<f64> {
     coefficients
 }
 
-/// The highest power that is missing in the characteristic polynomial, with its degree.
+/// The highest power below the degree that is missing in the characteristic polynomial, and the degree; nothing where
+/// none is.
 fn absent_term(matrix: &DMatrix<f64>, scale: f64) -> Option<(usize, usize)> {
     let coefficients = characteristic(matrix, scale);
     let degree = coefficients.len() - 1;
@@ -293,12 +298,13 @@ impl Linear {
         let states: usize = orders.iter().sum();
         let mut rest = vec![0.0; dims.motion_len()];
         rest[..n].copy_from_slice(&position[..n]);
-        // The inputs that hold the machine there.
+        // The inputs that hold the machine at rest at this position.
         let held = match demand(model, &rest, parameters, constants) {
             Ok(held) => held,
             Err(TrialError::Evaluation(fault)) => return Err(fault),
             Err(_) => vec![0.0; dims.inputs],
         };
+        // 1. The highest derivatives as a function of motion and inputs, and their partial derivatives.
         let mut workspace = vec![0.0; model.forward_workspace_len()];
         let mut top = |motion: &[f64], inputs: &[f64]| -> Result<Vec<f64>, EvalError> {
             let mut motion = motion.to_vec();
@@ -323,6 +329,7 @@ impl Linear {
             }
             Ok(sum)
         };
+        // 2. The matrices of the linear model.
         let (mut a, mut b) = (DMatrix::zeros(states, states), DMatrix::zeros(states, dims.inputs));
         for c in 0..n {
             for order in 0..orders[c] {
@@ -347,7 +354,7 @@ impl Linear {
         Ok(Linear { a, b, first, orders })
     }
 
-    /// The machine behind the lags of its actuators, whose states follow those of the machine.
+    /// The machine with the lags of its actuators, whose states follow those of the machine.
     fn behind(self, control: &Loop) -> Self {
         let Linear { mut a, mut b, first, orders } = self;
         for input in 0..b.ncols() {
@@ -380,7 +387,8 @@ impl Linear {
                 if self.orders[gain.coordinate] > 1 {
                     of_state[(row, position + 1)] -= acts * gains.1 * gain.derivative;
                 } else {
-                    // The rate is no state but the row's own left-hand side.
+                    // The rate is no state; it is the left-hand side of the row, so that its gain joins the other rates
+                    // there.
                     of_rate[(row, position)] += acts * gains.1 * gain.derivative;
                 }
             }
@@ -388,16 +396,19 @@ impl Linear {
         of_rate.lu().solve(&of_state)
     }
 
-    /// One sample of the loop as it is played: hold, and rates measured or filtered; nothing when a matrix is not finite.
+    /// State transition of the sampled loop over one sample, with the hold, delays, and measured, filtered or fitted
+    /// rates; nothing when a matrix is not finite.
     fn sampled(&self, control: &Loop) -> Option<DMatrix<f64>> {
         let (states, inputs) = (self.a.nrows(), self.b.ncols());
         let (ad, bd) = held(&self.a, &self.b, control.sample_time).ok()?;
         let coordinates = self.first.len();
-        // Behind the states stand, per coordinate, the last error and the filtered rate, or the errors to which a polynomial is
-        // fitted beside the newest, then per input the commands that its delay holds back, the newest first.
+        // 1. The extended state. The states of the machine are followed, per coordinate, by the last error and the
+        // filtered rate, or by the earlier errors to which a polynomial is fitted; then, per input, by its delayed
+        // commands, the newest first.
         let fitted = control.velocity.smoothing().map(|smoothing| smoothing.weights(control.sample_time));
         let past = fitted.as_ref().map_or(2, |(value, _)| value.len() - 1);
-        // The newest error is what passes the low pass of positions; the one before stands behind the states.
+        // The newest error is the output of the low pass of positions, which depends on the position and on the error
+        // before.
         let low_pass = control.position_pole();
         let before = |c: usize| states + if fitted.is_some() { past * c } else { c };
         let newest = |c: usize| [(self.first[c], 1.0 - low_pass), (before(c), low_pass)];
@@ -405,6 +416,7 @@ impl Linear {
             (0..inputs).map(|input| control.actuator(input).samples(control.sample_time)).collect();
         let kept = |&(whole, rest): &(usize, f64)| whole + usize::from(rest > 0.0);
         let size = states + past * coordinates + delays.iter().map(kept).sum::<usize>();
+        // 2. Error and rate of every coordinate, and the feedback, as rows over the extended state.
         let mut rate = DMatrix::zeros(coordinates, size);
         let mut error: DMatrix<f64> = DMatrix::zeros(coordinates, size);
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
@@ -440,17 +452,19 @@ impl Linear {
                 feedback[(gain.input, column)] -= gain.derivative * rate[(gain.coordinate, column)];
             }
         }
+        // 3. The machine under the delayed commands.
         let mut next = DMatrix::zeros(size, size);
         next.view_mut((0, 0), (states, states)).copy_from(&ad);
         let mut place = states + past * coordinates;
         for (input, delay) in delays.iter().enumerate() {
             let &(whole, rest) = delay;
-            // The command that is n samples old, as a function of the state: the feedback itself, or one that was kept.
+            // The command that is `age` samples old, as a row over the extended state: the feedback itself, or a
+            // delayed command.
             let command = |age: usize| match age.checked_sub(1) {
                 None => feedback.row(input).into_owned(),
                 Some(back) => RowDVector::from_fn(size, |_, c| if c == place + back { 1.0 } else { 0.0 }),
             };
-            // A delay that is not whole samples leaves the older command at work for the rest of it.
+            // With a delay that is not a whole number of samples the older command acts for the fraction of a sample.
             let newer =
                 if rest > 0.0 { held(&self.a, &self.b, control.sample_time - rest).ok()?.1 } else { bd.clone() };
             let acted = newer.column(input) * command(whole);
@@ -466,7 +480,7 @@ impl Linear {
             place += kept(delay);
         }
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
-            // The newest error moves in, and those to which a polynomial is fitted move up.
+            // 4. The newest error is stored, and the earlier errors to which a polynomial is fitted are shifted.
             newest(c).into_iter().for_each(|(from, share)| next[(before(c), from)] = share);
             if fitted.is_some() {
                 (1..past).for_each(|i| next[(before(c) + i, before(c) + i - 1)] = 1.0);
@@ -555,7 +569,8 @@ mod tests {
     fn a_low_pass_of_positions_counts_as_routh_says() {
         use tpm_motion::smoothing::Smoothing;
         use tpm_test_support::models::MassSpringDrag;
-        // m s^2 (1 + tau s) + kd s + kp has its roots on the left where tau < kd / kp; samples this short hardly matter.
+        // m s^2 (1 + tau s) + kd s + kp has its roots in the left half plane where tau < kd / kp; at this sample time
+        // the sampling has little effect.
         let (mass, kp, kd, sample_time) = (2.0, 2000.0, 120.0, 1e-4);
         let demand =
             StabilityDomain { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..StabilityDomain::default() };
@@ -569,7 +584,7 @@ mod tests {
             let late = stable(velocity, 1.01 * kd / kp);
             assert!(matches!(late, Err(StabilityError::Sampled { .. })), "{velocity:?}: {late:?}");
         }
-        // A measured rate does not pass the filter, and damps the loop however slow that is.
+        // A measured rate bypasses the filter, and damps the loop however slow the filter is.
         assert_eq!(stable(Velocity::Measured, 10.0 * kd / kp), Ok(()));
     }
 
@@ -641,7 +656,7 @@ mod tests {
         // Without damping nothing decays.
         let undamped = check(&TwoCarts, &control(&[(0, 400.0, 0.0)], Velocity::Measured, 1e-3), &demand());
         assert!(matches!(undamped, Err(StabilityError::Unstable { .. })), "{undamped:?}");
-        // Without a mass there is nothing nominal to check, and in a box it is a fault.
+        // Without a mass the nominal loop is not checked, and in a box it is a fault.
         let mut massless = demand();
         massless.nominal = vec![0.0; 5];
         let found = check(&TwoCarts, &control(&both, Velocity::Measured, 1e-3), &massless).expect("nothing to check");

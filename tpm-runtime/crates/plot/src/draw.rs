@@ -1,5 +1,6 @@
 //! Figures drawn as SVG, and as PNG from that.
 
+use crate::error::{PlotError, refused};
 use crate::figure::{Axis, Curve, Figure, Panel, Trace};
 use crate::scale::Scaled;
 use plotters::chart::{ChartBuilder, ChartContext};
@@ -26,39 +27,6 @@ const COLOURS: [RGBColor; 7] = [
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
 ];
-
-/// Why a figure cannot be drawn.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum PlotError {
-    /// An axis has no two different values.
-    #[error("panel {panel} of the figure has no {axis} values that can be drawn on its axis")]
-    Empty {
-        /// Panel, from 1.
-        panel: usize,
-        /// x or y.
-        axis: &'static str,
-    },
-    /// The figure has no panel or no area.
-    #[error("a figure of {width} x {height} pixels with {panels} panels cannot be drawn")]
-    Size {
-        /// Width, pixels.
-        width: u32,
-        /// Height, pixels.
-        height: u32,
-        /// Number of panels.
-        panels: usize,
-    },
-    /// The program was built without PNG.
-    #[error("this program was built without PNG: write an .svg, or build it with the feature `png`")]
-    NoPng,
-    /// The drawing library refused.
-    #[error("the figure cannot be drawn: {reason}")]
-    Drawing {
-        /// Reason of the drawing library.
-        reason: String,
-    },
-}
 
 impl Figure {
     /// The figure as SVG text.
@@ -119,15 +87,11 @@ impl Figure {
     }
 }
 
-pub(crate) fn refused(error: impl ToString) -> PlotError {
-    PlotError::Drawing { reason: error.to_string() }
-}
-
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scaled, Scaled>>;
 type Drawn = Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
 
-/// Points of a curve below which each is drawn larger.
+/// Number of points of a curve below which each is drawn larger.
 const FEW: usize = 60;
 /// Width of a legend's symbol, pixels.
 const SYMBOL: i32 = 26;
@@ -135,10 +99,10 @@ const SYMBOL: i32 = 26;
 const LINE: i32 = 24;
 /// Width of the axes' labels left of the curves, with the margin.
 const LEFT: i32 = 96;
-/// Mean width of a letter as a share of the height of text, generously.
+/// Upper estimate of the mean width of a letter, as a share of the text's height.
 const LETTER: f64 = 0.62;
 
-/// Places of the named traces above the curves, (x, line) of each.
+/// Layout of the legend: for every named trace x (pixels), its line and the trace.
 fn places(panel: &Panel, width: i32) -> Vec<(i32, i32, &Trace)> {
     let (mut x, mut line) = (LEFT, 0);
     let mut found = Vec::new();
@@ -155,7 +119,7 @@ fn places(panel: &Panel, width: i32) -> Vec<(i32, i32, &Trace)> {
 
 fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
     let legend = places(panel, area.dim_in_pixel().0 as i32);
-    // Above the curves, where it hides none of them.
+    // The legend stands above the curves, where it hides none of them.
     let lines = legend.last().map_or(0, |(_, line, _)| line + 1);
     let mut chart = ChartBuilder::on(area)
         .margin(12)

@@ -1,6 +1,6 @@
 //! Figures as PNG: the SVG in pixels, with a bundled font.
 
-use crate::draw::{PlotError, refused};
+use crate::error::{PlotError, refused};
 use crate::figure::Figure;
 use resvg::{tiny_skia, usvg};
 use std::sync::Arc;

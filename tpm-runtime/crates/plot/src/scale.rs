@@ -18,7 +18,7 @@ pub(super) struct Scaled {
 }
 
 impl Scaled {
-    /// Ends that were given, or those of the values that can be shown; `None` when there are no two.
+    /// An axis between the ends given, or else around the values that can be shown; `None` without two different ends.
     pub(super) fn new(spacing: Spacing, range: Option<(f64, f64)>, values: &[f64]) -> Option<Self> {
         let shown = |value: &f64| value.is_finite() && (spacing != Spacing::Logarithmic || *value > 0.0);
         let (first, last) = match range {
@@ -27,7 +27,7 @@ impl Scaled {
                 let low = values.iter().copied().filter(shown).fold(f64::INFINITY, f64::min);
                 let high = values.iter().copied().filter(shown).fold(f64::NEG_INFINITY, f64::max);
                 match spacing {
-                    // A constant still gets an axis around it.
+                    // An axis of a single value is widened around it.
                     Spacing::Logarithmic if low == high => (low / 2.0, high * 2.0),
                     Spacing::Logarithmic => (low, high),
                     _ if low == high => (low - 1.0, high + 1.0),
@@ -48,7 +48,8 @@ impl Scaled {
         (of(value) - of(self.first)) / (of(self.last) - of(self.first))
     }
 
-    /// Even steps of 1, 2 or 5 times a power of ten, of angles also of 45 and 90, at most `most` of them.
+    /// Ticks in even steps of 1, 2 or 5 times a power of ten, of angles also of 45 and 90 degrees; about `most` of them
+    /// at most.
     fn even(&self, most: usize) -> Vec<f64> {
         let (low, high) = (self.first.min(self.last), self.first.max(self.last));
         let raw = (high - low) / most.max(1) as f64;
@@ -64,7 +65,8 @@ impl Scaled {
         ((low / step).ceil() as i64..=(high / step).floor() as i64).map(|i| i as f64 * step).collect()
     }
 
-    /// 1, 2 and 5 times the powers of ten, or all digits, or powers alone, whatever fits.
+    /// Ticks at 1, 2 and 5 times the powers of ten, or at 1 and 3 times them, or at the powers alone: the first of
+    /// these with at most `most` ticks, else every few powers.
     fn decades(&self, most: usize) -> Vec<f64> {
         let (low, high) = (self.first.min(self.last), self.first.max(self.last));
         let powers = || low.log10().floor() as i32..=high.log10().ceil() as i32;
@@ -91,7 +93,7 @@ impl Ranged for Scaled {
     type ValueType = f64;
 
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
-        // Far outside the panel a coordinate would overflow; what is drawn is cut at the panel's edge.
+        // A coordinate far outside the panel would overflow; the drawing is clipped at the panel's edge anyway.
         let place = self.place(*value).clamp(-1.0, 2.0);
         limit.0 + (place * f64::from(limit.1 - limit.0)).round() as i32
     }

@@ -1,4 +1,4 @@
-//! Values in JSON as people read them.
+//! Serialisation of values as their `Display` text.
 
 use serde::Serializer;
 use std::fmt::Display;
@@ -6,7 +6,7 @@ use std::fmt::Display;
 /// Serialises a value as its text, for `serialize_with`.
 ///
 /// # Errors
-/// What the serialiser gives.
+/// Those of the serialiser.
 pub fn displayed<T: Display, S: Serializer>(value: &T, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(value)
 }

@@ -1,8 +1,8 @@
-//! The fields of a file as its JSON schema has them, one by one.
+//! A list of the fields of a file, read from its JSON schema.
 
 use serde_json::Value;
 
-/// Name of a part of a path that the user chooses, such as that of a coordinate.
+/// Placeholder in a path for a name that the user chooses, such as that of a coordinate.
 const CHOSEN: &str = "NAME";
 /// Deepest nesting of fields that is followed.
 const DEPTH: usize = 8;
@@ -10,17 +10,17 @@ const DEPTH: usize = 8;
 /// One field of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FieldText {
-    /// Where it stands, such as `plant.sensors.NAME.noise`; `NAME` is a name that the user chooses.
+    /// Path in the file, such as `plant.sensors.NAME.noise`; `NAME` is a name that the user chooses.
     pub path: String,
-    /// What its value is, such as `number` or `list of tables`.
+    /// Kind of the value, such as `number` or `list of tables`.
     pub kind: String,
-    /// What it means.
+    /// Meaning, from the schema's description.
     pub meaning: String,
-    /// Whether the table in which it stands must have it.
+    /// Whether the table around the field must contain it.
     pub required: bool,
-    /// Its value where it is not given; nothing where that is no single value.
+    /// Value that applies where the field is absent; nothing where the default is no single value.
     pub default: Option<String>,
-    /// The words that it may be, each with its meaning.
+    /// Permitted words, each with its meaning; empty where the value is no word.
     pub choices: Vec<(String, String)>,
 }
 
@@ -32,7 +32,7 @@ pub fn fields(schema: &Value) -> Vec<FieldText> {
     found
 }
 
-/// What a reference leads to, without the null of a value that may be left out.
+/// The schema that a `$ref` names; of an optional value, `anyOf` a schema and null, that schema.
 fn resolved<'a>(root: &'a Value, mut own: &'a Value) -> &'a Value {
     for _ in 0..DEPTH {
         let reference = own["$ref"].as_str().and_then(|reference| reference.strip_prefix("#/$defs/"));
@@ -73,7 +73,7 @@ fn walk(root: &Value, table: &Value, path: &str, depth: usize, found: &mut Vec<F
     }
 }
 
-/// The fields of what a field holds: of a table, of the entries of a list, of tables by name.
+/// Appends the fields inside a field: those of a table, of the entries of a list, and of tables by name.
 fn inner(root: &Value, own: &Value, path: &str, depth: usize, found: &mut Vec<FieldText>) {
     walk(root, own, path, depth, found);
     if own["items"].is_object() {
@@ -107,7 +107,7 @@ fn kind(root: &Value, own: &Value) -> String {
     }
 }
 
-/// The words that a field may be, with their meaning.
+/// The permitted words of a field, with their meaning.
 fn choices(own: &Value) -> Vec<(String, String)> {
     let list = own["oneOf"].as_array().map_or(&[][..], Vec::as_slice);
     let word = |part: &Value| {

@@ -6,14 +6,14 @@ use std::path::Path;
 /// The beginning of the names of temporary files.
 pub const TEMPORARY: &str = ".tpm-";
 
-/// How many symbolic links may lead from one to the next.
+/// Most symbolic links that are followed one after the other.
 const MOST_LINKS: usize = 40;
 
 /// The most bytes of a model, an experiment, a result or a manifest: far beyond what people write.
 pub const MOST_TEXT: u64 = 16 << 20;
 
-/// Writes a result where the user wants it. A regular file is written whole or not at all; where a symbolic link stands, its target
-/// is. A device or a pipe, such as `/dev/stdout`, is written into and stays what it is.
+/// Writes a result where the user wants it. A regular file, or the target of a symbolic link, is written whole or not
+/// at all. A device or a pipe, such as `/dev/stdout`, is written into and not replaced.
 ///
 /// # Errors
 /// The system's reason; no part of a regular file is left behind then.
@@ -37,7 +37,7 @@ pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|present| !present.is_file() && !present.is_dir())
 }
 
-/// Reads a file of the user, of at most `most` bytes. Of a device or a pipe, which may have no end, no more is read either.
+/// Reads a file of the user, of at most `most` bytes. The limit holds for devices and pipes too, which may have no end.
 ///
 /// # Errors
 /// The system's reason, or that the file is longer.
@@ -78,7 +78,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     #[cfg(feature = "faults")]
     file.disable_cleanup(faults::kills());
     if let Err(error) = operation() {
-        // A full disk takes a part of the content.
+        // The injected fault is that of a full disk: a part of the content is written before the error.
         file.write_all(&bytes[..bytes.len() / 2])?;
         return Err(error);
     }
@@ -86,7 +86,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     operation()?;
     file.as_file().sync_all()?;
     operation()?;
-    // A temporary file is private to its owner; a result gets what any new file here would get.
+    // A temporary file is private to its owner. The result gets the permissions of the file that it replaces, or 0644.
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;
@@ -97,7 +97,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Stands before every operation on a file that is written. Tests make it fail.
+/// Called before every operation on a file that is written, so that tests can inject a fault there.
 ///
 /// # Errors
 /// The fault that a test has asked for.
@@ -107,7 +107,7 @@ fn operation() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Faults of the operations on files that this thread writes.
+/// Injection of faults into the operations on files that this thread writes.
 #[cfg(feature = "faults")]
 pub mod faults {
     use std::cell::Cell;
@@ -119,7 +119,8 @@ pub mod faults {
         static KILLS: Cell<bool> = const { Cell::new(false) };
     }
 
-    /// Lets all operations fail after the first `count`. With `kills` they leave their files behind, as a process does that is killed.
+    /// Lets all operations fail after the first `count`. With `kills` their temporary files stay behind, as those of a
+    /// killed process do.
     pub fn after(count: usize, kills: bool) {
         LEFT.set(Some(count));
         KILLS.set(kills);

@@ -31,9 +31,9 @@ pub enum Remedy {
     Period,
     /// State the first sample to use.
     FromSample,
-    /// State that the inputs behave so between samples.
+    /// State how the inputs behave between samples.
     Hold {
-        /// The other choice.
+        /// The hold to state.
         #[serde(serialize_with = "displayed")]
         hold: Hold,
     },

@@ -1,4 +1,4 @@
-//! Tables and sums for reading in a terminal.
+//! Tables, numbers and linear combinations as text for a terminal.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ pub enum Align {
     Left,
     /// Numbers.
     Right,
-    /// Numbers, one decimal point below the other.
+    /// Numbers, aligned at their decimal points.
     Decimal,
 }
 
@@ -78,7 +78,7 @@ pub fn or_dash<T>(value: Option<T>, text: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| "-".to_owned(), text)
 }
 
-/// A number with six significant digits, plain where that is short.
+/// A number with six significant digits, without an exponent where its magnitude is at least 1e-4 and below 1e7.
 #[must_use]
 pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {

@@ -9,23 +9,23 @@ use crate::table::number;
 const DEVIATION_DIGITS: usize = 2;
 /// Most decimal places between the first digit of a value and the last one that its deviation supports: the precision of a double.
 const MOST_DIGITS: i32 = 15;
-/// Significant digits of a number that is taken for exact, so that rounding of a computation does not show.
+/// Significant digits of a number that is taken for exact: few enough to hide the rounding of a computation.
 const EXACT_DIGITS: usize = 12;
-/// Powers of ten of the first digit of numbers that are written without an exponent.
+/// Range of the power of ten of the first digit of a number that is written without an exponent.
 const PLAIN: std::ops::Range<i32> = -4..7;
 
-/// The decimal place at which a value and its deviation are cut.
+/// The decimal place to which a value and its standard deviation are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
     /// Power of ten of the last digit.
     place: i32,
-    /// The power of ten that is written behind the number; nothing where it is written plainly.
+    /// The power of ten that is written behind the number; nothing for a number without an exponent.
     exponent: Option<i32>,
 }
 
 impl Cut {
-    /// The place that a deviation asks for; nothing where the deviation is zero or no finite number, or so small that a double has
-    /// no digits for it beside the value.
+    /// The last decimal place that a standard deviation supports. Nothing where the deviation is zero or not finite, or
+    /// so small that a double of the value's size has no digits there.
     #[must_use]
     pub fn new(value: f64, std: f64) -> Option<Self> {
         if !(value.is_finite() && std.is_finite() && std > 0.0) {
@@ -42,7 +42,7 @@ impl Cut {
         (lead - place <= MOST_DIGITS).then_some(Cut { place, exponent: (!plain).then_some(lead) })
     }
 
-    /// A number, cut at the place.
+    /// The number rounded to the last significant digit of its deviation.
     #[must_use]
     pub fn text(self, number: f64) -> String {
         match self.exponent {
@@ -51,7 +51,7 @@ impl Cut {
         }
     }
 
-    /// The number without its power of ten.
+    /// The digits of the rounded number without its power of ten.
     fn mantissa(self, number: f64) -> String {
         let exponent = self.exponent.unwrap_or(0);
         let decimals = exponent - self.place;
@@ -79,8 +79,8 @@ fn leading(number: f64, behind: usize) -> i32 {
     text.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0)
 }
 
-/// A value and its deviation as two cells of a table, cut alike. A missing number is a dash; a value whose deviation is zero is
-/// taken for exact; one whose deviation is not finite keeps six digits.
+/// A value and its standard deviation as two cells of a table, rounded to the same decimal place. A missing number is a
+/// dash. A value with a deviation of zero is taken for exact; a value whose deviation is not finite keeps six digits.
 #[must_use]
 pub fn cells(value: Option<f64>, std: Option<f64>) -> [String; 2] {
     let dash = || "-".to_owned();
@@ -106,11 +106,12 @@ pub fn plus_minus(value: f64, std: f64) -> String {
     }
 }
 
-/// A number that belongs beside a value with this deviation, such as its true one: cut as the value is, exact where nothing says how.
+/// A number to compare with a value and its standard deviation, such as the true value. It is rounded to the decimal
+/// place of that value, and written as exact where there is no deviation.
 #[must_use]
 pub fn beside(number: f64, value: Option<f64>, std: Option<f64>) -> String {
     match value.zip(std).and_then(|(value, std)| Cut::new(value, std)) {
-        // A number of another size than the value would lose its digits, or have too many.
+        // A number of a very different size than the value would lose its digits, or have too many.
         Some(cut) if number == 0.0 || (leading(number, EXACT_DIGITS) - cut.place).unsigned_abs() < 16 => {
             cut.text(number)
         }
@@ -118,7 +119,7 @@ pub fn beside(number: f64, value: Option<f64>, std: Option<f64>) -> String {
     }
 }
 
-/// A number with so many significant digits, plain where that is short.
+/// A number with so many significant digits, without an exponent where its magnitude is at least 1e-4 and below 1e7.
 #[must_use]
 pub fn digits(number: f64, significant: usize) -> String {
     if number == 0.0 || !number.is_finite() {
@@ -130,7 +131,7 @@ pub fn digits(number: f64, significant: usize) -> String {
     Cut { place, exponent: (!PLAIN.contains(&lead)).then_some(lead) }.text(number)
 }
 
-/// A number that is taken for exact.
+/// A number that is taken for exact, with at most twelve significant digits.
 #[must_use]
 pub fn exact(number: f64) -> String {
     if number == 0.0 || !number.is_finite() {

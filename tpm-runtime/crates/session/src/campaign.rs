@@ -17,8 +17,7 @@ use std::path::{Path, PathBuf};
 use tpm_campaign::{Campaign, RunReport, Store};
 use tpm_codegen::identified::Identified;
 use tpm_core::derivatives::RowDerivatives;
-use tpm_estimate::{Domain, Refine};
-use tpm_estimate::{ParameterReport, Status};
+use tpm_estimate::{Domain, ParameterReport, Refine, Status};
 use tpm_experiment::{Experiment, ExperimentError};
 use tpm_log::{Log, fingerprint};
 use tpm_motion::{Bench, BenchError, Record, Trial};
@@ -356,7 +355,7 @@ impl Session {
         let refined = self.simulation(campaign).and_then(|simulation| simulation.of_campaign(campaign));
         match refined {
             Some(refined) => summary::of_refined(campaign, refined, stability, source, seed),
-            None => summary::of_campaign(campaign, stability, source, seed),
+            None => summary::of_estimated(campaign, stability, source, seed),
         }
     }
 
@@ -416,7 +415,7 @@ impl Session {
                 .options
                 .insert("bounds".to_string(), serde_json::Value::Object(bounds.into_iter().collect()));
         }
-        Ok(result)
+        Ok(result.judged())
     }
 
     fn physical_settings(&self) -> PhysicalSettings {

@@ -9,8 +9,7 @@ use tpm_experiment::ExperimentError;
 use tpm_log::LogError;
 use tpm_motion::trajectory::PatternError;
 use tpm_motion::{BenchError, RecordError};
-use tpm_physical::EliminatedError;
-use tpm_physical::PhysicalError;
+use tpm_physical::{EliminatedError, PhysicalError};
 use tpm_report::{Remedy, number};
 use tpm_symbolic::regressor::prepare::PrepareError;
 

@@ -1,6 +1,7 @@
 //! The one result of every identification.
 
 use crate::log_report::{LogReport, PoolReport};
+use crate::meaning::Severity;
 use crate::method_report::MethodReport;
 use crate::refinement_report::RefinementReport;
 use crate::warning::Warning;
@@ -10,7 +11,7 @@ use std::collections::BTreeMap;
 use tpm_campaign::{Outcome, RunReport};
 use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
 use tpm_core::harmonics::Hold;
-use tpm_estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, Status, no_result};
+use tpm_estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, ResidualOf, Status};
 use tpm_plant::actuator::LimitUse;
 use tpm_plant::stability::LoopStability;
 
@@ -103,6 +104,8 @@ pub struct Identification {
     /// Root mean square of what is not explained, as a share: of the force; where it was refined by a simulation, of the motion or of the
     /// inputs, whichever is larger.
     pub residual: f64,
+    /// What the residual is a share of.
+    pub residual_of: ResidualOf,
     /// The runs of a campaign; none for a log.
     pub runs: Vec<RunReport>,
     /// Poles of the closed loop, and what was found over the stated ranges, before the first run.
@@ -125,13 +128,15 @@ pub struct Identification {
     pub current: Vec<f64>,
     /// The estimate itself, for further computation; nothing when no run was accepted. Not serialised.
     pub estimate: Option<Estimate>,
+    /// Why this is not all that was asked for, as the result was judged; nothing when it is.
+    pub(super) shortfall: Option<String>,
 }
 
 impl Identification {
     /// Whether everything that was asked for was identified by a model that explains the data, and a campaign ended as planned.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.shortfall().is_none()
+        self.shortfall.is_none()
     }
 
     /// How many of the parameters were to be identified: all but those that were held.
@@ -162,40 +167,7 @@ impl Identification {
     /// Why this is not all that was asked for; nothing when it is.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
-        let untrusted = self.warnings.iter().find(|warning| warning.is_distrust());
-        if let Some(untrusted) = untrusted {
-            return Some(untrusted.to_string());
-        }
-        let divided =
-            self.warnings.iter().find(|warning| matches!(warning, Warning::Contradicts { majority: false, .. }));
-        if let (Some(divided), Some(_)) = (divided, self.outcome) {
-            return Some(divided.to_string());
-        }
-        match (self.source, self.outcome) {
-            (Source::Log, _) if !self.is_explained() => Some(no_result(self.residual)),
-            (Source::Log, _) => (self.rank < self.wanted()).then(|| {
-                format!("the data determine {} independent combinations of the parameters, not all of them", self.rank)
-            }),
-            (_, None) => Some("not everything was identified: the campaign is not finished".to_string()),
-            (_, Some(_)) if !self.is_explained() => Some(no_result(self.residual)),
-            (_, Some(outcome)) => {
-                // Where there are physical parameters the lumped ones are means to an end.
-                let wanted = if self.physical.is_empty() { &self.parameters } else { &self.physical };
-                let known =
-                    |parameter: &ParameterReport| matches!(parameter.status, Status::Identified | Status::Frozen);
-                let whole = wanted.iter().all(known) && self.estimate.is_some() && outcome.is_normal();
-                let open: Vec<&str> = wanted
-                    .iter()
-                    .filter(|parameter| !known(parameter))
-                    .map(|parameter| parameter.name.as_str())
-                    .collect();
-                (!whole).then(|| match (outcome.is_normal(), open.is_empty()) {
-                    // A campaign that went as planned is no reason: its runs are what shows too little.
-                    (true, false) => format!("not everything was identified: the runs do not show {}", open.join(", ")),
-                    _ => format!("not everything was identified: {}", outcome.describe()),
-                })
-            }
-        }
+        self.shortfall.clone()
     }
 }
 
@@ -226,6 +198,10 @@ struct Form<'a> {
     rank: usize,
     condition: Option<f64>,
     residual: f64,
+    #[serde(skip_serializing_if = "ResidualOf::is_force")]
+    residual_of: ResidualOf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shortfall: Option<&'a str>,
     runs: &'a [RunReport],
     #[serde(skip_serializing_if = "Option::is_none")]
     stability: Option<&'a LoopStability>,
@@ -250,12 +226,17 @@ impl Serialize for Findings<'_> {
         struct Finding<'a> {
             #[serde(flatten)]
             warning: &'a Warning,
+            severity: Severity,
             #[serde(skip_serializing_if = "Option::is_none")]
             remedy: Option<tpm_report::Remedy>,
         }
         let mut list = serializer.serialize_seq(Some(self.0.len()))?;
         for warning in self.0 {
-            list.serialize_element(&Finding { warning, remedy: warning.remedy() })?;
+            list.serialize_element(&Finding {
+                warning,
+                severity: warning.meaning().severity,
+                remedy: warning.remedy(),
+            })?;
         }
         list.end()
     }
@@ -283,6 +264,8 @@ impl Serialize for Identification {
             rank: self.rank,
             condition: self.condition,
             residual: self.residual,
+            residual_of: self.residual_of,
+            shortfall: self.shortfall.as_deref(),
             runs: &self.runs,
             stability: self.stability.as_ref(),
             refinement: self.refinement.as_ref(),

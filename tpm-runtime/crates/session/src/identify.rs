@@ -9,9 +9,8 @@ use crate::warning::Warning;
 use crate::{any_log, periodic_log, summary};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::Domain;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Differentiable, EstimateError, Settings};
+use tpm_estimate::{Differentiable, Domain, EstimateError, Settings};
 use tpm_log::{Log, ReadingReport};
 use tpm_motion::Dynamics;
 
@@ -27,7 +26,7 @@ const FAR_BETTER: f64 = 0.1;
 /// # Errors
 /// [`LogFault`].
 pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> Result<Identification, LogFault> {
-    identify_segments(model, None, &[log], options)
+    identify_segments(model, None, &[log], options).map(Identification::judged)
 }
 
 /// Identifies the parameters in which a model is linear from the segments of one record, of which there is one at least; refined by
@@ -45,7 +44,6 @@ pub(super) fn identify_segments(
     if let Some(warning) = exchanged(model, segments, options, &result) {
         // Whatever else was noticed follows from the exchange.
         result.warnings.insert(0, warning);
-        summary::distrust(&mut result);
     }
     Ok(result)
 }
@@ -200,6 +198,7 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         rank: estimate.rank,
         condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
         residual: estimate.residual,
+        residual_of: estimate.residual_of,
         runs: Vec::new(),
         stability: None,
         refinement: None,
@@ -210,11 +209,11 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         provenance: summary::provenance(),
         current: estimate.values.clone(),
         estimate: Some(estimate),
+        shortfall: None,
     };
     let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
     let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
     summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
-    summary::distrust(&mut result);
     Some(result)
 }
 

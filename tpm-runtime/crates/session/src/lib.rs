@@ -37,11 +37,13 @@ mod found;
 mod identification;
 mod identify;
 mod inspect;
+mod judge;
 mod live;
 mod log;
 mod log_fault;
 mod log_report;
 mod machine;
+mod meaning;
 mod method_report;
 mod model;
 mod options;
@@ -89,13 +91,14 @@ pub use log_report::{
     ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, UntestedReport, Way,
 };
 pub use machine::Machine;
+pub use meaning::{About, Concern, Meaning, Severity};
 pub use method_report::{
     MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,
 };
 pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
 pub use options::LogOptions;
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
-pub use refinement_report::{MissingTerm, RateReport, RefinementReport};
+pub use refinement_report::{MissingTerm, NotRefined, RateReport, RefinementReport};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;

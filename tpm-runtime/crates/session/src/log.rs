@@ -15,8 +15,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::{Domain, Refine};
-use tpm_estimate::{EstimateError, Frozen, Weights};
+use tpm_estimate::{Domain, EstimateError, Frozen, Refine, Weights};
 use tpm_log::{Log, LogSource, ReadingReport, ReadingSettings, Recording, Samples};
 use tpm_motion::Dynamics;
 use tpm_physical::PhysicalSettings;
@@ -296,7 +295,7 @@ pub fn from_logs<R: Into<LogRequest>>(
         options: summary::options(first),
         ..summary::provenance()
     };
-    Ok(result)
+    Ok(result.judged())
 }
 
 /// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.

@@ -2,10 +2,9 @@
 
 use std::borrow::Cow;
 use std::path::Path;
-use tpm_codegen::diagnostic;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
-use tpm_codegen::{Parsed, parse_model};
+use tpm_codegen::{Parsed, diagnostic, parse_model};
 use tpm_core::model::Model;
 use tpm_interpret::{Interpreted, InterpretedDerivatives, Separable};
 use tpm_log::fingerprint;

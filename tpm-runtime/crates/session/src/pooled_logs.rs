@@ -2,6 +2,7 @@
 
 use crate::identification::Identification;
 use crate::log_report::{PoolReport, PooledLog};
+use crate::meaning::About;
 use crate::options::LogOptions;
 use crate::summary;
 use crate::warning::{Data, Warning};
@@ -57,7 +58,9 @@ pub(super) fn pooled(
     let mut logs = Vec::with_capacity(parts.len());
     for (part, contribution) in parts.iter_mut().zip(found.contributions) {
         let Some(log) = part.log.take() else { continue };
-        let own = std::mem::take(&mut part.warnings).into_iter().filter(|warning| !is_about_parameters(warning));
+        let own = std::mem::take(&mut part.warnings)
+            .into_iter()
+            .filter(|warning| warning.meaning().about != About::Parameters);
         warnings.extend(own.map(|warning| Warning::InLog { path: log.path.clone(), warning: Box::new(warning) }));
         logs.push(PooledLog {
             share: contribution.share,
@@ -71,7 +74,7 @@ pub(super) fn pooled(
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
         EstimateReport::new(model, &options.prior, Some(&estimate));
     let first = parts.into_iter().next().ok_or(EstimateError::NoSignal)?;
-    let mut result = Identification {
+    let result = Identification {
         parameters,
         unobservable,
         combinations,
@@ -80,6 +83,7 @@ pub(super) fn pooled(
         rank: estimate.rank,
         condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
         residual: estimate.residual,
+        residual_of: estimate.residual_of,
         log: None,
         pool: Some(PoolReport { logs, chi_squared: found.chi_squared, freedom: found.freedom, inflation }),
         warnings,
@@ -87,16 +91,7 @@ pub(super) fn pooled(
         estimate: Some(estimate),
         ..first
     };
-    summary::distrust(&mut result);
     Ok(result)
-}
-
-/// Whether a warning is about what one log shows of the parameters, which the others may show better.
-const fn is_about_parameters(warning: &Warning) -> bool {
-    matches!(
-        warning,
-        Warning::NotVisible { .. } | Warning::PoorlyDetermined { .. } | Warning::OnlyInCombinations { .. }
-    )
 }
 
 /// The estimate with larger variances.

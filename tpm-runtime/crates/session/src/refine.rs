@@ -2,14 +2,14 @@
 
 use crate::excerpt::Excerpt;
 use crate::options::LogOptions;
-use crate::refinement_report::{MissingTerm, RateReport, RefinementReport};
+use crate::refinement_report::{MissingTerm, NotRefined, RateReport, RefinementReport};
 use crate::warning::Warning;
 use std::borrow::Cow;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Label, Model};
-use tpm_estimate::Refine;
 use tpm_estimate::{
-    Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Settings,
+    Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Refine, ResidualOf,
+    Settings,
 };
 use tpm_motion::Dynamics;
 use tpm_numerics::Matrix;
@@ -88,15 +88,16 @@ pub(super) fn refined(
     let work = work(machine, &start, settings);
     if conditions.refine == Refine::Auto && work > WORK {
         let warning = Warning::LongSimulation { work, most: WORK };
-        let report = RefinementReport::left_out(&estimate.values, warning.to_string());
+        let why = NotRefined::LongSimulation { work, most: WORK };
+        let report = RefinementReport::left_out(&estimate.values, why);
         let warnings = vec![warning];
         return Refined { estimate: estimate.clone(), report: Some(report), warnings };
     }
     refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {
         let report = RefinementReport::refused(&estimate.values, &fault);
-        let remark = |message| match fault {
-            OutputErrorFault::NotConverged { .. } => Warning::Unsettled { message },
-            _ => Warning::Estimator { message },
+        let remark = |reason| match fault {
+            OutputErrorFault::NotConverged { .. } => Warning::Unsettled { reason },
+            _ => Warning::NotRefined { reason },
         };
         let warnings = report.note.iter().cloned().map(remark).collect();
         Refined { estimate: estimate.clone(), report: Some(report), warnings }
@@ -150,9 +151,7 @@ fn refine(
     let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
     let report = RefinementReport {
         used: found.iterations.is_some(),
-        note: found.iterations.is_none().then(|| {
-            "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them".to_string()
-        }),
+        note: found.iterations.is_none().then_some(NotRefined::WithoutTerm),
         samples: signals.coordinates.first().map_or(0, |c| c.len()),
         averaged: excerpt.averaged,
         blocks: excerpt.blocks,
@@ -172,8 +171,7 @@ fn refine(
     };
     let lacking = matters(&|a| shift[a].hypot(range[a]));
     let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
-    let mut warnings: Vec<Warning> =
-        report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
+    let mut warnings: Vec<Warning> = report.note.iter().cloned().map(|reason| Warning::NotRefined { reason }).collect();
     let (limits, others) = report.missing.split_at(usize::from(misfit.limited));
     warnings.extend(limits.iter().cloned().map(|term| Warning::Limited { term }));
     if lacking {
@@ -197,7 +195,7 @@ fn refine(
     let (share, settled) = (found.share, found.iterations.is_some());
     let mut restated = restate(found.values, covariance);
     if settled {
-        restated.residual = share;
+        (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
     }
     Ok(Refined { estimate: restated, report: Some(report), warnings })
 }

@@ -1,13 +1,12 @@
 //! The estimates of a campaign refined by simulating the model along the ends of all its runs.
 //!
-//! Harmonics say what repeats. A force that jumps has many of them, and where the velocity is known from a few its sign changes at the
-//! wrong time, by an error that no noise model tells. A force that is smooth has few, but the noise of the sensors, which the feedback
-//! passes on to the machine, moves it between the harmonics too, and that motion tells as much of the parameters as any other. Between
-//! its samples the simulation solves the equations of motion as they are. It takes the samples themselves and not their mean over the
-//! periods: the mean of a sign, or of a square, of a velocity with noise is not that of the mean.
+//! Harmonics contain what repeats. The sign of a velocity that is known from few harmonics changes at the wrong instant, by an error that is
+//! in no noise model; and the motion that noise makes round the loop, between the harmonics, holds information too. The simulation uses
+//! both. Invariant: it takes the samples themselves and not their mean over the periods, since the mean of a sign, or of a square, of a
+//! velocity with noise is not that of the mean.
 //!
-//! The error of rounding to counts repeats with the motion and falls with no number of samples. Where noise dithers the counts, its mean is
-//! known and was taken out. Elsewhere little of it lies at the harmonics of a smooth force, which therefore have the last word there.
+//! Smooth forces whose readings are counts without dither are left to the harmonics: the error of rounding repeats with the motion and falls
+//! with no number of samples (`DESIGN.md`, "Why is output error a refinement and not the estimator?", "When is the refinement left out?").
 
 use crate::excerpt::Excerpt;
 use crate::machine::Machine;
@@ -15,8 +14,7 @@ use crate::refine::{Conditions, Refined, Start, refined};
 use crate::warning::Warning;
 use std::sync::OnceLock;
 use tpm_campaign::{Campaign, Refinement, Setup, SteadyRun};
-use tpm_estimate::Refine;
-use tpm_estimate::{Course, Differentiable, Estimate, Method, Weights, reach_in};
+use tpm_estimate::{Course, Differentiable, Estimate, Method, Refine, Weights, reach_in};
 use tpm_interpret::InterpretedDerivatives;
 
 /// Most samples of all runs together where a force jumps, whose instant is looked for between two samples.

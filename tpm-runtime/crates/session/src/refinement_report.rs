@@ -1,6 +1,7 @@
 //! What a refinement by output error did with a log or a campaign.
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
+use std::fmt;
 use tpm_core::model::Model;
 use tpm_estimate::{OutputErrorFault, RateFault, RateUse};
 use tpm_report::number;
@@ -12,7 +13,7 @@ pub struct RefinementReport {
     pub used: bool,
     /// Why they are not, or what else there is to say.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub note: Option<String>,
+    pub note: Option<NotRefined>,
     /// Samples that were simulated.
     pub samples: usize,
     /// Stretches of the log of which each simulated one is the mean.
@@ -103,9 +104,52 @@ const fn none(count: &usize) -> bool {
     *count == 0
 }
 
+/// Why the values of a result are not those of a refinement; serialises as its text.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NotRefined {
+    /// A step of the simulation would take long.
+    LongSimulation {
+        /// Floating-point operations of one step.
+        work: f64,
+        /// The most that are spent without being asked for.
+        most: f64,
+    },
+    /// The simulation was begun, and came to nothing.
+    Fault(OutputErrorFault),
+    /// The simulation settles only with a term that the model lacks.
+    WithoutTerm,
+    /// A nonlinear parameter goes on moving.
+    Moving {
+        /// The nonlinear parameter.
+        parameter: String,
+    },
+}
+
+impl fmt::Display for NotRefined {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            NotRefined::LongSimulation { work, most } => write!(
+                f,
+                "the estimates are not refined by simulating the model sample by sample: a step of that takes {work:.1e} operations, more than the {most:.1e} that are spent without being asked for"
+            ),
+            NotRefined::Fault(fault) => write!(f, "not refined by a simulation: {fault}"),
+            NotRefined::WithoutTerm => f.write_str(
+                "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them",
+            ),
+            NotRefined::Moving { parameter } => write!(f, "{parameter} does not settle on a value"),
+        }
+    }
+}
+
+impl Serialize for NotRefined {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 impl RefinementReport {
     /// A refinement that was not begun.
-    pub(super) fn left_out(values: &[f64], why: String) -> Self {
+    pub(super) fn left_out(values: &[f64], why: NotRefined) -> Self {
         RefinementReport { note: Some(why), ..Self::refused(values, &OutputErrorFault::NotSimulable) }
     }
 
@@ -113,7 +157,7 @@ impl RefinementReport {
     pub(super) fn refused(values: &[f64], fault: &OutputErrorFault) -> Self {
         let note = match fault {
             OutputErrorFault::NotSimulable => None,
-            fault => Some(format!("not refined by a simulation: {fault}")),
+            fault => Some(NotRefined::Fault(fault.clone())),
         };
         RefinementReport {
             used: false,

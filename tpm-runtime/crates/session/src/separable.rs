@@ -1,9 +1,9 @@
 //! A log identified with a model that has nonlinear parameters, by separable least squares.
 //!
-//! The intervals of the nonlinear parameters z are scanned in one band of the time domain, each point with the other parameters theta
-//! that are best there. From the best points z goes on by the variable projection (Golub and Pereyra 1973, in the variant of Kaufman
-//! 1975): the least squares of rows that are linear about the best theta for z give the next z. Then the log is identified as any
-//! other, again and again about what was found, until z stands still. Last comes the refinement, which has theta and z together.
+//! The intervals of the nonlinear parameters z are scanned in one band of the time domain, each point with the best other parameters theta
+//! for it. From the best points z is improved by variable projection (Golub and Pereyra 1973, in the variant of Kaufman 1975): the least
+//! squares of rows that are linear about the best theta for z give the next z. Then the log is identified as any other, with rows linear
+//! about the last solution, until z has converged. The refinement at the end has theta and z together.
 
 use crate::any_log::{BLOCKS, MOST_SAMPLES, stretches};
 use crate::excerpt::blocks;
@@ -11,12 +11,13 @@ use crate::identification::Identification;
 use crate::identify::identify_from;
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
-use crate::summary;
+use crate::refinement_report::NotRefined;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use tpm_core::model::{EvalError, Model};
-use tpm_estimate::{Differentiable, Estimate, EstimateError, Frozen, OneBand, Settings, Status, Stretch, TimeRecord};
-use tpm_estimate::{Domain, Refine};
+use tpm_estimate::{
+    Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status, Stretch, TimeRecord,
+};
 use tpm_interpret::{InterpretedDerivatives, Separable};
 use tpm_log::Log;
 
@@ -267,11 +268,10 @@ impl Problem<'_> {
                 continue;
             }
             if let Some(j) = moved {
-                let message = format!("{} does not settle on a value", self.name(j));
-                refined.warnings.push(Warning::Unsettled { message });
+                let reason = NotRefined::Moving { parameter: self.name(j) };
+                refined.warnings.push(Warning::Unsettled { reason });
             }
             self.report_kept(&mut refined, &kept);
-            summary::distrust(&mut refined);
             return Ok(refined);
         }
     }

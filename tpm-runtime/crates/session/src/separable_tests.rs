@@ -8,8 +8,7 @@ use crate::{
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use tpm_codegen::identified::Identified;
-use tpm_estimate::Status;
-use tpm_estimate::{Domain, Refine};
+use tpm_estimate::{Domain, Refine, Status};
 use tpm_experiment::{Experiment, ExperimentError};
 
 /// Samples of a period of 4 s, and periods.

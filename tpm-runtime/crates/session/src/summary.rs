@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use tpm_campaign::{Campaign, Contradiction, RunReport};
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Estimate, LARGE_RESIDUAL, Status, Weights};
+use tpm_estimate::{Estimate, LARGE_RESIDUAL, ResidualOf, Status, Weights};
 use tpm_motion::RunEnding;
 use tpm_physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
 use tpm_plant::stability::LoopStability;
@@ -36,10 +36,20 @@ pub(super) fn options(request: &impl serde::Serialize) -> BTreeMap<String, serde
 /// The result of a campaign so far, in the parameters that its estimator gives; `stability` is what its loop was found to be.
 #[must_use]
 pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
+    of_estimated(campaign, stability, source, seed).judged()
+}
+
+/// The result of a campaign so far as its estimator gives it, before it is judged.
+pub(super) fn of_estimated(
+    campaign: &Campaign<'_>,
+    stability: LoopStability,
+    source: Source,
+    seed: u64,
+) -> Identification {
     of_estimate(campaign, campaign.estimate(), stability, source, seed)
 }
 
-/// The result of a campaign so far whose estimate was refined.
+/// The result of a campaign so far whose estimate was refined, before it is judged.
 pub(super) fn of_refined(
     campaign: &Campaign<'_>,
     refined: Refined,
@@ -49,12 +59,11 @@ pub(super) fn of_refined(
 ) -> Identification {
     let mut result = of_estimate(campaign, Some(&refined.estimate), stability, source, seed);
     if refined.report.as_ref().is_some_and(|report| report.used) {
-        result.residual = refined.estimate.residual;
+        (result.residual, result.residual_of) = (refined.estimate.residual, refined.estimate.residual_of);
     }
     result.current = refined.estimate.values;
     result.refinement = refined.report;
     result.warnings.extend(refined.warnings);
-    distrust(&mut result);
     result
 }
 
@@ -106,6 +115,7 @@ fn of_estimate(
         rank: found.map_or(0, |e| e.rank),
         condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
         residual: found.map_or(0.0, |e| e.residual),
+        residual_of: found.map_or(ResidualOf::Force, |e| e.residual_of),
         runs: campaign.runs().to_vec(),
         stability: Some(stability),
         refinement: None,
@@ -120,6 +130,7 @@ fn of_estimate(
         },
         current: campaign.current().to_vec(),
         estimate: estimate.cloned(),
+        shortfall: None,
     };
     if estimate.is_some() {
         let mut position = vec![0.0; model.dims().motion_len()];
@@ -128,7 +139,6 @@ fn of_estimate(
         }
         position.truncate(model.dims().coordinates);
         warn_of_negative_inertias(&mut result, model, &setup.constants, &position);
-        distrust(&mut result);
     }
     result
 }
@@ -168,8 +178,8 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
         None => warnings.push(Warning::NothingAccepted),
         Some(estimate) => warnings.extend(doubts(model, estimate, Data::Runs)),
     }
-    let said = campaign.estimator().warnings();
-    warnings.extend(said.iter().map(|message| Warning::Estimator { message: message.clone() }));
+    let said = campaign.estimator().remarks();
+    warnings.extend(said.iter().map(|remark| Warning::Physical { remark: remark.clone() }));
     warnings
 }
 
@@ -211,7 +221,7 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
     doubts
 }
 
-/// Warns of masses and inertias that came out negative, and trusts them no more, unless the matrix of accelerations at rest at a
+/// Warns of masses and inertias that came out negative, unless the matrix of accelerations at rest at a
 /// position is that of some machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
 pub(super) fn warn_of_negative_inertias(
     result: &mut Identification,
@@ -222,41 +232,11 @@ pub(super) fn warn_of_negative_inertias(
     if has_inertia(model, &result.current, constants, position) {
         return;
     }
-    let named = if result.physical.is_empty() { &mut result.parameters } else { &mut result.physical };
+    let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     let negative = negative_inertias(named);
-    for parameter in named.iter_mut().filter(|own| negative.iter().any(|(name, _)| *name == own.name)) {
-        parameter.status = parameter.status.in_result(false);
-    }
     result
         .warnings
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
-}
-
-/// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record, or
-/// its columns are exchanged.
-pub(super) fn distrust(result: &mut Identification) {
-    for warning in &result.warnings {
-        let all = is_about_all(warning);
-        for parameter in result.physical.iter_mut().filter(|_| all) {
-            parameter.status = parameter.status.in_result(false);
-        }
-        for parameter in &mut result.parameters {
-            if all || matches!(warning, Warning::Halves { parameter: name, .. } if *name == parameter.name) {
-                parameter.status = parameter.status.in_result(false);
-            }
-        }
-    }
-}
-
-/// Whether a warning says that no number of a result is to be trusted.
-const fn is_about_all(warning: &Warning) -> bool {
-    matches!(
-        warning,
-        Warning::Exchanged { .. }
-            | Warning::Unsettled { .. }
-            | Warning::FarFromLinear { .. }
-            | Warning::EndOfInterval { .. }
-    )
 }
 
 /// A model whose parameters were lumped.
@@ -312,12 +292,8 @@ impl<'a> Lumped<'a> {
         let count = found.parameters.len();
         let entry = |r: usize, c: usize| (known(r) && known(c)).then(|| found.covariance[(r, c)]);
         result.physical_covariance = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
-        let explained = estimate.is_explained() && !result.warnings.iter().any(is_about_all);
         result.physical = found.parameters;
-        for parameter in &mut result.physical {
-            parameter.status = parameter.status.in_result(explained);
-        }
-        result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
+        result.warnings.extend(found.remarks.into_iter().map(|remark| Warning::Physical { remark }));
         Ok(())
     }
 }

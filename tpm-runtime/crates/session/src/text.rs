@@ -46,7 +46,7 @@ impl Identification {
             self.wanted(),
             or_dash(self.condition, number),
             number(100.0 * self.residual),
-            if self.is_refined() { "the motion or input" } else { "the force" },
+            self.residual_of,
         ));
         for direction in &self.unobservable {
             text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));

@@ -2,8 +2,8 @@
 //!
 //! Invariant: no parameter is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
 //! inputs that they predict are compared with the recorded inputs: harmonic by harmonic, over the harmonics that stand
-//! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
-//! is named.
+//! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a
+//! direction of the parameters that is open is not predicted: it is named.
 
 use crate::any_log::stretches;
 use crate::error::SessionError;
@@ -19,8 +19,9 @@ use serde::Serialize;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_estimate::Domain;
-use tpm_estimate::{Differentiable, ForceCourse, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
+use tpm_estimate::{
+    Differentiable, Domain, ForceCourse, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band,
+};
 use tpm_log::{Log, ReadingReport, Recording};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.

@@ -1,10 +1,11 @@
 //! What a user should know beside the numbers of a result.
 
-use crate::refinement_report::MissingTerm;
+use crate::refinement_report::{MissingTerm, NotRefined};
 use serde::Serialize;
 use std::fmt;
 use tpm_campaign::{NearMode, Outcome};
 use tpm_core::harmonics::Hold;
+use tpm_estimate::PhysicalRemark;
 use tpm_log::Repeated;
 use tpm_motion::RunEnding;
 use tpm_plant::actuator::LimitUse;
@@ -38,7 +39,6 @@ impl fmt::Display for Data {
 /// A warning of a result. Its text names no front end's options; [`remedy`](Self::remedy) says which setting would help.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-#[non_exhaustive]
 pub enum Warning {
     /// Another assumption about the inputs between samples leaves a clearly smaller residual.
     OtherHold {
@@ -243,7 +243,8 @@ pub enum Warning {
     /// No parameters of the model make it follow the record sample by sample.
     Unsettled {
         /// How the simulation went.
-        message: String,
+        #[serde(rename = "message")]
+        reason: NotRefined,
     },
     /// The updates of a linearised estimator ended further from where it was linearised than their deviations allow.
     FarFromLinear {
@@ -293,48 +294,21 @@ pub enum Warning {
         /// Its value, in its unit.
         value: f64,
     },
-    /// What an estimator says of its own equations.
-    Estimator {
-        /// The estimator's words.
-        message: String,
+    /// The values are not those of a refinement.
+    NotRefined {
+        /// Why.
+        #[serde(rename = "message")]
+        reason: NotRefined,
     },
     /// What the map from lumped to physical parameters shows.
     Physical {
-        /// The words of [`Physical::warnings`](tpm_physical::Physical::warnings).
-        message: String,
+        /// What it shows.
+        #[serde(rename = "message", serialize_with = "displayed")]
+        remark: PhysicalRemark,
     },
 }
 
 impl Warning {
-    /// Whether numbers that follow from such data are not to be trusted.
-    #[must_use]
-    pub fn is_distrust(&self) -> bool {
-        match self {
-            Warning::Exchanged { .. }
-            | Warning::NegativeInertia { .. }
-            | Warning::Halves { .. }
-            | Warning::Unsettled { .. }
-            | Warning::FarFromLinear { .. }
-            | Warning::EndOfInterval { .. }
-            | Warning::LogsDisagree { .. } => true,
-            Warning::InLog { warning, .. } => warning.is_distrust(),
-            _ => false,
-        }
-    }
-
-    /// Whether the warning says that the model does not explain all of what was measured.
-    #[must_use]
-    pub fn is_misfit(&self) -> bool {
-        match self {
-            Warning::Unexplained { .. }
-            | Warning::MissingTerm { .. }
-            | Warning::Repeats { .. }
-            | Warning::Vibration { .. } => true,
-            Warning::InLog { warning, .. } => warning.is_misfit(),
-            _ => false,
-        }
-    }
-
     /// The setting that would remove the warning, when there is one.
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
@@ -369,10 +343,7 @@ impl fmt::Display for Warning {
                 100.0 * left,
                 100.0 * left_by_exchange
             ),
-            Warning::LongSimulation { work, most } => write!(
-                f,
-                "the estimates are not refined by simulating the model sample by sample: a step of that takes {work:.1e} operations, more than the {most:.1e} that are spent without being asked for"
-            ),
+            &Warning::LongSimulation { work, most } => NotRefined::LongSimulation { work, most }.fmt(f),
             Warning::OnePeriod => f.write_str(
                 "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",
             ),
@@ -506,9 +477,9 @@ impl fmt::Display for Warning {
                 "the residual vibrates at about {frequency:.1} Hz, where the model has no mode: a flexible mode between input and sensor; deviations contain how far its static part would move the parameters"
             ),
             Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
-            Warning::Unsettled { message } => write!(
+            Warning::Unsettled { reason } => write!(
                 f,
-                "{message}: no values were found with which the model follows the record; the model may lack something large, or a channel may not be what it is taken for"
+                "{reason}: no values were found with which the model follows the record; the model may lack something large, or a channel may not be what it is taken for"
             ),
             Warning::FarFromLinear { estimator } => write!(
                 f,
@@ -526,7 +497,8 @@ impl fmt::Display for Warning {
                 f,
                 "{parameter} = {other:.4e} explains the data nearly as well as {value:.4e}, it leaves {left:.3} times as much: declare a narrower interval if one of them is impossible, or record a motion that tells them apart"
             ),
-            Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),
+            Warning::NotRefined { reason } => reason.fmt(f),
+            Warning::Physical { remark } => remark.fmt(f),
         }
     }
 }

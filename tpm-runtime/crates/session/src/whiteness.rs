@@ -1,15 +1,15 @@
 //! Tests of one-step prediction errors: whether they are white, and independent of the inputs before them (Ljung, System
 //! Identification, 16.6).
 //!
-//! Where the model and its noise are right, prediction errors in units of their deviations are white: nothing before them tells anything
-//! about them. Both tests are chi-squared tests over [`LAGS`] lags and give a false alarm with chance [`FALSE_ALARM`] each.
+//! Where the model and its noise are right, prediction errors in units of their deviations are white: they are independent of everything
+//! before them. Both tests are chi-squared tests over [`LAGS`] lags and give a false alarm with chance [`FALSE_ALARM`] each.
 //!
 //! - Whiteness: `Q = N (N + 2) sum r_l^2 / (N - l)` of the autocorrelations r_l (Ljung and Box).
 //! - Independence of an input: `b' G^-1 b` of the products `b_l = sum e_k u_{k-l}` and their covariance G, which is the information
 //!   matrix of the past inputs where the errors are white; autocorrelations beyond their band add to it, with Bartlett's weights. Lags are
 //!   positive: in a closed loop later inputs follow from earlier errors, and that says nothing about the model.
 //!
-//! A long record rejects every model but a perfect one, since it shows the smallest misfit: how large the misfit is, the fits tell.
+//! A long record rejects every model but a perfect one, since it shows the smallest misfit. The fits say how large the misfit is.
 
 use serde::Serialize;
 use tpm_numerics::tail::chi_squared_upper;

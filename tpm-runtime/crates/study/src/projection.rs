@@ -759,5 +759,9 @@ fn known(
     }
     let (weights, values, covariance) = result.entries();
     let weight = |r: usize, c: usize| weights[r].get(&names[c]).copied().unwrap_or(0.0);
-    Ok(Known { weights: DMatrix::from_fn(weights.len(), names.len(), weight), values, covariance })
+    Ok(Known {
+        weights: DMatrix::from_fn(weights.len(), names.len(), weight),
+        values: DVector::from_vec(values),
+        covariance: covariance.dense().clone(),
+    })
 }

@@ -23,10 +23,8 @@ use crate::table::RowLines;
 use num_complex::Complex;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
-use tpm_motion::Spectra;
-use tpm_motion::Trial;
-use tpm_motion::held;
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
+use tpm_motion::{Spectra, Trial, held};
 use tpm_numerics::DMatrix;
 use tpm_numerics::fourier::analyse;
 

@@ -4,7 +4,7 @@
 //! lines k - m, each of which stands in other equations too. Invariant: the noise of the real equations is `F(theta) n`, where
 //! n are real and imaginary parts of the coordinates' white noise, line by line and independent; F is linear in theta, so
 //! that its parts are formed once. The variance of an equation's noise was measured; F gives the correlations between
-//! equations. Weighing each equation for itself instead loses information and states deviations that are too small.
+//! equations (`DESIGN.md`, "Why are the equations of a record weighed together?").
 
 use crate::measured_motion::path::NoisePath;
 use num_complex::Complex;

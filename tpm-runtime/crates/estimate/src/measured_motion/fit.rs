@@ -11,7 +11,7 @@ use crate::measured_motion::coupled::Weighed;
 use crate::measured_motion::model_error::excess;
 use crate::measured_motion::record::MeasuredMotion;
 use crate::measured_motion::repeats::{Repeats, repeated};
-use crate::result::Estimate;
+use crate::result::{Estimate, ResidualOf};
 use crate::settings::{Settings, Weights};
 use crate::verdict::Verdict;
 use tpm_core::model::Dims;
@@ -239,6 +239,7 @@ fn solve_records(
         unobservable,
         condition: scaled.condition(&hidden),
         residual,
+        residual_of: ResidualOf::Force,
         chi_squared,
         model_error: (0..dims.rows).map(|r| model_error.iter().map(|e| e[r].sqrt()).fold(0.0, f64::max)).collect(),
     };

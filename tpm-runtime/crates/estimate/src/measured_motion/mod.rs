@@ -6,7 +6,8 @@
 //!
 //! Noise of the measured motion enters the regressors. It is followed to first order through the time-varying Jacobian of
 //! the rows along the motion, which gives each harmonic equation its variance, and the bias it would leave in the normal
-//! equations (errors in variables) is subtracted.
+//! equations (errors in variables) is subtracted. `DESIGN.md` compares this estimator with the others ("Why five estimators, and why is
+//! `measured-motion` the default?").
 
 mod coupled;
 mod fit;

@@ -1,8 +1,9 @@
 //! Rounding to counts that records of one motion repeat.
 //!
-//! A reading is rounded by what the motion is at that moment. Records of the same motion therefore share a part of their rounding errors,
-//! which does not average out over them: with n records it counts in each n times, so that it remains whole in their mean. Invariant: how
-//! much two records share follows from how far their motions are apart in counts, and from nothing else.
+//! The quantisation error of a reading follows from the motion at that moment. Records of the same motion therefore share a part of it,
+//! which does not average out: over n records its variance counts n times in each, so that it remains whole in their mean. Invariant: how
+//! much two records share follows from how far their motions are apart in counts, and from nothing else (`DESIGN.md`, "What does an
+//! encoder do to an estimate?").
 
 use crate::noise::{Bins, row_rounding};
 use num_complex::Complex;

@@ -1,11 +1,9 @@
-//! Inputs that were cut off at a limit behind the place where they were recorded.
+//! Inputs that were clipped at a limit behind the place where they were recorded.
 //!
-//! A command that is recorded before a limiter shows no plateau. Along the measured motion the rows are linear in the parameters
-//! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; those that leave less
-//! than none does are promising. Where the input is at its limit nearly all the time, the regression shows the parameters over the limit
-//! rather than both, and where few commands pass the limit, it hardly shows it; the likelihood of every sample tells them apart, and
-//! decides whether there is a limit at all. Of a loop that swings within a few samples between its limits, no derivatives are known well
-//! enough for the regression: there all limits are promising that are not hopeless.
+//! A command that is recorded before a limiter shows no plateau. Along the measured motion the rows are linear in the parameters for any
+//! limit, so that one regression tries one limit, with the same low pass on both sides. Limits that leave less than no limit does are
+//! promising; the likelihood of every sample chooses among them, and decides whether there is a limit at all. Where the motion is too fast
+//! for derivatives, all limits are promising that are not hopeless (`DESIGN.md`, "How is a clipped input found?").
 
 use crate::output_error::error::OutputErrorFault;
 use crate::output_error::local;

@@ -1,13 +1,13 @@
 //! Which terms explain a record best beside a given noise.
 //!
-//! Every candidate term is one more column of the linearised record. One pass gives, for each, the value that it would have, by how
-//! much it lowers the sum of squares, and how far it would move the parameters. Under a right model a candidate's gain, over the
-//! variance that is left, follows chi-squared with one degree of freedom, so that the rate of false alarms is known. Candidates are
-//! taken in one after the other while the best one is significant.
+//! Every candidate term is one more column of the linearised record. One pass gives, for each, its value, by how much it lowers the sum
+//! of squares, and how far it moves the parameters. Under a right model a candidate's gain, over the variance that is left, follows
+//! chi-squared with one degree of freedom, so that the rate of false alarms is known. Candidates are taken in one after the other while
+//! the best one is significant.
 //!
-//! What is not in the model can be taken for noise of the inputs, beside which terms are hard to tell from each other. Therefore a
-//! record that seems to have such noise is explained anew with exact inputs, and with inputs that are exact but where a coordinate
-//! turns, so that friction and play need be known only while something moves; the most likely explanation counts.
+//! Noise of the inputs takes up what a model lacks. A record that seems to have such noise is therefore explained with exact inputs too,
+//! and with inputs that are exact except where a coordinate turns; the most likely explanation counts (`DESIGN.md`, "How is a term that
+//! the model lacks told from noise?").
 
 use crate::output_error::candidates::{Along, CandidateKind, Term, candidates};
 use crate::output_error::chain::Chain;

@@ -1,8 +1,8 @@
 //! What a model leaves of a record, and by how much that widens deviations.
 //!
-//! Deviations grow with what is found: by the distance that the parameters move when the significant candidates are part of the
-//! model, since nobody knows whether they should be, and by the power that is left at the harmonics of the motion, where noise has no
-//! reason to be stronger than elsewhere.
+//! Deviations grow with what is found: by the distance that the parameters move with the significant candidates in the model, and by the
+//! ratio of the power of the innovations at the harmonics of the motion to their power elsewhere (`DESIGN.md`, "How is a deviation widened
+//! and why?").
 
 use crate::output_error::candidates::{Candidate, CandidateKind};
 use crate::output_error::chain::Chain;

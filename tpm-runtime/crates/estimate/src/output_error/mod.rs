@@ -4,7 +4,8 @@
 //! noise of the sensors, is what was recorded. Parameters theta and the states at every sample are estimated together by maximum
 //! likelihood: multiple shooting with one sample per shot, whose Gauss-Newton steps are solved by orthogonal reflections
 //! (Bierman 1977; Albersmeyer and Diehl 2010). Invariant: noise of the measured motion does not bias the parameters, because the
-//! model is evaluated on the estimated motion; an input that is exact is one whose noise is found to be none.
+//! model is evaluated on the estimated motion; an input that is exact is one whose noise is found to be zero. `DESIGN.md` ("Why is output
+//! error a refinement and not the estimator?") says what this gains.
 //!
 //! ```text
 //! signals, problem (record, model), rates (which are readings) -> chain (linearised) -> smoother, solution (one step) -> tuning (noise) -> state (iteration)

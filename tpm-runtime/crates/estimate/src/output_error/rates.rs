@@ -1,14 +1,13 @@
 //! Measured rates as readings of the motion.
 //!
-//! A column of rates may be a tachometer's. It may also have been formed of the positions by a drive, with a filter that makes it late
-//! and with their noise over again. A rate is a reading of its own where it is the rate of the motion that positions and inputs tell,
-//! but for white noise:
+//! A column of rates may be a tachometer's. It may also have been computed from the positions by a drive, late by a filter and with their
+//! noise. A rate is a reading of its own where it differs from the rate of the estimated motion by white noise alone:
 //!
 //! ```text
 //! rate_k - v_k = gain v_k - delay dv/dt + offset + e_k ,
 //! ```
 //!
-//! with gain, delay, offset and the correlation of neighbouring e_k all within chance of nothing.
+//! with gain, delay, offset and the correlation of neighbouring e_k all zero within chance.
 
 use crate::output_error::problem::{Differentiable, Problem};
 use crate::output_error::signals::{Rate, Signals};

@@ -1,7 +1,7 @@
 //! The noise that makes a record most likely.
 //!
-//! Noise of the inputs moves a machine slowly, so that a stretch of some seconds may not tell it from the noise of the sensors; and stated
-//! deviations are as good as its size is known. The search begins on a stretch, where many sizes cost little, and ends on the record.
+//! The search begins on a stretch of the record, where many sizes of the noise cost little, and ends on the whole of it: noise of the
+//! inputs moves a machine slowly, so that a stretch may not tell it from the noise of the sensors.
 
 use crate::output_error::chain::Chain;
 use crate::output_error::noise::Noise;

@@ -1,7 +1,7 @@
 //! The band of frequencies in which a record is used.
 //!
-//! A low band leaves out what the machine does at high frequencies, a high one takes noise in. Several are tried; the one whose
-//! deviations are smallest counts, and how far the others move the parameters is reported and taken into the deviations where it is
+//! A low band leaves out what the machine does at high frequencies, a high one takes noise in. Several are tried. The band of highest rank
+//! with the smallest deviations is used; how far the others move the parameters is reported, and is part of the deviations where it is
 //! more than chance.
 
 use crate::error::EstimateError;

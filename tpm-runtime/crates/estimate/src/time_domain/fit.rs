@@ -2,7 +2,7 @@
 
 use crate::free::Free;
 use crate::information::{beside, beside_known, touched};
-use crate::result::Estimate;
+use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
 use crate::time_domain::equations::{Equations, RowEquations};
 use crate::verdict::Verdict;
@@ -98,6 +98,7 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
         unobservable: solved.hidden.iter().map(|direction| free.spread(direction)).collect(),
         condition: solved.condition,
         residual: root_mean_square(row_residuals.iter().copied()),
+        residual_of: ResidualOf::Force,
         chi_squared: 1.0,
         model_error: vec![0.0; dims.rows],
     };

@@ -1,16 +1,16 @@
 //! Estimates from any motion, in the time domain.
 //!
 //! The rows `Phi(q, q', ...) theta + known = B u` hold at every instant, and still hold after the same low pass F on both sides,
-//! `F[Phi] theta + F[known] = F[B u]`, whatever the motion is: a chirp, a ramp, a hand that guides the machine. F has no phase, leaves
-//! the motion as it is and takes what lies above it, where there is noise alone. What a low pass leaves is told by fewer samples, each
-//! an equation of its own.
+//! `F[Phi] theta + F[known] = F[B u]`, whatever the motion is: a chirp, a ramp, a hand that guides the machine. F has no phase and passes
+//! the motion; above it there is noise alone. The filtered rows are band-limited: one sample per 1/(2 f_stop) is one independent equation.
+//! `DESIGN.md` ("Why harmonics and not a filtered regression?") says why records that repeat are used otherwise.
 //!
 //! Invariants:
 //! - Derivatives are those of the low-passed signals, so that a linear term is treated exactly as the input is.
 //! - No equation needs what lies beyond the ends of a stretch: the low pass reaches so far, and not farther.
-//! - The noise of the sensors in Phi would make parameters too small; the information that noise alone would give is measured, by the
-//!   same low pass on noise of the same size, and taken off. A direction that shows no more than that is hidden.
-//! - Residuals are correlated in time; deviations count that.
+//! - Noise of the sensors in Phi would make parameters too small. The information that noise alone would give is measured, by the same low
+//!   pass on noise of the same size, and subtracted. A direction with no more information than that is hidden.
+//! - Deviations contain the correlation of the residuals in time.
 //!
 //! ```text
 //! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one); predict; shift

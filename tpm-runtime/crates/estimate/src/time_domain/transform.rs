@@ -1,7 +1,7 @@
 //! A signal by its frequencies, and what linear filters make of it at fewer samples.
 //!
-//! A filter whose response is smooth reaches over a short time, so that it does not matter that a transform takes the end of a signal
-//! for its beginning: whoever leaves out what is nearer to an end than the filter reaches has what the filter makes of the signal itself.
+//! A discrete transform is periodic, so that a filter wraps the end of a signal round to its beginning. A filter with a smooth response
+//! reaches over a short time: samples farther from both ends than this are those of the filtered signal itself.
 
 use num_complex::Complex;
 use std::f64::consts::PI;

@@ -1,4 +1,4 @@
-//! How fast and how far motors can follow a pattern.
+//! The fastest and the largest motion along a pattern that motors can follow.
 //!
 //! Invariant: the share of the limits that a motion uses is a continuous function of its frequency and of its size. The bound
 //! is the first value, going up from slow or small motions, at which the share is 1: every slower or smaller motion is feasible,
@@ -10,7 +10,7 @@ use crate::actuator::requirement::{Requirement, requirements};
 use tpm_motion::TrialError;
 use tpm_motion::trajectory::Trajectory;
 
-/// Samples of a period: while the bound is bracketed, and while it is refined.
+/// Samples of a period while the bound is bracketed, and while it is refined.
 const SAMPLES: (usize, usize) = (512, 2048);
 /// Ratio of neighbouring values of the grid.
 const GRID_RATIO: f64 = 1.2;
@@ -40,7 +40,7 @@ pub enum Bound {
     Beyond(f64),
 }
 
-/// Share of the limits, with the input and limit that are used most.
+/// The largest share of a limit that is used, with the input and the limit.
 fn share(found: &[Requirement]) -> (f64, usize, Limit) {
     found.iter().fold((0.0, 0, Limit::Current), |most, requirement| {
         let worst = requirement.worst();
@@ -48,8 +48,8 @@ fn share(found: &[Requirement]) -> (f64, usize, Limit) {
     })
 }
 
-/// The largest frequency, or the largest factor on all amplitudes, up from a thousandth of `near`; `motion` gives the trajectory
-/// of a value.
+/// The largest feasible frequency (rad/s), or the largest feasible factor on all amplitudes, searched upwards from a
+/// thousandth of `near`; `motion` gives the trajectory for a value of it.
 ///
 /// # Errors
 /// [`TrialError`] when a motion cannot be evaluated.
@@ -64,11 +64,13 @@ pub fn bound(
         let least = 16 * (trajectory.highest_harmonic() as usize).next_power_of_two();
         Ok(share(&requirements(demand, motors, &trajectory, samples.max(least))?))
     };
+    // 1. The smallest value of the grid, which must be feasible.
     let mut low = near / GRID_REACH;
     let (first, input, limit) = used(low, SAMPLES.0)?;
     if first > 1.0 {
         return Ok(Bound::Never { input, limit });
     }
+    // 2. A bracket of the first value at which a limit is met.
     let mut high = low * GRID_RATIO;
     while used(high, SAMPLES.0)?.0 <= 1.0 {
         low = high;
@@ -81,7 +83,8 @@ pub fn bound(
     (low, high) = (low / 1.01, high * 1.01);
     let mut ends = [used(low, SAMPLES.1)?.0 - 1.0, used(high, SAMPLES.1)?.0 - 1.0];
     let (mut a, mut b) = (low, high);
-    // The false position with halved weights (Illinois): the share is smooth but for corners where the limit changes.
+    // 3. The root, by the method of false position with halved weights (the Illinois rule): the share is smooth but for
+    // corners where another limit takes over.
     for _ in 0..80 {
         if (b - a).abs() <= 4.0 * f64::EPSILON * b {
             break;

@@ -1,15 +1,15 @@
-//! The two parts of every input along a motion, in numbers.
+//! The motion-independent and the motion-dependent part of every input along a motion, computed numerically.
 //!
-//! Invariant: the motion-independent part of an input is what the rows ask of the input at the same instant with the
-//! coordinates that it drives standing still (all their derivatives zero), the motion-dependent part is the rest (Feng, section
-//! 6.2). The split needs no more than the model's rows, so that hand-written, compiled and interpreted models are split alike;
+//! Invariant: the motion-independent part of an input is the value that the rows require of it at the same instant with
+//! all derivatives of the coordinates that it drives set to zero; the motion-dependent part is the rest (Feng, section
+//! 6.2). The split needs only the model's rows, so that hand-written, compiled and interpreted models are split alike;
 //! the symbolic parts are those of `tpm_symbolic::plan::split`.
 
 use tpm_core::model::Model;
 use tpm_motion::trajectory::Trajectory;
 use tpm_motion::{TrialError, demand};
 
-/// A model with numbers, ready to say what a motion asks of its inputs.
+/// A model with its parameters and constants, from which the inputs that a motion requires are computed.
 #[derive(Clone)]
 pub struct Demand<'m> {
     model: &'m dyn Model<f64>,
@@ -27,7 +27,7 @@ impl std::fmt::Debug for Demand<'_> {
     }
 }
 
-/// What one period of a motion asks for.
+/// The parts of all inputs along a motion.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Parts {
@@ -112,8 +112,9 @@ impl<'m> Demand<'m> {
         Ok(Parts { samples: motions.len() / dims.motion_len().max(1), motions, independent, dependent })
     }
 
-    /// Inertia that an input feels at its own coordinate while nothing else accelerates, at a motion (unit of the input per unit
-    /// of the coordinate and s^2); `None` when it drives not exactly one coordinate or that has no acceleration.
+    /// Inertia at the coordinate that an input drives, at a motion, while the other coordinates do not accelerate: the
+    /// change of the input per unit of acceleration. `None` when the input does not drive exactly one coordinate, or
+    /// the model has no accelerations.
     ///
     /// # Errors
     /// [`TrialError`] when the model cannot be evaluated at a motion or its inputs are not determined.

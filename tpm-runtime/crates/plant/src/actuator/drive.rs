@@ -5,11 +5,13 @@
 //! split  (Feng, Figure 6.4)   u = F(s) f_MD + G(s) f_MI + C(e)         or F(s) [f_MD + C(e)] + G(s) f_MI, with G faster or none
 //! ```
 //!
-//! and a motor makes of u the current that it wants, its voltage within the limits, its current and the force on the machine.
+//! and a motor converts u to a commanded current, which its voltage drives within the limits; the current gives the
+//! force on the machine.
 //!
-//! Invariants: the state is the machine's (every derivative below the highest), then per input the filter of the
-//! motion-dependent part, the one of the motion-independent part, the amplifier's, each as value and rate, then the current;
-//! the reference is periodic and known at every half step; nothing allocates in a step. Limits are left out where the loop is
+//! Invariants: the state is the machine's (every derivative below the highest), then per input the states of three
+//! filters, each as value and rate, then the current. The filters are those of the motion-dependent part, of the
+//! motion-independent part and of the amplifier; the reference is periodic and known at every half step; nothing
+//! allocates in a step unless the feed-forward is computed at the actual motion. Limits are ignored where the loop is
 //! linearised.
 
 use crate::actuator::demand::{Demand, Parts};
@@ -18,9 +20,8 @@ use num_complex::Complex;
 use tpm_core::control::Gain;
 use tpm_core::linear;
 use tpm_core::model::EvalError;
-use tpm_motion::LowPass;
-use tpm_motion::TrialError;
 use tpm_motion::trajectory::Trajectory;
+use tpm_motion::{LowPass, TrialError};
 use tpm_numerics::DMatrix;
 use tpm_numerics::eigenvalues::eigenvalues;
 
@@ -30,22 +31,22 @@ const PER_INPUT: usize = 7;
 const MOST_STEP: f64 = 0.35;
 /// Fewest and most integration steps of a period.
 const STEPS: (usize, usize) = (2000, 400_000);
-/// Least real part of a pole that counts as unstable, as a share of the largest pole: the linearisation by differences does not
-/// decide on smaller ones.
+/// Least real part of a pole that counts as unstable, as a share of the largest magnitude of a pole: smaller real parts
+/// are within the error of the linearisation by differences.
 const UNDECIDED: f64 = 1e-6;
-/// Multiple of its reference's size beyond which a coordinate has diverged.
+/// Multiple of the reference's largest magnitude (at least one unit) beyond which a coordinate has diverged.
 const DIVERGED: f64 = 1e6;
 
-/// How feed-forward and feedback reach the inputs.
+/// The structure of the loop: how feed-forward and feedback are filtered and added to the inputs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scheme {
     /// Feedback paths.
     pub gains: Vec<Gain<f64>>,
     /// Low pass of the motion-dependent part; of both parts where the feed-forward is not split.
     pub filter: Option<LowPass>,
-    /// Whether the motion-independent part goes its own way (Figure 6.4).
+    /// Whether the motion-independent part bypasses `filter` (Figure 6.4).
     pub split: bool,
-    /// Low pass of the motion-independent part when it does.
+    /// Low pass of the motion-independent part where the feed-forward is split.
     pub independent_filter: Option<LowPass>,
     /// Whether the feedback passes `filter` too.
     pub feedback_filtered: bool,
@@ -78,7 +79,7 @@ pub enum DriveError {
     },
 }
 
-/// Poles of the loop, linearised at rest somewhere on the reference.
+/// Poles of the loop, linearised at rest at one configuration on the reference.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct LoopPoles {
@@ -102,7 +103,7 @@ impl LoopPoles {
     }
 }
 
-/// How a reference was followed over one period.
+/// Tracking of a reference over one period.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Tracking {
@@ -134,11 +135,11 @@ pub struct Drive<'a> {
     slots: Vec<usize>,
 }
 
-/// Memory of one evaluation.
+/// Workspace of one evaluation.
 struct Scratch {
     motion: Vec<f64>,
     inputs: Vec<f64>,
-    /// The motors' forces before their rotors take a share.
+    /// The motors' forces before the inertial forces of their rotors are subtracted.
     forces: Vec<f64>,
     workspace: Vec<f64>,
     columns: Vec<f64>,
@@ -147,7 +148,7 @@ struct Scratch {
     limited: Vec<[bool; 3]>,
 }
 
-/// What the reference asks at one instant.
+/// Motion and feed-forward of the reference at one instant.
 #[derive(Clone, Copy)]
 struct Wanted<'a> {
     motion: &'a [f64],
@@ -156,7 +157,7 @@ struct Wanted<'a> {
 }
 
 impl<'a> Drive<'a> {
-    /// A machine whose true parameters are `plant`; the feed-forward takes those of `demand`.
+    /// A machine whose true parameters are `plant`; the feed-forward uses those of `demand`.
     #[must_use]
     pub fn new(demand: &'a Demand<'a>, plant: &[f64], motors: &[Option<Motor>], scheme: &'a Scheme) -> Self {
         let model = demand.model();
@@ -187,12 +188,12 @@ impl<'a> Drive<'a> {
         self.slots.len() + PER_INPUT * self.motors.len()
     }
 
-    /// Current that a motor wants for a command on its input; the rotor's own inertia is in the command already.
+    /// Commanded current of a motor, A, for a command on its input, which includes the inertial force of the rotor.
     fn current(motor: &Motor, command: f64) -> f64 {
         command / (motor.torque_constant * motor.ratio)
     }
 
-    /// Rates of the state; flags of the limits are left in `scratch`.
+    /// Writes the time derivative of the state to `out`; the flags of the limits are left in `scratch`.
     fn rates(
         &self,
         wanted: Wanted<'_>,
@@ -208,12 +209,14 @@ impl<'a> Drive<'a> {
         for (&value, &slot) in machine.iter().zip(&self.slots) {
             scratch.motion[slot] = value;
         }
+        // 1. The feed-forward, at the actual motion where the scheme asks for it.
         let parts = if self.scheme.at_actual_motion { Some(self.at_actual_motion(wanted, scratch)?) } else { None };
         let wanted = parts.as_ref().map_or(wanted, |parts| Wanted {
             motion: wanted.motion,
             independent: &parts.independent,
             dependent: &parts.dependent,
         });
+        // 2. Per input: feedback, filters, and the motor.
         let (machine_out, drives_out) = out.split_at_mut(self.slots.len());
         let states = drives.chunks_exact(PER_INPUT).zip(drives_out.chunks_exact_mut(PER_INPUT));
         for (i, ((state, out), motor)) in states.zip(&self.motors).enumerate() {
@@ -260,6 +263,7 @@ impl<'a> Drive<'a> {
                 _ => command,
             };
         }
+        // 3. The accelerations of the machine.
         self.accelerate(scratch)?;
         for (slot, &at) in machine_out.iter_mut().zip(&self.slots) {
             *slot = scratch.motion[at + n];
@@ -267,7 +271,7 @@ impl<'a> Drive<'a> {
         Ok(())
     }
 
-    /// The feed-forward at the motion in `scratch` below the highest derivatives, which are those of the reference.
+    /// The feed-forward at the actual motion in `scratch`, with the highest derivatives of the reference.
     fn at_actual_motion(&self, wanted: Wanted<'_>, scratch: &Scratch) -> Result<Parts, DriveError> {
         let mut motion = wanted.motion.to_vec();
         for &slot in &self.slots {
@@ -327,7 +331,7 @@ impl<'a> Drive<'a> {
         Ok(())
     }
 
-    /// Feed-forward at motions: the parts, with the rotors' inertia among the motion-dependent ones.
+    /// Feed-forward at motions: the two parts, with the inertial forces of the rotors in the motion-dependent one.
     fn feed_forward(&self, motions: Vec<f64>) -> Result<Parts, DriveError> {
         let dims = self.demand.model().dims();
         let mut parts = self.demand.at(motions)?;
@@ -344,7 +348,7 @@ impl<'a> Drive<'a> {
         Ok(parts)
     }
 
-    /// State in which everything follows a reference at an instant at which it rests.
+    /// State of machine, filters and currents that matches a reference at an instant at which it rests.
     fn start(&self, wanted: Wanted<'_>) -> Vec<f64> {
         let mut state: Vec<f64> = self.slots.iter().map(|&slot| wanted.motion[slot]).collect();
         for (i, motor) in self.motors.iter().enumerate() {
@@ -357,8 +361,8 @@ impl<'a> Drive<'a> {
         state
     }
 
-    /// Poles of the loop, linearised at rest in the configurations that the reference passes, where the one farthest to the
-    /// right lies farthest to the right. Limits are left out, motors are not.
+    /// Poles of the loop, linearised at rest at that one of several configurations on the reference where the rightmost
+    /// pole has the largest real part. Motors are included, their limits are not.
     ///
     /// # Errors
     /// [`DriveError`] when the machine cannot be evaluated there.
@@ -390,14 +394,14 @@ impl<'a> Drive<'a> {
                     jacobian[(i, j)] = (above[i] - below[i]) / (2.0 * step);
                 }
             }
-            // States of filters and motors that are not there have no poles.
+            // States of filters and motors that are absent are removed.
             let used: Vec<usize> = (0..len).filter(|&j| self.is_used(j)).collect();
             let jacobian = DMatrix::from_fn(used.len(), used.len(), |r, c| jacobian[(used[r], used[c])]);
             let mut poles = eigenvalues(&jacobian);
             poles.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
             let right = |stability: &LoopPoles| stability.poles.first().map_or(f64::NEG_INFINITY, |pole| pole.re);
             let found = LoopPoles { phase, poles };
-            // Poles that are not numbers come behind all others.
+            // In this order poles that are not numbers count as farther to the right than all others.
             if worst.as_ref().is_none_or(|worst| right(&found).total_cmp(&right(worst)).is_gt()) {
                 worst = Some(found);
             }
@@ -416,7 +420,7 @@ impl<'a> Drive<'a> {
         }
     }
 
-    /// Follows the reference for `settle` periods and one more, which is recorded.
+    /// Simulates the loop along the reference for `settle` periods, and records one more.
     ///
     /// The classical Runge-Kutta rule takes steps that resolve the fastest of `poles`.
     ///
@@ -424,6 +428,7 @@ impl<'a> Drive<'a> {
     /// [`DriveError`] when the machine cannot be evaluated, rotor and machine do not determine the accelerations, or the motion
     /// diverges.
     pub fn track(&self, reference: &Trajectory, settle: usize, poles: &LoopPoles) -> Result<Tracking, DriveError> {
+        // 1. Steps that resolve the poles and the harmonics of the reference.
         let dims = self.demand.model().dims();
         let (n, inputs) = (dims.coordinates, dims.inputs);
         let period = std::f64::consts::TAU / reference.frequency;
@@ -431,6 +436,7 @@ impl<'a> Drive<'a> {
         let asked = if asked.is_finite() { asked as usize } else { STEPS.1 };
         let steps = asked.max(200 * reference.highest_harmonic() as usize).clamp(STEPS.0, STEPS.1);
         let h = period / steps as f64;
+        // 2. Reference and feed-forward at every half step.
         let width = dims.motion_len();
         let mut motions = vec![0.0; 2 * steps * width];
         for (k, motion) in motions.chunks_exact_mut(width).enumerate() {
@@ -462,6 +468,7 @@ impl<'a> Drive<'a> {
             rate_peak: vec![0.0; n],
             limited: vec![[0.0; 3]; inputs],
         };
+        // 3. The integration; the last period is recorded.
         for step in 0..(settle + 1) * steps {
             let half = 2 * (step % steps);
             self.rates(at(half), &state, true, &mut scratch, &mut rate)?;
@@ -503,6 +510,7 @@ impl<'a> Drive<'a> {
                 return Err(DriveError::Diverged { time: step as f64 * h });
             }
         }
+        // 4. The tracking errors of this period.
         found.rate_rms.iter_mut().for_each(|square| *square = square.sqrt());
         for (c, errors) in found.errors.iter().enumerate() {
             found.rms[c] = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt();
@@ -558,10 +566,10 @@ mod tests {
         assert!(common_rms / split_rms >= 3.0, "{}", common_rms / split_rms);
         assert!(common_peak / split_peak >= 2.5, "{common_peak} {split_peak}");
         assert!((common_peak - 4.11).abs() < 0.05 * 4.11 && (split_peak - 1.39).abs() < 0.05 * 1.39);
-        // The velocities too: the split scheme is better for the cart, and worse for the pendulum.
+        // Errors of the velocities: the split scheme is better for the cart, and worse for the pendulum.
         let rate_ratio = |c: usize| common.rate_rms[c] / split.rate_rms[c];
         assert!(rate_ratio(0) > 1.5 && common.rms[1] < split.rms[1], "{} {}", rate_ratio(0), rate_ratio(1));
-        // Without any filter nothing is left but the integration, wherever the feed-forward is computed.
+        // Without any filter only the error of the integration remains, wherever the feed-forward is computed.
         let at_actual = followed(&Scheme { filter: None, at_actual_motion: true, ..scheme(false) }, &[]);
         assert!(at_actual.rms.iter().chain(&at_actual.rate_rms).all(|rms| *rms < 1e-6), "{:?}", at_actual.rms);
         let exact = followed(&Scheme { filter: None, ..scheme(false) }, &[]);

@@ -1,7 +1,7 @@
 //! Figures of motors along a motion, and of tracking errors.
 //!
-//! Invariant: the lines of the torque-speed plane are those of steady operation (i' = 0); what the inductance takes is seen in
-//! the voltage over time beside it.
+//! Invariant: the limit lines in the torque-speed plane are those of steady operation (i' = 0). The voltage across the
+//! inductance shows in the panel of the voltage over time.
 
 use crate::actuator::drive::Tracking;
 use crate::actuator::motor::Motor;

@@ -1,4 +1,4 @@
-//! Motor files: which motor drives which input.
+//! Motor files: the motors of a machine, by the input that each drives.
 //!
 //! ```toml
 //! [motors.F]                      # the input of the model that it drives
@@ -27,14 +27,13 @@
 use crate::actuator::motor::{Amplifier, Limits, Motor};
 use crate::actuator::placed::{self, FileFault, Placed, Table};
 use tpm_core::model::Model;
-use tpm_motion::Dynamics;
-use tpm_motion::LowPass;
+use tpm_motion::{Dynamics, LowPass};
 use tpm_report::Remedy;
 
-/// Bandwidth of a current loop for which the file gives none, rad/s.
+/// Bandwidth of a current loop where the file gives none, rad/s.
 const BANDWIDTH: f64 = 2000.0;
 
-/// A field of a motor file: its name, and what it means with its unit.
+/// A field of a motor file: its name, and its meaning with the unit.
 type Field = (&'static str, &'static str);
 
 /// Fields of a motor.
@@ -126,7 +125,7 @@ impl MotorFile {
         Ok(MotorFile { text: text.to_string(), whole: placed::parse(text)?, alone: true })
     }
 
-    /// The motors in the text of a file that has other tables besides.
+    /// Reads the motors from the text of a file that has other tables too.
     ///
     /// # Errors
     /// [`FileFault`] when the text is not TOML.
@@ -134,8 +133,8 @@ impl MotorFile {
         Ok(MotorFile { alone: false, ..Self::parse(text)? })
     }
 
-    /// The dynamics of every input's amplifier, as far as the file states them; an amplifier of which it says nothing is ideal
-    /// here (no default bandwidth).
+    /// The dynamics of every input's amplifier, as far as the file states them. An amplifier that it does not describe
+    /// is ideal here, without the default bandwidth.
     ///
     /// # Errors
     /// [`FileFault`] at the first unknown field, motor on no input, or value of an amplifier that is not positive.
@@ -151,7 +150,7 @@ impl MotorFile {
         Ok(found)
     }
 
-    /// The tables of the motors, each with the input that it is on and its place.
+    /// The tables of the motors, each with the index of its input and its offset in the text.
     fn sections(&self, model: &dyn Model<f64>) -> Result<Vec<(usize, usize, &Table)>, FileFault> {
         let text = &self.text;
         if self.alone {
@@ -209,6 +208,7 @@ impl MotorFile {
         let text = &self.text;
         let fault = |offset: usize, message: String| Err(FileFault::at(text, offset, message));
         section.only(text, &names(&MOTOR))?;
+        // 1. The constants of the motor.
         let needed = |key: &str, unit: &str| -> Result<f64, FileFault> {
             Ok(section.required(text, key, unit, section.positive(text, key)?)?.value)
         };
@@ -219,6 +219,7 @@ impl MotorFile {
             }
             found => found.map_or(0.0, |found| found.value),
         };
+        // 2. The transmission: a gear, a pinion, or a direct drive.
         let (gear, pinion) = (section.positive(text, "gear")?, section.positive(text, "pinion_radius")?);
         let (ratio, angle, place) = match (gear, pinion) {
             (Some(_), Some(radius)) => {
@@ -228,6 +229,7 @@ impl MotorFile {
             (None, Some(radius)) => (1.0 / radius.value, false, radius.offset),
             (None, None) => (1.0, true, offset),
         };
+        // 3. The units of coordinate and input must fit the transmission.
         let (moved, acts) = (model.coordinate(coordinate), model.input(input));
         let (units, force): (&[&str], &[&str]) =
             if angle { (&["rad", "1"], &["N*m", "m*N", "J"]) } else { (&["m"], &["N"]) };
@@ -312,7 +314,7 @@ mod tests {
         assert_eq!((motor.back_emf, motor.ratio, motor.rotor_inertia), (0.115, 50.0, 0.0));
         assert_eq!((motor.limits.current, motor.limits.power), (12.3, f64::INFINITY));
         assert_eq!((motor.amplifier.bandwidth, motor.amplifier.filter), (2000.0, None));
-        // What is not stated is not known.
+        // An amplifier that the file does not describe is ideal.
         assert!(file.dynamics(&TwoCarts).expect("fits")[0].is_ideal());
         let stated = format!("[other]\n{GOOD}[motors.F.amplifier]\nbandwidth = 900\nnatural_frequency = 300\n");
         let stated = MotorFile::within(&stated).expect("motors").dynamics(&TwoCarts).expect("fits")[0];

@@ -1,15 +1,16 @@
 //! A limited actuator of any kind, hydraulic, pneumatic or electric: a largest force, speed and power, and a bandwidth.
 //!
-//! Invariant: force and speed are those at the coordinate. The actuator brakes with its whole force, drives with what its power leaves
-//! of it at a speed, and does not drive at all beyond its largest speed. What a motion asks for is read from one period of force and
-//! motion, given by their phasors from the mean on; whoever plans and whoever measures use the same rule.
+//! Invariant: force and speed are those at the coordinate. The actuator brakes with its whole force. It drives with at
+//! most the force that its power allows at the speed, and not at all beyond its largest speed. The use of the limits is
+//! computed from one period of force and motion, given by their phasors from the mean on, by the same rule for planned
+//! and for measured runs.
 
 use crate::actuator::mounted::{LimitUse, strongest};
 use num_complex::Complex;
 use tpm_core::model::Model;
 use tpm_numerics::fourier::synthesise;
 
-/// A harmonic of the force below this share of the strongest one is not asked of the bandwidth.
+/// Least amplitude of a harmonic of the force that must lie within the bandwidth, as a share of the strongest one.
 const NEEDED: f64 = 0.01;
 
 /// Limits of an actuator, infinite where there is none.
@@ -28,7 +29,7 @@ pub struct Limited {
 }
 
 impl Limited {
-    /// The force that comes of a wanted one while the coordinate moves at a speed.
+    /// The force that is applied for a wanted one while the coordinate moves at a speed.
     #[must_use]
     pub fn applied(&self, wanted: f64, speed: f64) -> f64 {
         let most = if wanted * speed <= 0.0 {
@@ -41,8 +42,8 @@ impl Limited {
         wanted.clamp(-most, most)
     }
 
-    /// The limit of which a motion takes the largest share: `force` and `motion` are the phasors of an input and of the coordinate,
-    /// `fundamental` is in rad/s, and a period has `samples` samples.
+    /// The limit of which a motion uses the largest share: `force` and `motion` are the phasors of an input and of the
+    /// coordinate, `fundamental` is in rad/s, and a period has `samples` samples.
     #[must_use]
     pub fn used(
         &self,
@@ -52,6 +53,7 @@ impl Limited {
         fundamental: f64,
         samples: usize,
     ) -> LimitUse {
+        // 1. The units of force, speed and power.
         let (label, moved) = (model.input(input), model.coordinate(self.coordinate));
         let rate = |unit: &str| format!("{unit}/s");
         let units: [Option<String>; 3] = [
@@ -59,6 +61,7 @@ impl Limited {
             moved.unit.map(rate),
             label.unit.zip(moved.unit).map(|(force, way)| rate(&format!("{force}*{way}"))),
         ];
+        // 2. Force and speed over a period, and the largest share of a limit.
         let turn = |k: usize| Complex::new(0.0, k as f64 * fundamental);
         let speed: Vec<Complex<f64>> = motion.iter().enumerate().map(|(k, line)| turn(k) * line).collect();
         let course = |lines: &[Complex<f64>]| synthesise(lines, 0, fundamental, lines.len(), samples);
@@ -94,13 +97,15 @@ impl Limited {
                 _ => "lower the frequency, or take an actuator of more power",
             }),
         };
+        // 3. The bandwidth is reported where its share is larger.
         match self.bandwidth_use(model, input, force, fundamental) {
             Some(wide) if wide.share > peak.share => wide,
             _ => peak,
         }
     }
 
-    /// The highest harmonic of the force that is needed, beside the bandwidth; nothing where the force has none.
+    /// The use of the bandwidth by the highest harmonic of the force that is not negligible; nothing where there is no
+    /// such harmonic or no bandwidth.
     fn bandwidth_use(
         &self,
         model: &dyn Model<f64>,

@@ -94,7 +94,7 @@ impl LoopFile {
         Ok(values)
     }
 
-    /// Refuses a name of `plant`, at its place.
+    /// The fault of a name in the table `plant`, at its line and column.
     #[must_use]
     pub fn refuse_plant(&self, name: &str, message: String) -> FileFault {
         let plant = self.whole.table(&self.text, "plant").ok().flatten();

@@ -1,11 +1,12 @@
-//! Actuators: can the motors of a machine follow a motion, and which feed-forward gets the most out of them
+//! Actuators: whether the motors of a machine can follow a motion, and which feed-forward makes the best use of them
 //! (Feng, chapter 6 and appendix C).
 //!
 //! Every input u_i drives a coordinate of its own. Its *motion-independent* part is the reaction that holds this coordinate
-//! still while the others move, its *motion-dependent* part the rest ([`Demand`]). A permanent-magnet motor ([`Motor`]) gives
-//! the first as fast as its amplifier is; the second is limited by the inertia and the speed that it works against. From both
-//! follow current, voltage and power along a pattern ([`requirements`]), the fastest and largest motion that is feasible
-//! ([`bound()`]), and what a low pass in the loop costs when it takes both parts ([`Drive`]; Figures 6.3 to 6.5).
+//! still while the others move, its *motion-dependent* part is the rest ([`Demand`]). The bandwidth of the amplifier
+//! limits how fast a permanent-magnet motor ([`Motor`]) gives the first part; inertia and speed limit the second. Both
+//! parts determine current, voltage and power along a pattern ([`requirements`]), the fastest and largest feasible
+//! motion ([`bound()`]), and the tracking error of a loop whose low pass filters both parts ([`Drive`]; Figures 6.3 to
+//! 6.5).
 
 mod bounds;
 mod demand;

@@ -8,15 +8,15 @@
 //!
 //! Invariant: all quantities are SI; a rotor turns `ratio` radians while the driven coordinate moves by one of its units (rad
 //! or m), so that a force f of the coordinate is f / ratio at the rotor. `rotor_inertia` is the inertia that the model of the
-//! machine does not contain already. Motoring power counts against the power limit, power that comes back does not.
+//! machine does not contain already. Motoring power counts against the power limit, regenerated power does not.
 //!
-//! Beside the printed formulas: C.11 lost a sign (k_t I_max cos = -J' lambda w^2 cos), which changes no amplitude; C.13 and C.16
-//! have a plus where inductance and back-EMF oppose each other, because the current of an inertia is opposite to its position
-//! (see [`Motor::cut_off_voltage`] and [`Motor::moving_voltage`]).
+//! Corrections to the printed formulas: C.11 lacks a sign (k_t I_max cos = -J' lambda w^2 cos), which changes no
+//! amplitude. C.13 and C.16 have a plus where inductance and back-EMF oppose each other, because the current of an
+//! inertia is opposite in phase to its position (see [`Motor::cut_off_voltage`] and [`Motor::moving_voltage`]).
 
 use tpm_motion::LowPass;
 
-/// What a motor and its amplifier can give; infinite where there is no limit.
+/// Limits of a motor and its amplifier; infinite where there is no limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Largest magnitude of the current I_max, A.
@@ -57,7 +57,7 @@ pub struct Motor {
     pub rotor_inertia: f64,
     /// Radians of the rotor per unit of the driven coordinate: the gear's ratio, or 1 over the pinion's radius.
     pub ratio: f64,
-    /// What motor and amplifier can give.
+    /// Limits of motor and amplifier.
     pub limits: Limits,
     /// Dynamics of the amplifier.
     pub amplifier: Amplifier,
@@ -210,8 +210,9 @@ impl Motor {
         lambda.abs() * w / self.torque_constant * (inertia * w * self.resistance).hypot(reactive)
     }
 
-    /// The voltage that the amplifier applies for a wanted current, and the limits that cut it: the wanted current is cut to the
-    /// limit, resistance and back-EMF are compensated and the rest drives i towards it, as far as voltage and power go.
+    /// The voltage that the amplifier applies for a wanted current, and which of the limits of current, voltage and
+    /// power cut it. The wanted current is cut at its limit. The voltage compensates resistance and back-EMF and drives
+    /// the current towards the wanted one, within the limits of voltage and power.
     #[must_use]
     pub fn drive(&self, wanted: f64, current: f64, speed: f64) -> (f64, [bool; 3]) {
         let limits = self.limits;
@@ -307,7 +308,7 @@ pub(crate) mod tests {
             );
             close(amplitude(&seen, w), torque, 1e-6);
             let power = motor.standing_power(&[torque]);
-            // C.7 over whole periods leaves the resistance's share.
+            // Over whole periods the integral of C.7 is the energy dissipated in the resistance.
             close(energy / half, power, 1e-5);
             total += power;
         }

@@ -1,11 +1,12 @@
-//! How much of the limits of its motors a run uses, by sample and by harmonic.
+//! The share of its motors' limits that a run uses, by sample and by harmonic.
 //!
 //! ```text
 //! I_k = U_k / (k_t r) ,     V_k = (R + j k w L) I_k + j k w k_v r Q_k         (Feng, Eqns C.1, C.2, harmonic by harmonic)
 //! ```
 //!
-//! Invariant: U are the harmonics of the force on the coordinate Q, whose model contains the rotor; the rotor's inertia that a
-//! motor file gives beside it is therefore not counted again. Sample n of a period is that of the trial.
+//! Invariant: U_k are the harmonics of the force on the coordinate, Q_k those of the coordinate. The identified model
+//! contains the rotor, so that the rotor inertia of a motor file is not counted again. Sample n of a period is that of
+//! the trial.
 
 use crate::actuator::motor::{Limit, Motor};
 use crate::actuator::requirement::Requirement;
@@ -27,7 +28,7 @@ pub struct Mounted {
     pub coordinate: usize,
 }
 
-/// The limit of which a run uses the largest share, and where it does.
+/// The limit of which a run uses the largest share, with the sample, the time and the harmonic.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LimitUse {
     /// Name of the input.
@@ -50,7 +51,7 @@ pub struct LimitUse {
     /// The harmonic with the largest amplitude, and this amplitude; nothing for a power, whose harmonics are not those of the
     /// motion.
     pub harmonic: Option<(usize, f64)>,
-    /// What to do; nothing for motors, whose sizing says it.
+    /// What the user can do; nothing for motors, whose sizing reports remedies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<&'static str>,
 }
@@ -215,7 +216,7 @@ mod tests {
             let found = requirements(&demand, &[Some(mounted.bare())], &trajectory, samples).expect("square").remove(0);
             let planned = mounted.planned(&MassSpringDrag, &found, samples);
             let measured = mounted.measured("u", &force, &motion, w, samples);
-            // The plan looks for its peak between the samples too.
+            // The plan interpolates its peak between samples.
             assert!((planned.value / measured.value - 1.0).abs() < 1e-3, "{planned:?} {measured:?}");
             assert!(planned.sample.abs_diff(measured.sample) <= 1, "{planned:?} {measured:?}");
             assert_eq!((planned.limit, planned.unit.clone()), (measured.limit, measured.unit.clone()));

@@ -1,7 +1,7 @@
-//! TOML tables whose every key and value knows its place, so that a fault is reported where it stands.
+//! TOML tables that keep the offset of every key and value, so that a fault is reported with its line and column.
 //!
-//! Invariant: an offset is that of the key or value in the file's text; a key that nobody asks for is refused
-//! ([`Table::only`]), with its place.
+//! Invariant: an offset is that of the key or value in the file's text; an unknown key is refused
+//! ([`Table::only`]), with its line and column.
 
 use toml::de::{DeTable, DeValue};
 use tpm_report::Remedy;
@@ -31,7 +31,7 @@ impl FileFault {
     }
 }
 
-/// A value with the offset at which it stands.
+/// A value with its byte offset in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Placed<T> {
     pub(super) value: T,
@@ -59,7 +59,7 @@ struct Entry {
 /// A table.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Table {
-    /// Name of the table after the names of the tables around it, joined by dots; empty for the file.
+    /// Full name of the table, with the names of the tables around it before it, joined by dots; empty for the file.
     name: String,
     offset: usize,
     entries: Vec<Entry>,
@@ -195,8 +195,8 @@ impl Table {
         self.entries.iter().map(|entry| Placed { value: entry.key.as_str(), offset: entry.key_offset })
     }
 
-    /// Requires what a reader of this table has found; `unit` is what follows the key in the message: its unit in parentheses, or
-    /// a remedy of its own behind a colon.
+    /// Returns a value that was found under `key`, and otherwise a fault. `unit` follows the key in the message: its
+    /// unit in parentheses, or a remedy of its own behind a colon.
     pub(super) fn required<T>(&self, text: &str, key: &str, unit: &str, found: Option<T>) -> Result<T, FileFault> {
         found.ok_or_else(|| {
             let place = if self.name.is_empty() { "the file".to_string() } else { format!("[{}]", self.name) };

@@ -1,12 +1,13 @@
-//! What a motion asks of a motor: current, voltage and power, per sample and per harmonic, in the two parts of the force.
+//! The requirements of a motion on a motor: current, voltage and power, per sample and per harmonic, for the two parts
+//! of the force.
 //!
 //! ```text
 //! i = (f / ratio + J ratio q'') / k_t ,      u = R i + L i' + k_v ratio q' ,      P = u i
 //! ```
 //!
 //! Invariant: a period is a whole number of even samples; i' is the derivative of its Fourier series, so that it is exact for
-//! currents whose harmonics end below half the number of samples. Where they do not (the sign of a friction) [`smooth`] is
-//! false, and the inductive voltage at the jumps is not bounded.
+//! currents whose harmonics end below half the number of samples. Where they do not (dry friction jumps with the sign
+//! of a velocity) [`smooth`] is false, and the inductive voltage at the jumps is not bounded.
 //!
 //! [`smooth`]: Requirement::smooth
 
@@ -17,10 +18,10 @@ use tpm_motion::TrialError;
 use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::fourier::{forward, inverse};
 
-/// Most configurations of a path at which the inertia is looked at, about.
+/// Approximate number of configurations along a path at which the inertia is evaluated.
 const CONFIGURATIONS: usize = 64;
 
-/// What a motion asks of a motor at one instant.
+/// Requirements of a motion on a motor at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Sample {
@@ -42,7 +43,7 @@ pub struct Sample {
     pub power: f64,
 }
 
-/// What a motion asks of a motor at one harmonic; phasors X stand for Re X e^{j k w t}.
+/// Requirements of a motion on a motor at one harmonic; phasors X stand for Re X e^{j k w t}.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Harmonic {
@@ -58,7 +59,7 @@ pub struct Harmonic {
     pub dependent_voltage: Complex<f64>,
 }
 
-/// The largest demand over a period, with its limit.
+/// The largest requirement over a period, with its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Peak {
@@ -73,32 +74,33 @@ pub struct Peak {
 }
 
 impl Peak {
-    /// The demand as a share of the limit.
+    /// The requirement as a share of the limit.
     #[must_use]
     pub fn share(&self) -> f64 {
         (self.value / self.available).max(0.0)
     }
 }
 
-/// Frequencies at which a motor gives out, for a harmonic motion with the coordinate's amplitude and no other force.
+/// Frequencies at which a motor reaches its limits in a harmonic motion with the coordinate's amplitude and without
+/// other forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CutOff {
-    /// Inertia J' at the rotor, kg m^2: the largest over the path, with which the motor gives out first.
+    /// Inertia J' at the rotor, kg m^2: the largest along the path, which gives the lowest cut-off.
     pub inertia: f64,
-    /// The least inertia at the rotor over the path, kg m^2.
+    /// The least inertia at the rotor along the path, kg m^2.
     pub least_inertia: f64,
-    /// Amplitude of the rotor, rad: half of what the coordinate travels, times the ratio.
+    /// Amplitude of the rotor, rad: half of the coordinate's travel, times the ratio.
     pub amplitude: f64,
     /// Natural frequency of C.9, rad/s.
     pub natural: f64,
     /// Cut-off of C.12, rad/s.
     pub current: f64,
-    /// Voltage there, C.13 with the right sign, V.
+    /// Voltage amplitude at the cut-off, C.13 with the sign corrected, V.
     pub voltage: f64,
 }
 
-/// What one motion asks of one motor.
+/// Requirements of one motion on one motor.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Requirement {
@@ -108,7 +110,7 @@ pub struct Requirement {
     pub samples: Vec<Sample>,
     /// Harmonics whose current is above rounding.
     pub harmonics: Vec<Harmonic>,
-    /// Mean power into the motor (C.8 where it stands), W.
+    /// Mean power into the motor (C.8 for a rotor that stands), W.
     pub average_power: f64,
     /// Mean power that the resistance dissipates, W.
     pub resistive_power: f64,
@@ -116,7 +118,7 @@ pub struct Requirement {
     pub peaks: [Peak; 3],
     /// Largest force on the coordinate, and the largest steady one at rest.
     pub force: (f64, f64),
-    /// Cut-off frequencies; none when the input's coordinate has no inertia of its own, or stands.
+    /// Cut-off frequencies; none when the input's coordinate has no inertia of its own, or does not move.
     pub cut_off: Option<CutOff>,
     /// Whether the harmonics end below half the number of samples.
     pub smooth: bool,
@@ -148,7 +150,7 @@ impl Requirement {
     }
 }
 
-/// What a motion asks of every motor.
+/// Requirements of a motion on every motor.
 ///
 /// # Errors
 /// [`TrialError`] when the model cannot be evaluated along the motion.
@@ -175,10 +177,11 @@ fn requirement(
     trajectory: &Trajectory,
     (input, coordinate): (usize, usize),
 ) -> Result<Requirement, TrialError> {
+    // 1. Speed and acceleration of the coordinate.
     let dims = demand.model().dims();
     let count = parts.samples;
     let derivative = |order: usize| -> Vec<f64> {
-        // Of a coordinate whose own rows stop at a lower order the trajectory still has the derivative.
+        // The trajectory has this derivative even of a coordinate whose rows end at a lower order.
         let series = trajectory.coordinates.get(coordinate);
         (0..count)
             .map(|i| {
@@ -188,6 +191,7 @@ fn requirement(
             .collect()
     };
     let (speed, acceleration) = (derivative(1), derivative(2));
+    // 2. The currents of the two parts, their harmonics and time derivatives.
     let column = |table: &[f64]| -> Vec<f64> { table.iter().skip(input).step_by(dims.inputs).copied().collect() };
     let (resting, moving) = (column(&parts.independent), column(&parts.dependent));
     let independent: Vec<f64> = resting.iter().map(|&force| motor.current(force, 0.0)).collect();
@@ -198,6 +202,7 @@ fn requirement(
     let (lines_i, rate_i, smooth_i) = spectrum.analyse(&independent, w);
     let (lines_d, rate_d, smooth_d) = spectrum.analyse(&dependent, w);
     let (lines_v, ..) = spectrum.analyse(&speed, w);
+    // 3. Current, voltage and power at every sample.
     let period = 2.0 * std::f64::consts::PI / w;
     let samples: Vec<Sample> = (0..count)
         .map(|k| {
@@ -215,6 +220,7 @@ fn requirement(
             }
         })
         .collect();
+    // 4. Current and voltage of every harmonic.
     let impedance = |k: usize| Complex::new(motor.resistance, motor.inductance * k as f64 * w);
     let emf = motor.back_emf * motor.ratio;
     let all: Vec<Harmonic> = (0..lines_i.len())
@@ -229,6 +235,7 @@ fn requirement(
     let size = |h: &Harmonic| h.independent.norm().max(h.dependent.norm());
     let largest = all.iter().map(size).fold(0.0, f64::max);
     let harmonics = all.into_iter().filter(|h| size(h) > 1e-9 * largest).collect();
+    // 5. The largest values over the period, and the cut-off frequencies.
     let peak = |limit: Limit, value: fn(&Sample) -> f64| {
         let values: Vec<f64> = samples.iter().map(value).collect();
         let (value, at) = summit(&values);
@@ -272,13 +279,14 @@ fn requirement(
     })
 }
 
-/// The largest value of a periodic table and where (in samples), between samples by the parabola through the highest three.
+/// The largest value of a periodic table and its position in samples, interpolated by the parabola through the highest
+/// sample and its neighbours.
 fn summit(values: &[f64]) -> (f64, f64) {
     let n = values.len();
     let Some(at) = (0..n).max_by(|&a, &b| values[a].total_cmp(&values[b])) else { return (0.0, 0.0) };
     let (left, top, right) = (values[(at + n - 1) % n], values[at], values[(at + 1) % n]);
     let bend = left - 2.0 * top + right;
-    // A corner (a magnitude's zero is none, it is no summit) or a plateau is left as it is.
+    // A plateau, or a value that is not finite, is not interpolated.
     if n < 3 || bend >= 0.0 || !bend.is_finite() {
         return (top, at as f64);
     }
@@ -286,7 +294,7 @@ fn summit(values: &[f64]) -> (f64, f64) {
     (top - 0.25 * (left - right) * shift, (at as f64 + shift).rem_euclid(n as f64))
 }
 
-/// Transforms of one length.
+/// Fourier analysis of periods with `count` samples.
 struct Spectrum {
     count: usize,
 }
@@ -314,8 +322,8 @@ impl Spectrum {
     }
 }
 
-/// The least and the largest inertia that an input feels at its coordinate in configurations that motions pass, at rest there; nothing
-/// where it drives not exactly one coordinate.
+/// The least and the largest inertia at the coordinate that an input drives, at rest in configurations along the
+/// motions; nothing where the input does not drive exactly one coordinate.
 fn inertias(demand: &Demand<'_>, input: usize, motions: &[f64]) -> Result<Option<[f64; 2]>, TrialError> {
     let dims = demand.model().dims();
     let points = motions.len() / dims.motion_len().max(1);
@@ -361,7 +369,7 @@ mod tests {
         assert!((26..=29).contains(&best), "{best}");
         assert!((voltage(28.0) - voltage(f64::from(best))).abs() < 0.03, "flat about the best");
         assert!((voltage(28.0) - 50.9).abs() < 0.05, "{} V", voltage(28.0));
-        // 50 V are just missed: the voltage limit, and only that one.
+        // The voltage limit of 50 V is just exceeded, and no other limit.
         let geared = at(28.0);
         assert_eq!((geared.worst().limit, geared.feasible()), (Limit::Voltage, false));
         assert!(geared.peaks[0].share() < 1.0 && geared.peaks[2].share() < 1.0);

@@ -1,4 +1,4 @@
-//! A child process that exchanges lines: what it says, with a limit of time, and how it ended.
+//! A child process that exchanges lines of text: its output, awaited with a time limit, and how it ended.
 //!
 //! Invariant: no call blocks for longer than it was given, whether the process reads, writes, hangs or floods. The process ends with
 //! this value: its input is closed, and where it has not ended soon after, it is killed.
@@ -12,18 +12,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// Time between two looks at whether the wait was interrupted, or the process has ended.
+/// Interval at which a wait checks whether it was interrupted.
 const LOOK: Duration = Duration::from_millis(20);
-/// Longest wait for the rest of what a process says on its standard error once the process has ended.
+/// Longest wait for the rest of a process's standard error once the process has ended.
 const LAST_WAIT: Duration = Duration::from_millis(200);
 /// Longest line in bytes: a record of a million samples of ten signals.
 const LONGEST_LINE: u64 = 1 << 28;
-/// Lines that wait to be read before the process has to wait.
+/// Most lines of output that are buffered; beyond them the process blocks on writing.
 const WAITING_LINES: usize = 64;
 /// Last lines of the standard error that are kept.
 const LAST_WORDS: usize = 5;
 
-/// What a wait for a line gave.
+/// The result of waiting for a line.
 #[derive(Debug)]
 pub(super) enum Heard {
     /// A line, without its end.
@@ -51,8 +51,9 @@ pub(super) struct Process {
 }
 
 impl Process {
-    /// Starts a program with its arguments. The process has the time `grace` to end of itself once its input is closed. On Unix the process has a process group of its own, so that Ctrl-C on a terminal reaches
-    /// this program alone, which then stops the machine in an orderly way.
+    /// Starts a program with its arguments. The process has the time `grace` to end of itself once its input is closed.
+    /// On Unix the process has a process group of its own, so that Ctrl-C on a terminal reaches this program alone,
+    /// which then stops the machine in an orderly way.
     ///
     /// # Errors
     /// The system's reason.
@@ -77,14 +78,14 @@ impl Process {
         Ok(Process { child, input: Some(input), output, last_words, listener, grace })
     }
 
-    /// Sends a line. That nobody reads it shows when the answer is awaited.
+    /// Sends a line. A process that does not read it is noticed when its answer is awaited.
     pub(super) fn say(&self, line: String) {
         if let Some(input) = &self.input {
             let _ = input.send(line);
         }
     }
 
-    /// Waits for the next line; `go_on` says whether to wait any longer.
+    /// Waits at most `patience` for the next line; the wait is interrupted when `go_on` returns false.
     pub(super) fn hear(&self, patience: Duration, go_on: &dyn Fn() -> bool) -> Heard {
         let began = Instant::now();
         loop {
@@ -99,7 +100,8 @@ impl Process {
         }
     }
 
-    /// How the process ended, in words, with the last lines of its standard error; it is waited for a short time.
+    /// Closes the input, waits a short time for the process to end, and describes its end in words, with the last lines
+    /// of its standard error.
     pub(super) fn ending(&mut self) -> String {
         self.input = None;
         let status = self.wait(self.grace);
@@ -157,7 +159,7 @@ fn write(mut stdin: ChildStdin, lines: &Receiver<String>) {
     }
 }
 
-/// Hands on the lines of the process until its output is closed, or nobody listens.
+/// Passes on the lines of the process until its output is closed, or nobody receives them.
 fn read(stdout: impl Read, heard: &SyncSender<Heard>) {
     let mut stdout = BufReader::new(stdout);
     loop {
@@ -206,7 +208,7 @@ mod tests {
     use super::{Heard, Process};
     use std::time::{Duration, Instant};
 
-    /// A shell that runs a script; it has so many milliseconds to end of itself.
+    /// A shell that runs a script; it has `grace` milliseconds to end of itself.
     fn shell(script: &str, grace: u64) -> Process {
         let words: Vec<String> = ["sh", "-c", script].iter().map(ToString::to_string).collect();
         Process::start(&words, Duration::from_millis(grace)).expect("there is a shell")
@@ -246,7 +248,7 @@ mod tests {
         assert!(matches!(hear(&torn, 5000), Heard::NoText(what) if what.contains("does not end: {\"type\":")));
         let binary = shell("printf '\\377\\376\\n'", 20_000);
         assert!(matches!(hear(&binary, 5000), Heard::NoText(what) if what.contains("no text")));
-        // A flood is read no faster than it is asked for.
+        // An endless output is read no faster than lines are asked for.
         let flood = shell("yes", 200);
         assert!(matches!(hear(&flood, 5000), Heard::Line(line) if line == "y"));
     }

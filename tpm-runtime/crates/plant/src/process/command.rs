@@ -1,7 +1,7 @@
-//! A command as it is written in one text.
+//! The splitting of a command line into words.
 
-/// The words of a command: they are separated by blanks, and what stands between single or double quotes is taken as it is. No shell
-/// takes part, so that the program itself is the process that is started and ended.
+/// The words of a command: they are separated by blanks, and text between single or double quotes is taken literally.
+/// No shell is used, so that the process that is started and ended is the program itself.
 ///
 /// # Errors
 /// In words, when there is no word, or a quote is not closed.

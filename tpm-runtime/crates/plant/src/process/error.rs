@@ -1,4 +1,4 @@
-//! What can go wrong with a machine behind a process.
+//! Errors of a machine behind a process.
 
 use crate::process::protocol::PROTOCOL;
 use tpm_core::model::EvalError;
@@ -15,7 +15,7 @@ pub struct MachineRunError {
     pub fault: MachineFault,
 }
 
-/// What went wrong with the program of a machine. Messages say `it` of the program.
+/// A fault of the program of a machine. In messages, `it` is the program.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MachineFault {
@@ -42,7 +42,7 @@ pub enum MachineFault {
         ending: String,
         /// What was awaited.
         awaited: &'static str,
-        /// Lines that had come.
+        /// Number of lines received before.
         lines: usize,
     },
     /// No line came in time.
@@ -52,7 +52,7 @@ pub enum MachineFault {
         seconds: f64,
         /// What was awaited.
         awaited: &'static str,
-        /// Lines that had come.
+        /// Number of lines received before.
         lines: usize,
         /// The last lines of its standard error.
         last_words: String,
@@ -85,13 +85,13 @@ pub enum MachineFault {
         /// What does not fit.
         reason: String,
     },
-    /// The program said that it cannot go on.
+    /// The program reported that it cannot go on.
     #[error("it says: {message}")]
     Said {
         /// Its reason.
         message: String,
     },
-    /// What it recorded is no record of the run.
+    /// The samples are no record of the run.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The feedback does not fit the model.

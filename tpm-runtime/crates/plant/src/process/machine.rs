@@ -13,14 +13,14 @@ use tpm_motion::{Bench, BenchError, Record, Trial};
 /// Longest wait for a program to end of itself once its input is closed.
 const LONGEST_GRACE: Duration = Duration::from_secs(5);
 
-/// How a program is started, and how patiently it is waited for.
+/// How a program is started, and how long it is waited for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ProcessSettings {
-    /// The program with its arguments: words between blanks, or in quotes. No shell takes part.
+    /// The program with its arguments: words between blanks, or in quotes. No shell is used.
     pub command: String,
     /// Longest wait for a line. A machine that plays runs may be silent for the duration of the run beside it.
     pub timeout: Duration,
-    /// Fewest periods of a run that pass before anything is measured; the terms of a run say so.
+    /// Fewest periods of a run that pass before anything is measured, as the terms of the run state.
     pub settle_periods: usize,
 }
 
@@ -44,8 +44,8 @@ pub struct ProcessMachine<'a> {
 }
 
 impl<'a> ProcessMachine<'a> {
-    /// The machine of a model behind a program. `go_on` is asked while the program is waited for; once it says no, the machine is
-    /// told to stop, and the run ends with [`MachineFault::Interrupted`].
+    /// The machine of a model behind a program. `go_on` is called while the program is waited for; once it returns
+    /// false, the machine is told to stop, and the run ends with [`MachineFault::Interrupted`].
     #[must_use]
     pub const fn new(model: &'a dyn Model<f64>, settings: ProcessSettings, go_on: &'a dyn Fn() -> bool) -> Self {
         ProcessMachine { model, settings, go_on, open: None, stops: Vec::new() }
@@ -82,7 +82,7 @@ impl<'a> ProcessMachine<'a> {
 
     fn played(&mut self, trial: &Trial) -> Result<Record, MachineFault> {
         let signals = Signals::of(self.model);
-        // A fault leaves the talk where nobody knows what comes next: the process ends with it.
+        // After a fault the state of the exchange is unknown, so that the process is ended with it.
         let (mut talk, plays) = match self.open.take() {
             Some(open) => open,
             None => self.greet(&signals)?,

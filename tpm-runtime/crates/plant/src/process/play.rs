@@ -1,4 +1,4 @@
-//! One run with the program of a machine: as a whole, or sample by sample.
+//! One run played by the program of a machine: as a whole, or sample by sample.
 
 use crate::process::error::MachineFault;
 use crate::process::protocol::{FromMachine, Signal, ToMachine};
@@ -59,7 +59,8 @@ fn in_order<T>(mut values: BTreeMap<String, T>, signals: &[Signal], what: &str) 
     }
 }
 
-/// What is measured of each coordinate, where a sensor measures it; empty where none does.
+/// Values by coordinate in the order of the model, nothing for a coordinate without a sensor; empty where no coordinate
+/// has one.
 ///
 /// # Errors
 /// In words, when a coordinate is none of the model's.
@@ -74,7 +75,7 @@ fn where_measured<T>(mut values: BTreeMap<String, T>, signals: &[Signal]) -> Res
     }
 }
 
-/// A reading; one that failed is not a number.
+/// A reading; a failed one becomes NaN.
 fn reading(value: Option<f64>) -> f64 {
     value.unwrap_or(f64::NAN)
 }
@@ -121,7 +122,8 @@ impl Columns {
         Ok(())
     }
 
-    /// The record of a run that the machine ended, saying how many samples it recorded, and why it stopped where it did.
+    /// The record of a run that the machine ended: it has stated `said` recorded samples, and its reason where it
+    /// stopped the run.
     fn record(
         self,
         talk: &Talk<'_>,
@@ -194,6 +196,7 @@ pub(super) fn play_samples(
         inputs: vec![Vec::with_capacity(trial.samples()); dims.inputs],
         rates: Vec::new(),
     };
+    // 1. The machine's measurement, with the inputs that it applied before.
     while columns.len() < trial.samples() {
         let awaited = "a measured sample";
         let next = columns.len();
@@ -226,10 +229,12 @@ pub(super) fn play_samples(
             let name = &signals.coordinates[c].name;
             return Err(talk.wrong(format!("the feedback needs the rate of `{name}`, which is missing")));
         }
+        // 2. The feedback, with the inputs cut at their limits.
         controller.step(&measured, rate, &mut wanted)?;
         for (value, limit) in wanted.iter_mut().zip(&trial.input_limits) {
             *value = value.clamp(-limit, *limit);
         }
+        // 3. The sample is recorded, and the inputs are sent unless the run ends here.
         let column = |value: &f64| vec![*value];
         let part = Columns {
             coordinates: measured.iter().map(column).collect(),
@@ -257,7 +262,8 @@ pub(super) fn play_samples(
     }
 }
 
-/// Records what was really applied in the last sample, where the machine says that it is not what was asked for.
+/// Replaces the inputs of the last sample by those that the machine reports as applied, where they differ from the
+/// commanded ones.
 fn correct(
     talk: &Talk<'_>,
     signals: &Signals,
@@ -275,7 +281,7 @@ fn correct(
     Ok(())
 }
 
-/// A coordinate whose rate the feedback needs although no number was measured.
+/// The first coordinate whose measured rate the feedback needs and that has no reading.
 fn unmeasured(trial: &Trial, rate: impl Fn(usize) -> Option<f64>) -> Option<usize> {
     if trial.control.velocity != Velocity::Measured {
         return None;

@@ -1,7 +1,8 @@
-//! The protocol `tpm.machine/1`: what a campaign and the program of a machine say to each other, one JSON object a line.
+//! The protocol `tpm.machine/1`: the messages between a campaign and the program of a machine, one JSON object per
+//! line.
 //!
-//! `docs/machine.md` tells it with an example. Invariant: numbers are written with enough digits to be read back exactly, so that a
-//! run played by another program equals one that stays in memory.
+//! `docs/machine.md` explains it with an example. Invariant: numbers are written with enough digits to be read back
+//! exactly, so that a run played by another program equals one that stays in memory.
 
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -12,7 +13,7 @@ pub const PROTOCOL: &str = "tpm.machine/1";
 /// Most characters of a line that an error quotes.
 const QUOTED: usize = 80;
 
-/// What the campaign says.
+/// A message from the campaign to the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -44,14 +45,14 @@ pub enum ToMachine {
         /// The value by input.
         inputs: BTreeMap<String, f64>,
     },
-    /// The machine stops the run at once, and says that it ended.
+    /// The machine is to stop the run at once, and to report its end.
     Stop {
         /// Why.
         reason: String,
     },
 }
 
-/// What the machine says.
+/// A message from the machine to the campaign.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
@@ -63,7 +64,7 @@ pub enum FromMachine {
         /// Name of the machine, for messages.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         machine: Option<String>,
-        /// Who closes the loop.
+        /// What the machine plays, and thereby which side closes the loop.
         plays: Plays,
     },
     /// A part of the record of a run; only from machines that play runs.
@@ -87,7 +88,7 @@ pub enum FromMachine {
         /// Measured rate by coordinate, where a sensor measures it.
         #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
         rates: BTreeMap<String, Option<f64>>,
-        /// What was applied since the sample before, where it is not what was asked for.
+        /// The inputs applied since the sample before, where they differ from the commanded ones.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         applied: Option<BTreeMap<String, f64>>,
     },
@@ -98,7 +99,8 @@ pub enum FromMachine {
         /// Why the machine stopped the run before its end; nothing when it did not.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         stopped: Option<String>,
-        /// What was applied since the last measured sample, where it is not what was asked for; only from machines that play samples.
+        /// The inputs applied since the last measured sample, where they differ from the commanded ones; only from
+        /// machines that play samples.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         applied: Option<BTreeMap<String, f64>>,
     },
@@ -144,7 +146,7 @@ impl FromMachine {
         })
     }
 
-    /// The kind of the message, as its field `type` says it.
+    /// The kind of the message, the value of its field `type`.
     #[must_use]
     pub const fn kind(&self) -> &'static str {
         match self {

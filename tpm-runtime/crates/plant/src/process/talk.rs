@@ -5,7 +5,7 @@ use crate::process::error::MachineFault;
 use crate::process::protocol::{FromMachine, ToMachine, quoted};
 use std::time::Duration;
 
-/// A program that was started, with the number of its lines so far.
+/// A program that was started, with the number of lines received from it.
 pub(super) struct Talk<'a> {
     process: Process,
     lines: usize,
@@ -31,7 +31,8 @@ impl<'a> Talk<'a> {
         self.say(&ToMachine::Stop { reason: reason.into() });
     }
 
-    /// Waits for the next message, of which `awaited` says what it should be, for as long as for any line and `longer`.
+    /// Waits for the next message, for the usual time of a line and `longer`. `awaited` describes the expected message
+    /// in faults.
     pub(super) fn hear(&mut self, awaited: &'static str, longer: Duration) -> Result<FromMachine, MachineFault> {
         let patience = self.patience.saturating_add(longer);
         let heard = self.process.hear(patience, self.go_on);
@@ -46,7 +47,7 @@ impl<'a> Talk<'a> {
                 }
             }
             Heard::NoText(reason) => {
-                // A line that does not end is what a program leaves behind that died while it wrote.
+                // A line without an end is left by a program that died while it wrote.
                 let ending = self.process.ending();
                 Err(MachineFault::Ended { ending: format!("{ending}; {reason}"), awaited, lines })
             }

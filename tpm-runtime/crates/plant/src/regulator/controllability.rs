@@ -1,18 +1,18 @@
-//! Modes of a linear model that its inputs do not reach.
+//! Uncontrollable modes of a linear model: those that its inputs do not reach.
 //!
 //! With `x' = A x + B u`, x = (q, q'), an eigenvalue s of A is a mode that the inputs do not reach when there is a row w with
 //! `w A = s w` and `w B = 0`: the combination `z = w x` then moves as `z' = s z`, whatever the inputs do (the test of Popov, Belevitch
-//! and Hautus). Invariant: rates are measured in units of the fastest mode and inputs by what they do, so that no unit
-//! decides.
+//! and Hautus). Invariant: rates are scaled by the fastest mode and inputs by their effect, so that the result does not
+//! depend on the choice of units.
 
 use num_complex::Complex;
 use tpm_numerics::eigenvalues::eigenvalues;
 use tpm_numerics::singular::Singular;
 use tpm_numerics::{DMatrix, Matrix};
 
-/// Share of the largest singular value of `[A - s, B]` at which its smallest one is taken for zero.
+/// Share of the largest singular value of `[A - s, B]` up to which a singular value counts as zero.
 const UNREACHED: f64 = 1e-9;
-/// Share of the fastest mode by which the real part of a mode at rest may be off.
+/// Tolerance for rounding in eigenvalues, as a share of the fastest mode's magnitude.
 const ROUNDING: f64 = 1e-7;
 
 /// A mode that no input reaches.
@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-7;
 pub struct Mode {
     /// The eigenvalue s, rad/s; its imaginary part is not negative.
     pub pole: Complex<f64>,
-    /// The combination of the coordinates that the inputs leave alone, one factor per coordinate, the largest 1.
+    /// The combination of the coordinates on which the inputs have no effect: one factor per coordinate, the largest 1.
     pub combination: Vec<f64>,
     /// Whether the mode dies down by itself.
     pub decays: bool,
@@ -69,7 +69,8 @@ pub fn unreached_modes(a: &Matrix, b: &Matrix) -> Vec<Mode> {
         if null.ncols() == 0 || found.iter().any(|mode| (mode.pole - pole).norm() <= ROUNDING * unit) {
             continue;
         }
-        // Where the rates stand: a row whose rates were all zero would have zero coordinates too. One phase is free.
+        // The combination is read from the factors of the rates: if they were all zero, those of the coordinates would
+        // be zero too. The phase of the row is arbitrary, and is chosen so that the largest factor is real.
         let rates: Vec<Complex<f64>> =
             (n..states).map(|s| Complex::new(null[(s, 0)], null[(states + s, 0)]) * scale(s)).collect();
         let Some(largest) = rates.iter().copied().max_by(|x, y| x.norm().total_cmp(&y.norm())) else { continue };
@@ -86,7 +87,7 @@ mod tests {
 
     #[test]
     fn two_equal_pendulums_on_one_drive_have_a_mode_that_is_not_reached() {
-        // Both hang from the same driven support; their difference swings as it likes. The second one decays.
+        // Both hang from the same driven support, so that no input reaches their difference. With damping it decays.
         let pair = |damping: f64, other: f64| {
             let a = Matrix::from_rows(&[
                 vec![0.0, 0.0, 1.0, 0.0],

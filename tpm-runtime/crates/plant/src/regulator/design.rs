@@ -1,7 +1,7 @@
-//! A regulator from a linear model and weights, with everything that is said of it before it is used.
+//! The design of a regulator from a linear model and weights, with its poles, margins and unreached modes.
 //!
-//! Invariant: what is handed out holds the linear model at rest as it will be played, with the rates that the controller has: a loop
-//! that filtered differences make unstable is refused.
+//! Invariant: a design that is returned stabilises the linear model with the rates that the controller has. A loop that
+//! filtered differences make unstable is refused.
 
 use crate::regulator::controllability::{Mode, unreached_modes};
 use crate::regulator::margins::{Margins, margins};
@@ -11,7 +11,7 @@ use tpm_core::control::Differentiator;
 use tpm_numerics::eigenvalues::eigenvalues;
 use tpm_numerics::{DMatrix, Matrix, RiccatiError};
 
-/// Where the controller has the rates of the coordinates from.
+/// The source of the rates of the coordinates in the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rates {
     /// They are measured.
@@ -20,7 +20,7 @@ pub enum Rates {
     Differences(f64),
 }
 
-/// What a weight is of.
+/// The quantity that a weight belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighted {
     /// A state, by index: coordinates before their rates.
@@ -36,7 +36,7 @@ pub enum DesignError {
     /// A weight is out of range.
     #[error("a weight of {value}: an input's must be a positive number, a state's a number that is not negative")]
     Weight {
-        /// What it is the weight of.
+        /// The quantity that it weighs.
         of: Weighted,
         /// The weight.
         value: f64,
@@ -56,7 +56,7 @@ pub enum DesignError {
     /// The Riccati equation has no stabilising solution.
     #[error(transparent)]
     Riccati(#[from] RiccatiError),
-    /// With the rates that the controller has the loop is not stable.
+    /// The loop is not stable with the rates that the controller has.
     #[error(
         "with rates from filtered differences the loop is not stable: its largest pole has the magnitude {largest}; choose a smaller time constant, or weights of less feedback"
     )]
@@ -88,8 +88,9 @@ pub struct Design {
 /// their rates.
 ///
 /// # Errors
-/// [`DesignError`] when a weight, the sample time or the time constant is out of range, the inputs do not reach a mode that does not die
-/// down, the weights do not see such a mode, or the loop with the rates that the controller has is not stable.
+/// [`DesignError`] when a weight, the sample time or the time constant is out of range, the inputs do not reach a mode
+/// that does not decay, the weights do not observe such a mode, or the loop with the rates that the controller has is
+/// not stable.
 pub fn design(
     a: &Matrix,
     b: &Matrix,
@@ -127,8 +128,9 @@ pub fn design(
     Ok(Design { open_poles: eigenvalues(a.dense()), unreached, continuous, sampled, poles, margins })
 }
 
-/// The loop `x[n+1] = A x[n] + B u[n]`, `u = -C x` as it is played. With differences the states go on with the last positions and the
-/// last rates, of which `v[n] = a v[n-1] + (1 - a) (q[n] - q[n-1])/T` is formed.
+/// The loop `x[n+1] = A x[n] + B u[n]`, `u = -C x` with the rates that the controller has. With filtered differences
+/// the state is extended by the last positions and the last rates, from which
+/// `v[n] = a v[n-1] + (1 - a) (q[n] - q[n-1])/T` is formed.
 fn played(
     ad: &DMatrix<f64>,
     bd: &DMatrix<f64>,

@@ -1,9 +1,10 @@
-//! How far the loop of one input may be off before a sampled loop loses its stability.
+//! Stability margins of a sampled loop at each of its inputs.
 //!
-//! A loop `x[n+1] = A x[n] + B u[n]`, `u = -C x` is opened at one input while the others stay closed; what comes back to the opening is
-//! `L(z) = C_i (z - A_i)^-1 B_i` with `A_i = A - sum_j B_j C_j`, j other than i. The loop is at the border of stability where a factor
-//! on L takes it through -1 on the unit circle: a real factor is a gain, one of magnitude 1 a phase. Invariant: crossings are
-//! found on a grid of frequencies that is dense about every lightly damped mode, and refined by bisection.
+//! A loop `x[n+1] = A x[n] + B u[n]`, `u = -C x` is opened at one input i while the others stay closed. Its open-loop
+//! transfer function is `L(z) = C_i (z - A_i)^-1 B_i` with `A_i = A - sum_j B_j C_j`, j other than i. The loop is at
+//! the border of stability when a factor times L passes -1 on the unit circle: a real factor is a gain margin, a factor
+//! of magnitude 1 a phase margin. Invariant: crossings are found on a grid of frequencies that is dense about every
+//! lightly damped mode, and refined by bisection.
 
 use num_complex::Complex;
 use std::f64::consts::{PI, TAU};
@@ -14,15 +15,17 @@ use tpm_numerics::{DMatrix, DVector};
 const POINTS: usize = 6000;
 /// Decades that the grid reaches down from half the sampling frequency.
 const DECADES: f64 = 7.0;
-/// Frequencies about every mode, and the share of its frequency that they reach to either side, in dampings.
+/// Number of frequencies about every mode, and how far they reach to either side, in multiples of the mode's damping
+/// (the logarithm of its pole's magnitude).
 const ABOUT: (usize, f64) = (60, 20.0);
-/// Halvings of an interval that holds a crossing.
+/// Bisections of an interval that holds a crossing.
 const HALVINGS: usize = 60;
 
 /// Margins of a stable loop at one input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Margins {
-    /// Factors on the input between which the loop stays stable: at least 0 below 1, and infinite where none ends it above 1.
+    /// Range of factors on the input in which the loop stays stable: from 0 or more up to 1 or more, infinite where no
+    /// factor above 1 makes it unstable.
     pub gain: (f64, f64),
     /// Largest change of phase to either side, rad; pi where the loop never has gain 1.
     pub phase: f64,
@@ -123,7 +126,7 @@ fn of_loop(opened: &Opened, grid: &[f64], sample_time: f64) -> Margins {
         }
         if (beyond_one(pair[0]) > 0.0) != (beyond_one(pair[1]) > 0.0) {
             let angle = refined(at, &beyond_one);
-            // L = -e^{j phase} there: a lag by this phase takes it to -1.
+            // At this angle L = -e^{j phase}, so that a lag by this phase shifts it to -1.
             let phase = (-opened.response(angle)).arg();
             found.phase = found.phase.min(phase.abs());
             let lag = if phase >= 0.0 { phase } else { phase + TAU };
@@ -178,7 +181,8 @@ mod tests {
         assert!(gain(found.gain.1 * 0.9999) < 1.0 && gain(found.gain.1 * 1.0001) > 1.0, "{found:?}");
         let turned = |phase: f64| radius(&a, &b, k, Complex::from_polar(1.0, -phase));
         assert!(turned(found.phase * 0.9999) < 1.0 && turned(found.phase * 1.0001) > 1.0, "{found:?}");
-        // The regulator of continuous time has 60 degrees and half the gain to spare; sampling at 1 kHz takes little of that.
+        // The regulator in continuous time has a phase margin of 60 degrees and a gain margin of one half; sampling at
+        // 1 kHz reduces them little.
         assert!(found.phase > 1.0 && found.gain.0 < 0.55, "{found:?}");
     }
 

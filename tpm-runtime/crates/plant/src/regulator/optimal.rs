@@ -10,7 +10,7 @@
 //!
 //! with the stabilising solution P of this discrete Riccati equation; `x0' P x0 T` is the least cost from x0. In continuous time
 //! the same weights give `K = R^-1 B' P` with `A' P + P A - P B R^-1 B' P + Q = 0`, which the sampled gains approach as T goes to zero.
-//! Invariant: a regulator that is handed out is stable on the model that it was designed on; this is tested, not assumed.
+//! Invariant: a regulator that is returned stabilises the model that it was designed on; this is checked, not assumed.
 
 use num_complex::Complex;
 use tpm_numerics::{DMatrix, DVector, Matrix, Riccati, RiccatiError, continuous_riccati, riccati};

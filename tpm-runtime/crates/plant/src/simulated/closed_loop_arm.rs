@@ -3,12 +3,12 @@
 //! Links 3, 4 and 5 hang on link 12 as a four-bar loop, `l4 e^{j th2} + l5 e^{j th3} = l2 + l3 e^{j th4}`, angles relative to
 //! link 12. The kinetic energy is `f1 th1'^2 + f3 th1' th2' + f2 th2'^2` with f1..f3 functions of th2 through the closure
 //! (Feng, Appendix A), and Eqns 5.1, 5.2 are its Lagrange equations. Invariant: nothing is expanded; the slopes of f1..f3
-//! come from the same formulas by derivatives carried along, so that power balances to rounding.
+//! come from the same formulas by automatic differentiation, so that power balances to rounding.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len};
 
-/// What an arm is made of (Feng, Figure 5.1): SI units.
+/// Geometry and masses of an arm (Feng, Figure 5.1), in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArmGeometry {
     /// l1 to l5, m.
@@ -23,7 +23,7 @@ pub struct ArmGeometry {
     pub torque_scale: f64,
 }
 
-/// The arm as a plant: all is known, there is nothing to identify.
+/// The arm as a plant with known constants and no parameters to identify.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosedLoopArm {
     geometry: ArmGeometry,

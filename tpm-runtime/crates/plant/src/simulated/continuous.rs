@@ -1,9 +1,9 @@
-//! A machine under a loop in continuous time: the motion that sampling and noise disturb.
+//! A machine under a loop in continuous time, without sampling and noise.
 //!
-//! Invariant: reference, feed-forward and feedback are evaluated wherever the integration reads the forces, on the motion
-//! as it is there, so that nothing but the integration, of the fourth order, stands between the record and the equations. A
-//! loop that is sampled and held leaves images beyond the sampling frequency, which fold back into the harmonics of the
-//! rates with the square of the time between samples.
+//! Invariant: reference, feed-forward and feedback are evaluated at every instant at which the integration evaluates
+//! the forces, at the motion of that instant. The only error of the record is then that of the fourth-order
+//! integration. A loop that is sampled and held has images beyond the sampling frequency, which alias into the
+//! harmonics of the rates with the square of the time between samples.
 
 use tpm_core::control::Feedback;
 use tpm_core::model::Model;
@@ -11,14 +11,14 @@ use tpm_motion::forward::{Instant, Plant, PlantError};
 use tpm_motion::{Ending, Record, Trial, TrialError, demand};
 
 /// Plays a trial on a machine that obeys the model with the given parameters, with exact sensors and drives, one step of
-/// integration per sample. The trial's own feed-forward is not used, but what it was made of: the demand of the reference.
+/// integration per sample. In place of the trial's sampled feed-forward the demand of the reference is used.
 ///
 /// # Errors
 /// [`TrialError`] when model and trial do not fit together, or the rows do not determine the motion.
 pub fn simulate_continuous(model: &dyn Model<f64>, parameters: &[f64], trial: &Trial) -> Result<Record, TrialError> {
     let dims = model.dims();
     let (n, width) = (dims.coordinates, dims.motion_len());
-    // Twice as densely: a step begins, has its middle, and ends on this table.
+    // The table has two points per sample, so that start, middle and end of a step lie on it.
     let points = 2 * trial.samples_per_period;
     let mut reference = vec![0.0; points * width];
     for (at, motion) in reference.chunks_exact_mut(width).enumerate() {

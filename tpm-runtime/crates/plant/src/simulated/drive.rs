@@ -1,14 +1,13 @@
-//! Given inputs on a simulated machine, without feedback: an excitation for a frequency response.
+//! Open-loop excitation of a simulated machine by given inputs, to measure a frequency response.
 
 use crate::simulated::rig::Rig;
 use crate::simulated::sensor::{Measurement, apply};
 use crate::simulated::transmission::Transmission;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_motion::Plant;
-use tpm_motion::{Ending, Record};
+use tpm_motion::{Ending, Plant, Record};
 
-/// Plays the inputs (one column per input, a value per sample, held until the next) on the machine, which starts at rest in
-/// zero. The record holds what the drives made of them.
+/// Plays the inputs (one column per input, a value per sample, held until the next) on the machine, which starts at
+/// rest at zero. The record holds the inputs as the drives applied them.
 ///
 /// # Errors
 /// [`EvalError`] when model, rig and inputs do not fit together, or the plant's rows do not determine its motion.

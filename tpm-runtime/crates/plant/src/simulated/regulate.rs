@@ -1,6 +1,6 @@
 //! State feedback on a simulated machine: sensors, rates from differences, drive with its limit.
 //!
-//! Invariant: the feedback sees what the sensors give, nothing else; the cost is that of the true state, which only a
+//! Invariant: the feedback uses the readings of the sensors alone; the cost is that of the true state, which only a
 //! simulation knows.
 
 use crate::regulator::{Regulator, RegulatorWeights};
@@ -9,8 +9,7 @@ use crate::simulated::sensor::{Measurement, apply};
 use crate::simulated::transmission::Transmission;
 use tpm_core::control::Differentiator;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_motion::Plant;
-use tpm_motion::{Ending, Record};
+use tpm_motion::{Ending, Plant, Record};
 
 /// A regulator with the run that it plays.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,11 +24,11 @@ pub struct Regulation<'a> {
     pub samples: usize,
     /// Largest magnitude per coordinate; beyond it the run has failed.
     pub bounds: Vec<f64>,
-    /// Cost that is added up.
+    /// Weights of the cost that is summed over the run.
     pub weights: &'a RegulatorWeights,
 }
 
-/// How a regulator kept the machine at rest.
+/// The run of a regulator that keeps a machine at rest, with its cost.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Regulated {
@@ -123,7 +122,7 @@ mod tests {
     use tpm_numerics::Matrix;
     use tpm_test_support::models::MassSpringDrag;
 
-    /// m = 2, k1 = -8: a mass on a spring that pushes away, x'' = 4 x + u/2.
+    /// m = 2, k1 = -8: a mass on a spring of negative stiffness, x'' = 4 x + u/2.
     fn rig(step: f64) -> Rig {
         Rig {
             parameters: vec![2.0, -8.0, 0.0],
@@ -160,10 +159,10 @@ mod tests {
         let found = regulate(&MassSpringDrag, &rig(0.0), &regulation).expect("fits");
         assert_eq!((found.record.ending, found.record.len()), (Ending::Complete, 10_000));
         assert!(found.late[0] < 1e-6, "{found:?}", found = found.late);
-        // The rate is a difference, half a sample old: the cost is all but the least one.
+        // The rate is a difference and lags by half a sample, so that the cost is nearly the least one.
         let least = regulator.cost_from(&[0.1, 0.0]);
         assert!((found.cost / least - 1.0).abs() < 1e-2, "{} {least}", found.cost);
-        // Steps of an encoder keep it moving, within a few of them.
+        // The steps of an encoder keep it moving, within a few steps.
         let stepped = regulate(&MassSpringDrag, &rig(1e-3), &regulation).expect("fits");
         assert!(stepped.late[0] > 1e-5 && stepped.late[0] < 1e-2, "{:?}", stepped.late);
     }

@@ -1,8 +1,8 @@
-//! What surrounds a simulated plant.
+//! The rig of a simulated plant: its true parameters, sensors and actuators.
 
 use crate::simulated::sensor::{Actuator, Sensor};
 
-/// What surrounds a simulated plant, with the true values of its parameters.
+/// Sensors, actuators and integration of a simulated plant, with the true values of its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rig {
     /// True values of the parameters, in the model's order.

@@ -1,4 +1,4 @@
-//! What a machine's sensors and drives make of positions and forces.
+//! Sensors and drives of a simulated machine: noise, quantisation, delay and limits.
 //!
 //! Invariant: a position, read at an instant that jitters, becomes `round((q + noise) / step) step`, stops at the end of the
 //! sensor's range, then waits `delay` samples. Noise and jitter are white and Gaussian and come from one seeded stream per run,
@@ -23,7 +23,7 @@ pub struct Sensor {
     pub jitter: f64,
     /// Largest magnitude that is read; zero for no end.
     pub range: f64,
-    /// Number of the run, from 0, and sample in it from which nothing is read any more.
+    /// Run (from 0) and sample from which on the sensor gives no readings any more.
     pub dropout: Option<(usize, usize)>,
     /// Standard deviation of the white noise on the rate, unit of the coordinate per second, where a sensor of its own (a
     /// tachometer) measures it.
@@ -33,13 +33,13 @@ pub struct Sensor {
 /// The drive of one input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuator {
-    /// Largest magnitude; infinite for none.
+    /// Largest magnitude of the input; infinite for none.
     pub limit: f64,
     /// Step of the commanded value, unit of the input; zero for none.
     pub step: f64,
-    /// What lies between this value and the force.
+    /// Dynamics from this value to the force.
     pub dynamics: Dynamics,
-    /// Limits that depend on the motion; nothing for a drive that does not feel it.
+    /// Limits that depend on the motion; nothing for a drive without such limits.
     pub limited: Option<Limited>,
 }
 
@@ -63,8 +63,8 @@ impl Actuator {
     }
 }
 
-/// Gives every drive its wanted value, which becomes the one that is applied in a motion of so many coordinates, and records it;
-/// whether a limit cut any.
+/// Replaces the wanted value of every drive by the one that it applies at a motion of so many coordinates, and records
+/// this value. Returns whether a limit cut any of them.
 pub(super) fn apply(
     actuators: &[Actuator],
     (motion, coordinates): (&[f64], usize),
@@ -110,7 +110,8 @@ impl Measurement {
         }
     }
 
-    /// Measures the coordinates at one sample of a motion: positions, then their rates (none counts as rest).
+    /// Measures the coordinates at one sample of a motion, which holds positions, then their rates (missing rates count
+    /// as zero).
     pub(crate) fn sample(&mut self, motion: &[f64], out: &mut [f64]) {
         let coordinates = self.sensors.len();
         for (c, ((sensor, past), slot)) in self.sensors.iter().zip(&mut self.past).zip(out.iter_mut()).enumerate() {
@@ -132,7 +133,7 @@ impl Measurement {
                 value = f64::NAN;
             }
             if self.count == 0 {
-                // Before the start the machine stood at its first reading.
+                // Before the start the machine rested at its first reading.
                 past.fill(value);
             }
             let length = past.len();
@@ -204,7 +205,7 @@ mod tests {
             .collect();
         assert_eq!(read[..3], [0.5, 0.7, -0.7]);
         assert!(read[3].is_nan());
-        // A thousandth of a second late or early at three units a second.
+        // A jitter of a thousandth of a second at three units per second.
         let mut measurement = Measurement::new(&[Sensor { jitter: 1e-3, ..Sensor::default() }], 1, 0);
         let power: f64 = (0..20_000)
             .map(|_| {

@@ -7,8 +7,7 @@ use crate::simulated::rig::Rig;
 use crate::simulated::sensor::{Measurement, Sensor, apply};
 use crate::simulated::transmission::Transmission;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_motion::Plant;
-use tpm_motion::{Controller, Ending, Record, Trial};
+use tpm_motion::{Controller, Ending, Plant, Record, Trial};
 
 /// One run on a simulated machine.
 #[derive(Debug)]
@@ -127,7 +126,7 @@ impl<'a> SimulatedRun<'a> {
         }
     }
 
-    /// What was recorded, with the ending that [`play`](Self::play) gave.
+    /// The record of the run, with the ending that [`play`](Self::play) returned.
     #[must_use]
     pub fn record(self, ending: Ending) -> Record {
         Record {

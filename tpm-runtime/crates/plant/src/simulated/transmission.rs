@@ -1,9 +1,9 @@
 //! From commands that are held between samples to forces on the plant: delay, low pass and current loop of every input.
 //!
-//! Invariant: between the instants at which a delayed command changes, the lags see a constant and are advanced exactly, by
-//! their matrix exponential; the plant's Runge-Kutta rule reads them at the start, the middle and the end of its steps. Before
-//! the first sample the machine stands under the first command. Without delays and lags the plant is advanced under
-//! the commands themselves. Stepping allocates nothing.
+//! Invariant: between the instants at which a delayed command changes, the input of the lags is constant and they are
+//! advanced exactly, by their matrix exponential; the plant's Runge-Kutta rule uses the forces at the start, the middle
+//! and the end of its steps. Before the first sample the lags are in their steady state under the first command.
+//! Without delays and lags the plant is advanced under the commands themselves. Stepping allocates nothing.
 
 use crate::regulator::held;
 use crate::simulated::sensor::Actuator;
@@ -13,7 +13,8 @@ use tpm_numerics::DMatrix;
 
 /// Most states of the low pass and the current loop of one input.
 const MOST_STATES: usize = 3;
-/// Largest product of a step of the plant and the fastest rate of a lag: the forces are read three times a step.
+/// Largest product of a step of the plant and the fastest rate of a lag, since the forces are sampled only three times
+/// a step.
 const MOST_STEP: f64 = 0.1;
 
 /// One input.
@@ -25,9 +26,11 @@ struct Channel {
     whole: usize,
     /// Rest of the delay below one sample, s.
     rest: f64,
-    /// Number of states, the one that is the force, and their values.
+    /// Number of states of the lags.
     states: usize,
+    /// Index of the state that is the force.
     output: usize,
+    /// Values of the states.
     state: [f64; MOST_STATES],
 }
 
@@ -36,9 +39,9 @@ struct Channel {
 struct Segment {
     duration: f64,
     steps: usize,
-    /// Per input: whether the older of the two commands is still at work.
+    /// Per input: whether the older of the two commands still acts.
     older: Vec<bool>,
-    /// Per input: the lags over half a step, matrix and vector.
+    /// Per input: the discrete-time lags over half a step, transition matrix and input vector.
     half: Vec<([[f64; MOST_STATES]; MOST_STATES], [f64; MOST_STATES])>,
 }
 
@@ -130,7 +133,8 @@ impl Transmission {
         for (channel, &command) in self.channels.iter_mut().zip(commands) {
             if !self.started {
                 channel.past.fill(command);
-                // In a constant every lag stands at it, and the rate of the low pass (its second state) at zero.
+                // Steady state under a constant command: every lag equals the command, and the rate of the low pass
+                // (its second state) is zero.
                 channel.state = [command, 0.0, command];
             }
             channel.past.rotate_right(1);
@@ -162,7 +166,8 @@ impl Transmission {
     }
 }
 
-/// The lags of an actuator over a time, as factors of their state and of a constant command.
+/// The lags of an actuator over a time in s, as transition matrix of their state and input vector of a constant
+/// command.
 fn half_step(actuator: &Actuator, time: f64) -> ([[f64; MOST_STATES]; MOST_STATES], [f64; MOST_STATES]) {
     let (mut matrix, mut vector) = ([[0.0; MOST_STATES]; MOST_STATES], [0.0; MOST_STATES]);
     if let Some(lags) = actuator.dynamics.lags() {

@@ -5,7 +5,7 @@
 
 use crate::compare::stored::{Covariance, StoredCombination, StoredParameter, StoredResult};
 use std::collections::BTreeMap;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, Matrix};
 
 /// Weights of a combination, by parameter.
 pub(crate) type Weights = BTreeMap<String, f64>;
@@ -138,9 +138,10 @@ impl<'a> Vantage<'a> {
 
 impl StoredResult {
     /// What the result shows: parameters and combinations, as weights by parameter, their values, and their covariance.
-    pub fn entries(&self) -> (Vec<Weights>, DVector<f64>, DMatrix<f64>) {
+    pub fn entries(&self) -> (Vec<Weights>, Vec<f64>, Matrix) {
         let Vantage { parameters, alone, together, values, covariance } = Vantage::linear(self);
         let alone = alone.iter().map(|&j| Weights::from([(parameters[j].name.clone(), 1.0)]));
-        (alone.chain(together.into_iter().map(|(weights, _)| weights)).collect(), values, covariance)
+        let weights = alone.chain(together.into_iter().map(|(weights, _)| weights)).collect();
+        (weights, values.as_slice().to_vec(), Matrix::of(covariance))
     }
 }

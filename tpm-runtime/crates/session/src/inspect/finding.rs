@@ -6,8 +6,7 @@ use crate::warning::Warning;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_core::harmonics::Hold;
-use tpm_estimate::Domain;
-use tpm_estimate::InputShift;
+use tpm_estimate::{Domain, InputShift};
 use tpm_log::Role;
 use tpm_report::{Remedy, number};
 

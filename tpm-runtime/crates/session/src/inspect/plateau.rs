@@ -1,11 +1,11 @@
 //! Channels that are cut off at their largest or smallest value.
 //!
-//! A signal that turns comes to its extreme slowly. One that is cut off arrives there at speed, and stays for several samples. A rest, or
-//! the counts at the turn of a slow motion, stay as well, but do not arrive at speed; a signal that switches between few levels is not cut
-//! off, and one that is held over several samples stays as long everywhere.
+//! A signal that turns approaches its extreme slowly. One that is clipped arrives there at speed and stays for several samples. A rest, and
+//! the counts at the turn of a slow motion, stay as well but do not arrive at speed; a signal that switches between few levels is not
+//! clipped, and one that is held over several samples stays as long everywhere.
 //!
-//! Under noise the stays are samples that scatter about a level by the noise and no more. A motion that comes to rest there slows down
-//! until it arrives. One that is cut off would have gone on: the parabola through the samples before its arrival crosses the level.
+//! Under noise the samples of a stay scatter about a level by the noise alone. A motion that comes to rest there decelerates until it
+//! arrives. One that is clipped would have gone on: the parabola through the samples before its arrival crosses the level.
 
 use crate::inspect::signal::Part;
 use serde::Serialize;

@@ -1,8 +1,8 @@
 //! Stretches in which a channel stands still.
 //!
 //! The slope at a sample is that of a straight line through the samples around it. A channel is at rest where its slope is no more than
-//! noise makes, or a small share of what it is on the average. A passage through rest at the end of a stroke is no rest: it counts where
-//! it lasts for a tenth of the time in which the motion goes to and fro once.
+//! noise makes, or a small share of its mean. A passage through rest at the end of a stroke is no rest: a stay counts from a tenth of
+//! the mean period between zero crossings on.
 
 use crate::inspect::signal::Part;
 use serde::Serialize;

@@ -10,10 +10,10 @@ use crate::inspect::report::{Inspection, Sampling};
 use crate::inspect::signal::{Signal, signals};
 use crate::log::LogRequest;
 use crate::log_fault::LogFault;
+use crate::meaning::About;
 use crate::model::Identifiable;
 use crate::options::LogOptions;
 use crate::rows::Rows;
-use crate::warning::Warning;
 use rayon::prelude::*;
 use tpm_estimate::Domain;
 use tpm_log::{Cut, Role, Survey};
@@ -276,7 +276,7 @@ fn take_in(inspection: &mut Inspection, prospect: Prospect, inputs: Vec<String>,
                 }
             }
             inspection.identification = Some(log);
-            let of_log = warnings.into_iter().filter(is_of_log);
+            let of_log = warnings.into_iter().filter(|warning| warning.meaning().about == About::Record);
             findings.extend(of_log.map(|warning| Finding::Identification { warning: Box::new(warning) }));
         }
         Err(error) => {
@@ -284,26 +284,6 @@ fn take_in(inspection: &mut Inspection, prospect: Prospect, inputs: Vec<String>,
             findings.push(Finding::Refused { message: error.to_string(), remedies });
         }
     }
-}
-
-/// Whether a warning of an identification is about the log, and not about what the model's parameters came out as.
-fn is_of_log(warning: &Warning) -> bool {
-    matches!(
-        warning,
-        Warning::OtherHold { .. }
-            | Warning::Exchanged { .. }
-            | Warning::RateDiffers { .. }
-            | Warning::Unsteady { .. }
-            | Warning::MostlyLeftOut { .. }
-            | Warning::HarmonicsLeftOut { .. }
-            | Warning::Unexplained { .. }
-            | Warning::MissingTerm { .. }
-            | Warning::Limited { .. }
-            | Warning::Halves { .. }
-            | Warning::Unsettled { .. }
-            | Warning::Repeats { .. }
-            | Warning::Vibration { .. }
-    )
 }
 
 /// What needs attention comes first.

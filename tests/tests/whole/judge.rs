@@ -1,0 +1,187 @@
+//! One rule for trust: whatever was noticed, the text, the JSON, the page and the exit code of a result say the same of it.
+
+use tpm_runtime::campaign::{NearMode, Outcome};
+use tpm_runtime::document::Document;
+use tpm_runtime::estimate::PhysicalRemark;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::log::{Repeated, Samples};
+use tpm_runtime::motion::RunEnding;
+use tpm_runtime::session::{
+    Concern, Data, DeclaredModel, Identification, LogRequest, MissingTerm, NotRefined, Severity, Warning, from_log,
+    from_logs,
+};
+
+const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg], c [N*s/m], k [N/m];
+    m*ddot(x) + c*dot(x) + k*x = u; }";
+
+/// Five periods of a cart with m = 1, c = 0.5 and k = 20 under exact forces, times `scale`.
+fn samples(scale: f64) -> Samples {
+    let (mut time, mut x, mut u) = (Vec::new(), Vec::new(), Vec::new());
+    for n in 0..2500 {
+        let t = f64::from(n) * 4e-3;
+        let (mut q, mut v, mut a) = (0.0, 0.0, 0.0);
+        for (w, size) in [(std::f64::consts::PI, 0.1), (3.0 * std::f64::consts::PI, 0.04)] {
+            let (sin, cos) = (w * t).sin_cos();
+            (q, v, a) = (q + size * sin, v + size * w * cos, a - size * w * w * sin);
+        }
+        time.push(t);
+        x.push(q);
+        u.push(scale * (a + 0.5 * v + 20.0 * q));
+    }
+    Samples::new(vec![("t_s".into(), time), ("x".into(), x), ("u".into(), u)])
+}
+
+fn sound() -> Identification {
+    let model = DeclaredModel::parse("cart", MODEL).expect("a model");
+    from_log(&model, LogRequest::of_samples("cart.csv", samples(1.0))).expect("identifies")
+}
+
+/// A term that a model may lack.
+fn term() -> MissingTerm {
+    MissingTerm {
+        term: "x^3".into(),
+        row: Some("u".into()),
+        value: 1.0,
+        std: 0.1,
+        gain: 0.5,
+        meaning: "a spring that stiffens".into(),
+    }
+}
+
+/// One finding of every kind.
+fn findings() -> Vec<Warning> {
+    let m = || "m".to_owned();
+    let x = || "x".to_owned();
+    let all = vec![
+        Warning::OtherHold { stated: Hold::None, left: 0.1, better: Hold::Zoh, left_by_better: 0.01 },
+        Warning::Exchanged { coordinate: x(), input: "u".into(), left: 0.5, left_by_exchange: 0.01 },
+        Warning::LongSimulation { work: 1e12, most: 1e11 },
+        Warning::OnePeriod,
+        Warning::PeriodNotUsed { period: 2.0, stretches: 2 },
+        Warning::RepeatedReadings { repeated: Repeated { signal: x(), count: 3, line: 7 } },
+        Warning::LoneReadings { coordinate: x(), count: 2, line: 5, farthest: 0.1, unit: Some(m()) },
+        Warning::RateDiffers { coordinate: x(), gain: 1.1 },
+        Warning::InLog {
+            path: "a.csv".into(),
+            warning: Box::new(Warning::Halves { parameter: m(), moved: 0.5, deviation: 0.1 }),
+        },
+        Warning::LogsDisagree { path: "a.csv".into(), parameter: m(), deviations: 300.0 },
+        Warning::Unsteady { mismatch: 0.1 },
+        Warning::MostlyLeftOut { left_out: 100, samples: 150 },
+        Warning::HarmonicsLeftOut { from: 5, to: 7 },
+        Warning::Unexplained { residual: 0.5 },
+        Warning::NotVisible { parameter: m(), data: Data::Log },
+        Warning::PoorlyDetermined { parameter: m(), value: 1.0, std: 0.9 },
+        Warning::OnlyInCombinations { parameters: vec![m(), "c".into()], data: Data::Log },
+        Warning::NegativeInertia { parameter: m(), value: -1.0 },
+        Warning::Run { run: 1, ending: RunEnding::Unsettled, goes_on: true },
+        Warning::Contradicts { run: 2, parameter: m(), deviations: 5.0, pooled: vec![1, 3], majority: true },
+        Warning::Contradicts { run: 2, parameter: m(), deviations: 5.0, pooled: vec![1], majority: false },
+        Warning::NearMode { run: 1, fundamental: 3.0, mode: NearMode { signal: x(), harmonic: 3, frequency: 9.1 } },
+        Warning::EndedEarly { outcome: Outcome::Aborted, limit: None },
+        Warning::RotorIncluded { coordinate: x(), input: "u".into(), inertia: 0.1 },
+        Warning::NothingAccepted,
+        Warning::MissingTerm { term: term() },
+        Warning::Halves { parameter: m(), moved: 0.5, deviation: 0.1 },
+        Warning::Limited { term: term() },
+        Warning::Repeats { power: 5.0 },
+        Warning::Vibration { frequency: 20.0 },
+        Warning::Unsettled { reason: NotRefined::Moving { parameter: m() } },
+        Warning::FarFromLinear { estimator: "error" },
+        Warning::EndOfInterval { parameter: m(), end: 1.0, interval: [0.0, 1.0] },
+        Warning::SeveralMinima { parameter: m(), value: 1.0, other: 2.0, left: 1.1 },
+        Warning::TakenAsKnown { parameter: m(), value: 1.0 },
+        Warning::NotRefined { reason: NotRefined::WithoutTerm },
+        Warning::Physical { remark: PhysicalRemark::NotDetermined { parameter: m() } },
+    ];
+    // Whoever adds a kind of finding adds it above.
+    for finding in &all {
+        match finding {
+            Warning::OtherHold { .. }
+            | Warning::Exchanged { .. }
+            | Warning::LongSimulation { .. }
+            | Warning::OnePeriod
+            | Warning::PeriodNotUsed { .. }
+            | Warning::RepeatedReadings { .. }
+            | Warning::LoneReadings { .. }
+            | Warning::RateDiffers { .. }
+            | Warning::InLog { .. }
+            | Warning::LogsDisagree { .. }
+            | Warning::Unsteady { .. }
+            | Warning::MostlyLeftOut { .. }
+            | Warning::HarmonicsLeftOut { .. }
+            | Warning::Unexplained { .. }
+            | Warning::NotVisible { .. }
+            | Warning::PoorlyDetermined { .. }
+            | Warning::OnlyInCombinations { .. }
+            | Warning::NegativeInertia { .. }
+            | Warning::Run { .. }
+            | Warning::Contradicts { .. }
+            | Warning::NearMode { .. }
+            | Warning::EndedEarly { .. }
+            | Warning::RotorIncluded { .. }
+            | Warning::NothingAccepted
+            | Warning::MissingTerm { .. }
+            | Warning::Halves { .. }
+            | Warning::Limited { .. }
+            | Warning::Repeats { .. }
+            | Warning::Vibration { .. }
+            | Warning::Unsettled { .. }
+            | Warning::FarFromLinear { .. }
+            | Warning::EndOfInterval { .. }
+            | Warning::SeveralMinima { .. }
+            | Warning::TakenAsKnown { .. }
+            | Warning::NotRefined { .. }
+            | Warning::Physical { .. } => {}
+        }
+    }
+    all
+}
+
+/// The text, the JSON and the page of a result agree with its exit code, which is one where there is a shortfall.
+fn says_the_same_everywhere(result: &Identification, said: &Warning) {
+    let meaning = said.meaning();
+    let is_distrust = meaning.severity == Severity::Distrust;
+    assert_eq!(result.is_complete(), !is_distrust, "{said}");
+    assert_eq!(result.shortfall().is_some(), is_distrust, "{said}");
+    let json = serde_json::to_value(result).expect("serialises");
+    assert_eq!(json.get("shortfall").is_some(), is_distrust, "{said}");
+    let severities: Vec<&str> =
+        json["findings"].as_array().expect("a list").iter().filter_map(|f| f["severity"].as_str()).collect();
+    assert_eq!(severities.contains(&"distrust"), is_distrust, "{said}");
+    for parameter in json["parameters"].as_array().expect("a list") {
+        let name = parameter["name"].as_str().expect("a name");
+        let concerned = match meaning.concern {
+            Concern::All => true,
+            Concern::Parameter(own) => own == name,
+            Concern::Parameters(own) => own.iter().any(|own| own == name),
+            Concern::Nothing => false,
+        };
+        let expected = if is_distrust && concerned { "untrusted" } else { "identified" };
+        assert_eq!(parameter["status"], expected, "{name}: {said}");
+    }
+    let text = result.to_string();
+    assert!(text.contains(&said.to_string()), "{said}\n{text}");
+    let page = Document::of_identification(result, &[], &|_| None).html().expect("a page");
+    assert_eq!(page.contains("Not complete"), is_distrust, "{said}");
+    assert_eq!(page.contains("The data show everything that was asked for"), !is_distrust, "{said}");
+}
+
+#[test]
+fn every_kind_of_finding_means_the_same_to_all_who_tell_it() {
+    let sound = sound();
+    assert!(sound.is_complete() && sound.warnings.is_empty(), "{sound}");
+    for finding in findings() {
+        let result = sound.clone().with_finding(finding.clone());
+        says_the_same_everywhere(&result, &finding);
+    }
+}
+
+#[test]
+fn logs_that_contradict_each_other_identify_nothing() {
+    let model = DeclaredModel::parse("cart", MODEL).expect("a model");
+    let log = |name: &str, scale: f64| LogRequest::of_samples(name, samples(scale));
+    let result = from_logs(&model, [log("a.csv", 1.0), log("b.csv", 1.3)]).expect("identifies");
+    let disagree = result.warnings.iter().find(|warning| matches!(warning, Warning::LogsDisagree { .. }));
+    says_the_same_everywhere(&result, disagree.expect("the logs are of two machines"));
+}

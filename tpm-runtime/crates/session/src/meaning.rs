@@ -1,0 +1,112 @@
+//! What findings mean for a result: one row for every kind.
+
+use crate::warning::Warning;
+use serde::Serialize;
+
+/// What a finding means for the numbers of a result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Severity {
+    /// Values and deviations hold.
+    Remark,
+    /// The model leaves something of what was measured unexplained; deviations contain what that does to the values.
+    Misfit,
+    /// Values of the parameters that it concerns are not to be trusted, and the result is not complete.
+    Distrust,
+}
+
+/// What a finding is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum About {
+    /// How a log was read.
+    Reading,
+    /// The record, and how the model explains it.
+    Record,
+    /// What the data show of the parameters.
+    Parameters,
+    /// How the estimation went.
+    Estimation,
+    /// The runs of a campaign.
+    Campaign,
+}
+
+/// The parameters that a finding concerns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Concern<'a> {
+    /// None in particular.
+    Nothing,
+    /// These, by name.
+    Parameters(&'a [String]),
+    /// This one, by name.
+    Parameter(&'a str),
+    /// All.
+    All,
+}
+
+/// What a kind of finding means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Meaning<'a> {
+    /// How grave it is.
+    pub severity: Severity,
+    /// What it is about.
+    pub about: About,
+    /// The parameters that it concerns.
+    pub concern: Concern<'a>,
+}
+
+impl Warning {
+    /// What the finding means: one row for every kind.
+    #[must_use]
+    pub fn meaning(&self) -> Meaning<'_> {
+        use About::{Campaign, Estimation, Parameters, Reading, Record};
+        use Concern::{All, Nothing, Parameter};
+        use Severity::{Distrust, Misfit, Remark};
+        let (severity, about, concern) = match self {
+            Warning::OnePeriod => (Remark, Reading, Nothing),
+            Warning::PeriodNotUsed { .. } => (Remark, Reading, Nothing),
+            Warning::RepeatedReadings { .. } => (Remark, Reading, Nothing),
+            Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
+            Warning::OtherHold { .. } => (Remark, Record, Nothing),
+            Warning::Exchanged { .. } => (Distrust, Record, All),
+            Warning::RateDiffers { .. } => (Remark, Record, Nothing),
+            Warning::Unsteady { .. } => (Remark, Record, Nothing),
+            Warning::MostlyLeftOut { .. } => (Remark, Record, Nothing),
+            Warning::HarmonicsLeftOut { .. } => (Remark, Record, Nothing),
+            Warning::Unexplained { .. } => (Distrust, Record, All),
+            Warning::MissingTerm { .. } => (Misfit, Record, Nothing),
+            Warning::Limited { .. } => (Remark, Record, Nothing),
+            Warning::Halves { parameter, .. } => (Distrust, Record, Parameter(parameter)),
+            Warning::Unsettled { .. } => (Distrust, Record, All),
+            Warning::Repeats { .. } => (Misfit, Record, Nothing),
+            Warning::Vibration { .. } => (Misfit, Record, Nothing),
+            Warning::NotVisible { parameter, .. } => (Remark, Parameters, Parameter(parameter)),
+            Warning::PoorlyDetermined { parameter, .. } => (Remark, Parameters, Parameter(parameter)),
+            Warning::OnlyInCombinations { parameters, .. } => (Remark, Parameters, Concern::Parameters(parameters)),
+            Warning::Physical { remark } => (Remark, Parameters, remark.parameter().map_or(Nothing, Parameter)),
+            Warning::NegativeInertia { parameter, .. } => (Distrust, Estimation, Parameter(parameter)),
+            Warning::FarFromLinear { .. } => (Distrust, Estimation, All),
+            Warning::EndOfInterval { .. } => (Distrust, Estimation, All),
+            Warning::SeveralMinima { parameter, .. } => (Remark, Estimation, Parameter(parameter)),
+            Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Parameter(parameter)),
+            Warning::LongSimulation { .. } => (Remark, Estimation, Nothing),
+            Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
+            Warning::LogsDisagree { .. } => (Distrust, Estimation, All),
+            Warning::Run { .. } => (Remark, Campaign, Nothing),
+            Warning::Contradicts { majority: true, .. } => (Remark, Campaign, Nothing),
+            // As many runs say one thing as another.
+            Warning::Contradicts { majority: false, .. } => (Distrust, Campaign, All),
+            Warning::NearMode { .. } => (Remark, Campaign, Nothing),
+            Warning::EndedEarly { .. } => (Remark, Campaign, Nothing),
+            Warning::RotorIncluded { .. } => (Remark, Campaign, Nothing),
+            Warning::NothingAccepted => (Remark, Campaign, Nothing),
+            Warning::InLog { warning, .. } => return warning.meaning(),
+        };
+        Meaning { severity, about, concern }
+    }
+
+    /// Whether values that follow from such data are not to be trusted.
+    #[must_use]
+    pub fn is_distrust(&self) -> bool {
+        self.meaning().severity == Severity::Distrust
+    }
+}
