@@ -66,8 +66,8 @@ impl fmt::Debug for BuildError {
     }
 }
 
-/// Writes the source of a model file into `OUT_DIR`, has cargo run the build script again when the model changes, and returns the
-/// paths of what was written.
+/// Writes the source of a model file into `OUT_DIR`, tells cargo to run the build script again when the model changes,
+/// and returns the paths of the written files.
 ///
 /// # Errors
 /// [`BuildError`] when the model cannot be read or has faults, or a file cannot be written.
@@ -78,8 +78,8 @@ pub fn model(path: impl AsRef<Path>, language: Language) -> Result<Vec<PathBuf>,
     write(path.as_ref(), &Options::new(language, "tpm_codegen::build"), Path::new(&folder))
 }
 
-/// Writes the source of a model file, generated with these options, into a folder that exists, and returns the paths of what was
-/// written. A Rust file holds one module, so that `include!` can take it in.
+/// Writes the source of a model file, generated with these options, into an existing folder, and returns the paths of
+/// the written files. A Rust file holds one module, so that `include!` accepts it.
 ///
 /// # Errors
 /// [`BuildError`] when the model cannot be read or has faults, or a file cannot be written.
@@ -91,14 +91,14 @@ pub fn write(path: &Path, options: &Options<'_>, folder: &Path) -> Result<Vec<Pa
     let estimator = EstimatorSource::of(&parsed).map_err(|diagnostic| faults(&Diagnostics::from_iter([diagnostic])))?;
     let mut files = generate(&estimator, options)?;
     if options.language == Language::Rust {
-        // Inner attributes may stand at the head of a module, but not of what is included.
+        // Inner attributes are allowed at the beginning of a module, but not at that of an included file.
         let module = rust::module_name(&estimator);
         files.iter_mut().for_each(|file| file.text = format!("pub mod {module} {{\n{}}}\n", file.text));
     }
     files.iter().map(|file| place(file, folder)).collect()
 }
 
-/// Writes a file under another name and renames it, so that no build reads half of one.
+/// Writes a file under another name and renames it, so that no build reads an incomplete file.
 fn place(file: &File, folder: &Path) -> Result<PathBuf, BuildError> {
     let (path, beside) = (folder.join(&file.name), folder.join(format!(".{}.new", file.name)));
     std::fs::write(&beside, &file.text)

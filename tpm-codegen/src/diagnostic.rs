@@ -10,7 +10,7 @@ use ariadne::{CharSet, Config, IndexType, Label as AriadneLabel, Report, ReportK
 
 use crate::source::{Source, Span};
 
-/// How grave a diagnostic is.
+/// Severity of a diagnostic.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Debug)]
 pub enum Severity {
     /// The model cannot be used.
@@ -50,9 +50,9 @@ pub struct Diagnostic {
     pub span: Span,
     /// Text beside the caret, about what stands at the place; may be empty.
     pub note: String,
-    /// Other places that matter.
+    /// Other places that explain the diagnostic.
     pub labels: Vec<Label>,
-    /// What to do.
+    /// What the user can do, when there is a remedy.
     pub help: Option<String>,
 }
 
@@ -90,7 +90,7 @@ impl Diagnostic {
         self
     }
 
-    /// Adds what to do.
+    /// Adds the remedy.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
@@ -114,7 +114,7 @@ impl Diagnostic {
 /// The longest number that an error shows whole, in digits.
 const LONGEST_NUMBER: usize = 60;
 
-/// The digits that are shown of the beginning and of the end of a longer one.
+/// Number of digits that are shown of the beginning and of the end of a longer number.
 const SHOWN: usize = 20;
 
 /// A text whose very long numbers are cut to their first and last digits and their length.
@@ -261,11 +261,12 @@ pub fn render(source: &Source, diagnostic: &Diagnostic) -> String {
 /// Longest line, in bytes, that is shown whole; a longer one is clipped around the caret.
 const WIDEST_LINE: usize = 400;
 
-/// The source as ariadne wants it, built once for all diagnostics and only when it is used.
+/// The source in the form that ariadne expects, built once for all diagnostics and only when it is used.
 struct Excerpts<'a> {
     source: &'a Source,
     lines: Option<ariadne::Source<&'a str>>,
-    /// Whether the text has characters at which ariadne ends a line and an editor does not; its line numbers would be wrong.
+    /// Whether the text has characters at which ariadne ends a line and an editor does not, so that ariadne's line
+    /// numbers would be wrong.
     odd_lines: bool,
 }
 
@@ -302,7 +303,8 @@ impl<'a> Excerpts<'a> {
         let config = Config::default().with_color(false).with_char_set(CharSet::Ascii).with_index_type(IndexType::Byte);
         let mut report =
             Report::build(kind, span(diagnostic.span)).with_config(config).with_message(&diagnostic.message);
-        // Labels in the order of their lines stay in one excerpt; ariadne begins a new one where a line number falls.
+        // Labels in the order of their lines stay in one excerpt; ariadne begins a new excerpt where the line number
+        // decreases.
         let line = |span: Span| i32::try_from(source.position(span.start).line).unwrap_or(i32::MAX);
         let primary = AriadneLabel::new(span(diagnostic.span)).with_order(line(diagnostic.span));
         report = report.with_label(match diagnostic.note.as_str() {
@@ -319,7 +321,7 @@ impl<'a> Excerpts<'a> {
         let lines = self.lines.get_or_insert_with(|| ariadne::Source::from(source.text()));
         let mut bytes = Vec::new();
         report.finish().write((name, &*lines), &mut bytes).ok()?;
-        // Trailing blanks of the drawing would only make snapshots fragile.
+        // Trailing blanks are removed, since they would make snapshots fragile.
         let drawn = String::from_utf8_lossy(&bytes);
         Some(drawn.lines().map(str::trim_end).fold(String::new(), |text, line| text + line + "\n"))
     }

@@ -1,9 +1,10 @@
-//! Writers: tables and sources, from what the exact engine computed.
+//! Emitters: tables and sources from the results of the exact engine.
 //!
-//! What a function computes, reads and is documented with stands once (`function`, over the steps of `code`); a language only prints
-//! it and adds what is its own: types, conversions, a trait, a solver.
+//! The steps, arguments and documentation of a function are decided once (`function`, over the steps of `code`). A
+//! language prints them and adds what is specific to it: types, conversions, a trait, a solver.
 //!
-//! Invariant: a writer decides no mathematics; it prints what it is given, all of it, and twice the same.
+//! Invariant: an emitter decides no mathematics. It prints everything that it is given, and equal inputs give equal
+//! bytes.
 
 #[cfg(feature = "generate")]
 pub mod c;

@@ -31,24 +31,26 @@ impl Language {
     }
 }
 
-/// How source is generated.
+/// Options of the generated source.
 #[derive(Clone, Debug)]
 pub struct Options<'a> {
     /// The target language.
     pub language: Language,
-    /// The command that gives this output again, for the header.
+    /// The command that reproduces this output, for the header.
     pub command: &'a str,
-    /// Identified values to be baked in; parameters that the data do not show come from stated priors, or do not matter.
+    /// Identified values that the code contains as constants. Values of parameters that the data do not determine come
+    /// from stated priors, or do not affect the equations.
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward, common and split; none when not given.
     pub filters: Option<&'a Filters>,
-    /// Whether accumulators of harmonics can let the past fade, for a machine that changes.
+    /// Whether accumulators of harmonics get a function that reduces the weight of earlier samples, for a machine that
+    /// changes.
     pub forgetting: bool,
-    /// Whether every pattern has a function for single strokes, with rest before and after them.
+    /// Whether every pattern has a function for single strokes, with rest before and after each.
     pub strokes: bool,
-    /// What names and files begin with, in C; the model's name when not given.
+    /// The prefix of names and files in C; the model's name when not given.
     pub prefix: Option<&'a str>,
-    /// The scalar, in C. Rust is generic over both.
+    /// The scalar type in C. Rust code is generic over both.
     pub scalar: Scalar,
 }
 
@@ -79,7 +81,7 @@ pub struct File {
     pub text: String,
 }
 
-/// The source files of a regulator: state feedback that keeps a machine at rest in a point.
+/// The source files of a regulator: state feedback that keeps a machine at rest at an operating point.
 ///
 /// # Errors
 /// [`EmitError`] when the prefix cannot begin names of C, or a number is beyond the scalar.

@@ -1,11 +1,12 @@
-//! What an identification knows of the parameters of a model, read from its result.
+//! The parameters of a model as an identification knows them, read from its result.
 //!
-//! Data need not show every parameter. They then leave directions n in parameter space open, and determine the combinations
-//! w' theta with w' n = 0 alone. A result states both. What does not change along the open directions can be computed from
-//! any parameters of which the combinations hold; everything else needs more than the data show.
+//! Data need not determine every parameter. They then leave directions n in parameter space undetermined, and determine
+//! only the combinations w' theta with w' n = 0. A result states both. A quantity that does not change along the
+//! undetermined directions can be computed from any parameters that satisfy the combinations; every other quantity
+//! needs more than the data.
 //!
-//! Invariant of [`Settled`]: every combination of the result holds, stated priors are kept, and whatever still is open stands
-//! among the open directions. No value comes from anywhere else.
+//! Invariant of [`Settled`]: the parameters satisfy every combination of the result and keep stated priors, and
+//! whatever is still undetermined is listed among the open directions. No value comes from another source.
 
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
@@ -15,19 +16,21 @@ use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational;
 use tpm_symbolic::regressor::form::{RegressorForm, Row, Term};
 
-/// A sum below this share of its terms is what the nine digits of the result leave of nothing.
+/// Smallest share of its terms at which a sum counts as nonzero. Below it the sum is the rounding of the nine digits in
+/// a result.
 const NOTHING: f64 = 1e-6;
 
-/// Number of motions at which it is tested whether a row changes along a direction.
+/// Number of random motions at which a row is tested for changes along a direction.
 const MOTIONS: usize = 32;
 
 /// The schema of identification results.
 pub const SCHEMA: &str = "tpm.identification/2";
 
-/// The schema of parameters that follow from those of another model.
+/// The schema of parameters that were projected from those of another model.
 pub const PROJECTION_SCHEMA: &str = "tpm.projection/1";
 
-/// The schemas of results that can be read: every field of the first one is in the second, and a projection has those that are read.
+/// The schemas that can be read. Every field of the first one is in the second, and a projection has all fields that
+/// are read.
 pub const READABLE_SCHEMAS: [&str; 3] = ["tpm.identification/1", SCHEMA, PROJECTION_SCHEMA];
 
 /// Weights by the name of a parameter.
@@ -44,33 +47,34 @@ pub struct IdentifiedParameter {
     pub std: Option<f64>,
     /// The value that was stated before the identification.
     pub prior: Option<f64>,
-    /// The value that the combinations and the stated priors give together, for a parameter that the data do not show.
+    /// The value that follows from the combinations and the stated priors, for a parameter that the data do not
+    /// determine.
     pub with_prior: Option<f64>,
     /// The status that the identification reports.
     pub status: String,
 }
 
 impl IdentifiedParameter {
-    /// What was stated of a parameter that the data do not show. Results that do not tell stated priors from missing ones
-    /// write zero for a missing one, so that their zeros count for nothing.
+    /// The stated prior of a parameter that the data do not determine. Results that do not tell stated priors from
+    /// missing ones contain zero for a missing one, so that their zeros are ignored.
     #[must_use]
     pub fn stated(&self) -> Option<f64> {
         self.with_prior.or(self.prior.filter(|prior| *prior != 0.0))
     }
 }
 
-/// A combination of parameters that the data show.
+/// A combination of parameters that the data determine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IdentifiedCombination {
-    /// The weight of every parameter that takes part.
+    /// The weight of every parameter in the combination.
     pub terms: Weights,
-    /// Weights times parameters.
+    /// Value of the weighted sum.
     pub value: f64,
     /// Standard deviation of the value.
     pub std: f64,
 }
 
-/// The result of an identification, as others read it.
+/// The result of an identification, as other programs read it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Identified {
     /// Name of the model.
@@ -79,9 +83,9 @@ pub struct Identified {
     pub parameters: Vec<IdentifiedParameter>,
     /// The physical parameters behind lumped ones; none where nothing was lumped.
     pub physical: Vec<IdentifiedParameter>,
-    /// Directions that the data do not show.
+    /// Directions that the data do not determine.
     pub directions: Vec<Weights>,
-    /// What the data show of the parameters that they do not show one by one.
+    /// Combinations of parameters that the data determine although they do not determine each parameter alone.
     pub combinations: Vec<IdentifiedCombination>,
 }
 
@@ -100,7 +104,7 @@ pub enum IdentifiedError {
         /// The model that is emitted.
         expected: String,
     },
-    /// A parameter has no value, and the result does not say what the data show of it.
+    /// A parameter has no value, and the result contains no combination that determines it.
     #[error("the parameter `{0}` has no identified value and no prior one; identify it, or give it a prior")]
     Missing(String),
     /// The equations change along a direction that the data do not show.
@@ -108,29 +112,29 @@ pub enum IdentifiedError {
     NotShown {
         /// The direction.
         direction: String,
-        /// The parameters that take part in it.
+        /// The parameters with a component along the direction.
         parameters: Vec<String>,
         /// Name of the row that changes along it.
         row: String,
-        /// What the direction is multiplied by in this row.
+        /// The functions of the motion by which the direction is multiplied in this row.
         terms: String,
     },
 }
 
-/// What helps where a direction is needed that the data do not show.
+/// The remedy where a direction is needed that the data do not determine.
 #[must_use]
 pub fn remedy(parameters: &[String]) -> String {
     format!("identify from data that show it, or state a prior of {} there, or hold one of them", parameters.join(", "))
 }
 
-/// How the value of a parameter is known.
+/// Source of the value of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
-    /// The data show it, or it was held.
+    /// The data determine it, or it was held constant.
     Shown,
-    /// It follows from stated priors and from the combinations that the data show.
+    /// It follows from stated priors and from the combinations that the data determine.
     Prior,
-    /// It is open: the combinations hold with this value, and with others.
+    /// It is undetermined: the combinations hold with this value, and also with others.
     Open,
 }
 
@@ -141,7 +145,7 @@ pub struct SettledParameter<'a> {
     pub parameter: &'a IdentifiedParameter,
     /// A value with which all combinations hold.
     pub value: f64,
-    /// How the value is known.
+    /// Source of the value.
     pub standing: Standing,
 }
 
@@ -150,7 +154,7 @@ pub struct SettledParameter<'a> {
 pub struct Settled<'a> {
     /// The parameters in which the model is linear, in the order of the result.
     pub parameters: Vec<SettledParameter<'a>>,
-    /// The directions that neither data nor stated priors determine, the largest component of each being one.
+    /// The directions that neither data nor stated priors determine, each scaled so that its largest component is one.
     pub open: Vec<Weights>,
 }
 
@@ -163,7 +167,7 @@ impl Settled<'_> {
 }
 
 impl Identified {
-    /// Values of parameters, by name, without anything that the data do not show.
+    /// An identification result that consists of given values of parameters, by name.
     #[must_use]
     pub fn of_values(model: &str, values: &BTreeMap<String, f64>) -> Self {
         let parameter = |(name, value): (&String, &f64)| IdentifiedParameter {
@@ -174,10 +178,11 @@ impl Identified {
         Self { model: model.to_owned(), parameters: values.iter().map(parameter).collect(), ..Self::default() }
     }
 
-    /// A value for every parameter: the identified one, or one with which all combinations hold and stated priors are kept.
+    /// A value for every parameter: the identified one, or one with which all combinations hold and stated priors are
+    /// kept.
     ///
     /// # Errors
-    /// [`IdentifiedError::Missing`] where the result neither states a value of a parameter nor what the data show of it.
+    /// [`IdentifiedError::Missing`] where the result states neither a value of a parameter nor enough combinations.
     pub fn settled(&self) -> Result<Settled<'_>, IdentifiedError> {
         let hidden: Vec<&IdentifiedParameter> =
             self.parameters.iter().filter(|parameter| parameter.value.is_none()).collect();
@@ -186,7 +191,7 @@ impl Identified {
         if let Some(missing) = hidden.iter().find(|parameter| parameter.stated().is_none() && !named(parameter)) {
             return Err(IdentifiedError::Missing(missing.name.clone()));
         }
-        // A result says everything that the data show of hidden parameters by as many combinations as directions leave.
+        // A complete result has as many combinations of hidden parameters as the undetermined directions leave.
         let told = self.combinations.len() + self.directions.len();
         if let Some(name) = open.first().and_then(|direction| direction.keys().next())
             && told < hidden.iter().filter(|parameter| named(parameter)).count()
@@ -206,12 +211,12 @@ impl Identified {
         Ok(Settled { parameters, open })
     }
 
-    /// Values of hidden parameters: their stated priors, changed as little as the combinations ask for.
+    /// Values of hidden parameters: their stated priors with the smallest change that satisfies the combinations.
     fn completed<'a>(&self, hidden: &[&'a IdentifiedParameter]) -> BTreeMap<&'a str, f64> {
         let mut values: BTreeMap<&str, f64> =
             hidden.iter().map(|parameter| (parameter.name.as_str(), parameter.stated().unwrap_or(0.0))).collect();
         let known = |name: &str| self.parameters.iter().find(|p| p.name == name).and_then(|p| p.value).unwrap_or(0.0);
-        // What the result has combined with the priors itself stays as it is.
+        // Values that the result has already combined with the priors are kept.
         let free: Vec<&str> =
             hidden.iter().filter(|p| p.with_prior.is_none()).map(|parameter| parameter.name.as_str()).collect();
         let scale: Vec<f64> =
@@ -227,7 +232,7 @@ impl Identified {
             shown.value - shown.terms.iter().map(now).sum::<f64>()
         };
         let right: Vec<f64> = self.combinations.iter().map(short).collect();
-        // The smallest change, scaled: rows' y with (rows rows') y = right.
+        // The smallest scaled change: rows' y, where (rows rows') y = right.
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let mut square: Vec<Vec<f64>> = rows.iter().map(|a| rows.iter().map(|b| dot(a, b)).collect()).collect();
         let y = solve(&mut square, right);
@@ -238,7 +243,8 @@ impl Identified {
         values
     }
 
-    /// One value per column of a regressor form, in its order, where the rows of the form need nothing that is open.
+    /// One value per column of a regressor form, in its order, where the rows of the form do not depend on undetermined
+    /// directions.
     ///
     /// # Errors
     /// [`IdentifiedError::Model`], [`IdentifiedError::Missing`]; [`IdentifiedError::NotShown`] where a row changes along a
@@ -272,7 +278,7 @@ impl Identified {
         Ok(ordered)
     }
 
-    /// What the documentation of emitted values says of them, as Markdown.
+    /// The documentation of the emitted values, as Markdown.
     pub(crate) fn about(&self, values: &[SettledParameter<'_>]) -> String {
         let mut about = String::from(
             "The identified parameters.\n\n| parameter | value | standard deviation | |\n|---|---|---|---|\n",
@@ -381,7 +387,7 @@ impl From<&Identified> for Identified {
     }
 }
 
-/// The directions among those that are spanned in which no settled parameter takes part.
+/// A basis of those directions in the given span in which no settled parameter has a component.
 #[must_use]
 pub fn open(directions: &[Weights], settled: impl Fn(&str) -> bool) -> Vec<Weights> {
     let mut left: Vec<Weights> = directions.to_vec();
@@ -408,7 +414,7 @@ pub fn open(directions: &[Weights], settled: impl Fn(&str) -> bool) -> Vec<Weigh
     left.into_iter().map(largest_one).collect()
 }
 
-/// The direction with a largest component of one.
+/// The direction, scaled so that its largest component is one.
 fn largest_one(mut direction: Weights) -> Weights {
     let largest = direction.values().copied().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
     direction.retain(|_, weight| *weight != 0.0);
@@ -416,7 +422,7 @@ fn largest_one(mut direction: Weights) -> Weights {
     direction
 }
 
-/// Solves symmetric equations that may depend on each other; unknowns that they leave open are zero.
+/// Solves a symmetric system that may be singular; unknowns that it leaves undetermined are zero.
 fn solve(square: &mut [Vec<f64>], mut right: Vec<f64>) -> Vec<f64> {
     let n = right.len();
     let size = (0..n).map(|i| square[i][i]).fold(0.0, f64::max);
@@ -440,9 +446,11 @@ fn solve(square: &mut [Vec<f64>], mut right: Vec<f64>) -> Vec<f64> {
     (0..n).map(|i| if pivots.contains(&i) { right[i] / square[i][i] } else { 0.0 }).collect()
 }
 
-/// The functions of the motion by which a row changes along a direction, as text; nothing for a row that does not change.
+/// The functions of the motion by which a row changes along a direction, as text; nothing for a row that does not
+/// change.
 ///
-/// The row is evaluated at motions drawn at will, where identities between functions of the motion hold as they do everywhere.
+/// The row is evaluated at pseudo-random motions, at which identities between functions of the motion hold as
+/// everywhere.
 fn moved(model: &ExactModel, row: &Row, weights: &[f64]) -> Option<String> {
     let along = |term: &Term| term.column.map(|column| weights[column]).filter(|weight| *weight != 0.0);
     let terms: Vec<(&Monomial<ExprId>, f64)> = (row.terms.iter())
@@ -466,7 +474,7 @@ fn moved(model: &ExactModel, row: &Row, weights: &[f64]) -> Option<String> {
             .collect();
         let (sum, size) =
             parts.iter().fold((0.0, 0.0), |(sum, size): (f64, f64), part| (sum + part, size + part.abs()));
-        // A motion at which the row has no value says nothing.
+        // A motion at which the row has no finite value is ignored.
         (size.is_finite() && size > 0.0).then(|| sum.abs() / size)
     };
     let shares: Vec<f64> = (0..MOTIONS).filter_map(share).collect();
@@ -485,7 +493,7 @@ fn moved(model: &ExactModel, row: &Row, weights: &[f64]) -> Option<String> {
     })
 }
 
-/// The number with this index of a motion, between -2 and 2: multiples of irrational numbers, modulo one, spread evenly.
+/// Component `index` of a pseudo-random motion, between -2 and 2: multiples of irrational numbers modulo one.
 fn drawn(motion: usize, index: usize) -> f64 {
     let turns = (motion as f64 + 1.0) * std::f64::consts::SQRT_2 + (index as f64 + 1.0) * std::f64::consts::E;
     let scattered = turns * (1.0 + index as f64 * std::f64::consts::PI);
@@ -503,7 +511,7 @@ pub fn display(weights: &Weights) -> String {
             (false, false) => " + ",
             (false, true) => " - ",
         });
-        // Six digits: the shortest text of the rounded number.
+        // Six digits, as the shortest text of the rounded number.
         let size = format!("{:.5e}", weight.abs()).parse::<f64>().unwrap_or_else(|_| weight.abs());
         text.push_str(&if size == 1.0 { name.clone() } else { format!("{size} {name}") });
     }
@@ -522,7 +530,7 @@ mod tests {
         IdentifiedParameter { name: name.to_owned(), prior, with_prior, ..IdentifiedParameter::default() }
     }
 
-    /// Data that show a + 2 b = 5 alone.
+    /// Data that determine only a + 2 b = 5.
     fn sum_of(a: IdentifiedParameter, b: IdentifiedParameter) -> Identified {
         Identified {
             model: "M".to_owned(),
@@ -541,7 +549,7 @@ mod tests {
     fn combinations_hold_whatever_was_stated() {
         let cases = [
             (hidden("a", None, None), hidden("b", None, None), Standing::Open, None),
-            // A zero that nobody stated counts for nothing, a zero that stands with the combinations does.
+            // A zero that was not stated is ignored; a zero that was combined with the result counts.
             (hidden("a", Some(0.0), None), hidden("b", Some(0.0), None), Standing::Open, None),
             (hidden("a", Some(0.0), Some(0.0)), hidden("b", None, Some(2.5)), Standing::Prior, Some((0.0, 2.5))),
             (hidden("a", Some(1.0), None), hidden("b", Some(1.0), None), Standing::Prior, None),

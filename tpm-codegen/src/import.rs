@@ -1,4 +1,4 @@
-//! Robot descriptions as models.
+//! Import of robot descriptions as models.
 //!
 //! [`urdf`] reads a URDF and writes a model with a mechanism, a prior and an experiment beside it. Decimals are taken as the
 //! rational numbers that they are. An angle within 1e-4 of a multiple of pi/2 is that multiple, and every other angle a becomes the
@@ -15,7 +15,7 @@ use crate::source::{Source, Span};
 
 pub use options::{Angles, Options};
 
-/// A description as a model.
+/// An imported description.
 #[derive(Clone, Debug)]
 pub struct Imported {
     /// The text of the model.
@@ -24,9 +24,9 @@ pub struct Imported {
     pub prior: String,
     /// An experiment with the limits of the joints (TOML), to be completed.
     pub experiment: String,
-    /// What was read as something else than what is written, one sentence each.
+    /// One sentence for every number that was read as a value other than the written one.
     pub readings: Vec<String>,
-    /// What is left out or doubtful, each at its place.
+    /// Parts that were left out or are doubtful, each at its place.
     pub warnings: Vec<Diagnostic>,
 }
 
@@ -51,7 +51,7 @@ pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics>
     };
     let mut warnings = diagnostics.take_warnings();
     warnings.sort_by_key(|warning| warning.span);
-    // The file's name without its folders, which mean nothing elsewhere.
+    // The name of the file without its folders, which have no meaning on another computer.
     let from = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
     let (model, prior, experiment) = write::write(&robot, options, from)?;
     Ok(Imported { model, prior, experiment, readings: readings.sentences(), warnings })

@@ -1,6 +1,7 @@
-//! What the macros `model!` and `model_file!` expand to.
+//! The expansions of the macros `model!` and `model_file!`.
 //!
-//! Invariant: every fault becomes a `compile_error!`, several at once; nothing panics, and no fault hides another one's place.
+//! Invariant: every fault becomes a `compile_error!`, several at once; nothing panics, and no fault hides the place of
+//! another.
 
 use proc_macro2::{Literal, Span, TokenStream, TokenTree};
 use quote::{quote, quote_spanned};
@@ -13,7 +14,7 @@ use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
 use tpm_symbolic::budget::{self, Budget};
 
-/// A fault of a macro call: what is wrong, and on which token.
+/// A fault of a macro call: the token and the message.
 type Fault = (Span, String);
 
 fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
@@ -30,10 +31,10 @@ pub fn model(input: TokenStream) -> TokenStream {
     within_budget(|| of_model(input))
 }
 
-/// How many budgets of a command a macro call has: it stands in code that somebody has written, and has no option to ask for more.
+/// Limit of a macro call, as a multiple of the command line's budget. A macro call has no option for a larger limit.
 const BUDGETS: u64 = 30;
 
-/// The expansion, or an error where it takes more than its budget: a compiler that never ends says nothing.
+/// The expansion, or an error where it exceeds its budget, since a compiler that does not end gives no message.
 fn within_budget(expansion: impl FnOnce() -> TokenStream) -> TokenStream {
     let mut budget = Budget::default();
     budget.operations *= BUDGETS;
@@ -110,7 +111,7 @@ fn of_model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
                 source: Some(source.text()),
                 ..rust::Options::default()
             };
-            // The compiler watches what is included, so that a change of the file rebuilds the crate.
+            // The compiler tracks included files, so that a change of the model file rebuilds the crate.
             let watch = quote! {
                 const _: &[u8] = ::core::include_bytes!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/", #path));
             };
@@ -120,7 +121,7 @@ fn of_model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     }
 }
 
-/// The errors of a model file, each with file, line and column, all on the macro's token at `span`.
+/// The errors of a model file, each with file, line and column, reported at the macro's token `span`.
 fn at_places(source: &Source, diagnostics: &Diagnostics, span: Span) -> Vec<Fault> {
     let errors = diagnostics.iter().filter(|diagnostic| diagnostic.severity == Severity::Error);
     let mut faults: Vec<Fault> = errors
@@ -156,7 +157,7 @@ fn crate_path(at: Span, tokens: TokenStream) -> Result<String, Fault> {
     if !sign.is_some_and(|token| is_punct(&token, '=')) || rest.is_empty() || !rest.clone().into_iter().all(is_path) {
         return Err((at, "write `crate = path::to::tpm_runtime` to say where the runtime is".to_owned()));
     }
-    // No blanks between the parts: a path is one thing.
+    // Blanks between the parts of a path are removed.
     Ok(rest.to_string().replace(' ', ""))
 }
 
@@ -187,7 +188,7 @@ fn file_arguments(input: TokenStream) -> Result<(Span, String, String), Fault> {
     Ok((span, path, runtime))
 }
 
-/// The text of a string literal, or of the invisible group in which a `macro_rules` fragment hands one over.
+/// The text of a string literal, also inside the invisible group in which a `macro_rules` fragment passes it on.
 fn string_of(token: &TokenTree) -> Option<String> {
     match token {
         TokenTree::Group(group) => {

@@ -7,7 +7,7 @@
 //! v[n] = a v[n-1] + (1 - a) (e[n] - e[n-1]) / T ,    D(z) = (1 - a) (1 - z^-1) / (T (1 - a z^-1)),
 //! ```
 //!
-//! whose exact frequency response is at hand for the estimators. Nothing here allocates.
+//! whose exact frequency response the estimators use. Nothing here allocates.
 
 use crate::model::{Buffer, EvalError, require_len};
 use crate::support::Real;
@@ -42,7 +42,7 @@ impl<T: Real> Differentiator<T> {
         Differentiator { pole, sample_time, last: None, rate: T::ZERO }
     }
 
-    /// Takes in one sample and returns the rate; the first sample has none.
+    /// Processes one sample and returns the rate; the rate of the first sample is zero.
     pub fn push(&mut self, value: T) -> T {
         let difference = self.last.map_or(T::ZERO, |last| value - last);
         self.last = Some(value);
@@ -56,7 +56,7 @@ impl<T: Real> Differentiator<T> {
         self.pole
     }
 
-    /// Forgets the past.
+    /// Resets the filter to the state before its first sample.
     pub fn reset(&mut self) {
         self.last = None;
         self.rate = T::ZERO;

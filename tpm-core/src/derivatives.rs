@@ -1,18 +1,18 @@
-//! The derivatives of a model's rows, from which the sensitivities of its motion follow.
+//! Derivatives of a model's rows with respect to the motion, from which the sensitivities of simulated motions follow.
 
 use crate::model::EvalError;
 use crate::support::Real;
 
-/// How the rows `r = Phi theta + known - B u` of a model change with the motion.
+/// Derivatives of the rows `r = Phi theta + known - B u` of a model with respect to the motion.
 pub trait RowDerivatives<T: Real>: Send + Sync {
-    /// Entries of workspace that an evaluation needs.
+    /// Number of entries of workspace that an evaluation needs.
     fn workspace_len(&self) -> usize;
 
-    /// `dr/d(slot)`, rows times slots, row-major, into `out`; slots are those of a motion: derivatives of the coordinates, order by
-    /// order.
+    /// Writes `dr/d(slot)` into `out`, a row-major matrix of rows times slots. The slots are those of a motion:
+    /// derivatives of the coordinates, order by order.
     ///
     /// # Errors
-    /// [`EvalError::Length`] when a slice has another length than the model says.
+    /// [`EvalError::Length`] when the length of a slice differs from the model's.
     fn rows(
         &self,
         motion: &[T],
@@ -23,13 +23,13 @@ pub trait RowDerivatives<T: Real>: Send + Sync {
         out: &mut [T],
     ) -> Result<(), EvalError>;
 
-    /// Number of different arguments of `sign` in the rows.
+    /// Number of different arguments of `sign` in the rows, called switches.
     fn switches(&self) -> usize;
 
-    /// Per switch its argument, then per row half the height of the jump, into `out`.
+    /// Writes into `out`, for every switch, its argument and then half the height of the jump of every row.
     ///
     /// # Errors
-    /// [`EvalError::Length`] when a slice has another length than the model says.
+    /// [`EvalError::Length`] when the length of a slice differs from the model's.
     fn switching(
         &self,
         motion: &[T],

@@ -12,10 +12,10 @@
 
 use crate::support::Real;
 
-/// A low pass with its past.
+/// A second-order low pass with its last two inputs and outputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SecondOrder<T> {
-    /// Factor of the input and its predecessors, times 1, 2, 1.
+    /// Factor of the input and its two predecessors, which are also multiplied by 1, 2, 1.
     gain: T,
     /// Factors of the last two outputs.
     feedback: [T; 2],
@@ -33,7 +33,7 @@ impl<T: Real> SecondOrder<T> {
         if !usable || half >= T::from_f64(core::f64::consts::FRAC_PI_2) {
             return None;
         }
-        // All over w_n^2: 1/tan(w_n T/2) in the place of s / w_n.
+        // All coefficients are divided by w_n^2, so that 1/tan(w_n T/2) replaces s / w_n.
         let warped = T::ONE / half.tan();
         let two = T::from_f64(2.0);
         let (square, damping) = (warped * warped, warped / quality);
@@ -46,7 +46,7 @@ impl<T: Real> SecondOrder<T> {
         })
     }
 
-    /// Takes in one sample and returns the filtered one.
+    /// Processes one sample and returns the filtered one.
     pub fn push(&mut self, input: T) -> T {
         let two = T::from_f64(2.0);
         let output = self.gain * (input + two * self.inputs[0] + self.inputs[1])
@@ -57,7 +57,7 @@ impl<T: Real> SecondOrder<T> {
         output
     }
 
-    /// Puts the filter into the state of one that a constant `value` has passed through for ever.
+    /// Sets the filter to its steady state under the constant input `value`.
     pub fn settle(&mut self, value: T) {
         self.inputs = [value; 2];
         self.outputs = [value; 2];

@@ -1,4 +1,4 @@
-//! What a controller needs to follow a reference and to measure what its machine does, without an operating system.
+//! The numerical core of a controller that follows a reference and measures its machine, without an operating system.
 //!
 //! A controller plays a reference q_r(t), a finite Fourier series, with the input
 //!

@@ -18,7 +18,7 @@ use crate::support::Real;
 pub fn solve_in_place<T: Real>(matrix: &mut [T], right: &mut [T]) -> Result<(), usize> {
     let n = right.len();
     if let ([entry], [value]) = (&*matrix, &mut *right) {
-        // One unknown, the most frequent case: what follows comes to this.
+        // One unknown is the most frequent case, for which the general method below reduces to a division.
         let size = entry.abs();
         if !size.is_finite() || size <= T::ZERO {
             return Err(0);

@@ -1,4 +1,4 @@
-//! What every dynamics model offers to the runtime, whether written by hand, compiled by the macro, or interpreted.
+//! The interface of dynamics models, whether written by hand, compiled by the macro, or interpreted.
 //!
 //! Invariant: a model is linear in its unknown parameters theta, row by row:
 //!
@@ -186,8 +186,8 @@ pub trait Model<T: Real>: Send + Sync {
     /// Sizes, which never change during the lifetime of the model.
     fn dims(&self) -> Dims;
 
-    /// The text in which the model was declared, from which its exact form, its patterns and its physical parameters can be had
-    /// again; nothing for a model that was written by hand.
+    /// The text in which the model was declared, from which its exact form, patterns and physical parameters can be
+    /// derived again; nothing for a model that was written by hand.
     fn source(&self) -> Option<&str> {
         None
     }
@@ -198,7 +198,8 @@ pub trait Model<T: Real>: Send + Sync {
     fn input(&self, index: usize) -> Label<'_>;
     /// Name and unit of a parameter in which the rows are linear (a lumped one has its canonical name).
     fn parameter(&self, index: usize) -> Label<'_>;
-    /// Least and largest value of a parameter in which the rows are linear about a point only; nothing for every other parameter.
+    /// Least and largest value of a parameter in which the rows are nonlinear, and only linearised about a point;
+    /// nothing for every other parameter.
     fn parameter_interval(&self, index: usize) -> Option<[T; 2]> {
         let _ = index;
         None
@@ -238,8 +239,9 @@ pub trait Model<T: Real>: Send + Sync {
     /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn input_map(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
-    /// How the rows change with the parameters at given values of them: the regressor, where the rows are linear in all of them.
-    /// Rows x parameters, row-major, into `out`; the workspace is as long as that of [`regressor`](Model::regressor).
+    /// The derivative of the rows with respect to the parameters at given values; it equals the regressor where the
+    /// rows are linear in all of them. Rows x parameters, row-major, into `out`; the workspace is as long as that of
+    /// [`regressor`](Model::regressor).
     ///
     /// # Errors
     /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
@@ -297,8 +299,8 @@ pub trait Model<T: Real>: Send + Sync {
     /// Solves the rows for the highest derivative of every coordinate and writes them into their slots of `motion`.
     ///
     /// `motion` holds the lower derivatives on entry; the slots of the highest ones may hold anything. The rows must be
-    /// affine in them, as equations of motion are, and the input map and `known`'s other factors must not depend on them.
-    /// A model that does not have the matrix of the highest derivatives at hand finds it with [`forward_by_differences`].
+    /// affine in them, as equations of motion are, and neither the input map nor other factors of `known` may depend on
+    /// them. A model without an explicit matrix of the highest derivatives computes it with [`forward_by_differences`].
     ///
     /// # Errors
     /// [`EvalError::NotSquare`] unless there are as many rows as coordinates, [`EvalError::Singular`] when the rows do not

@@ -1,8 +1,8 @@
-//! The text of [`support`](crate::support), for writers of files that stand alone.
+//! The source text of [`support`](crate::support), for emitters of files that do not depend on this crate.
 
 /// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
 ///
-/// Each file takes what it needs from its parent module, which must re-export the names that `support` re-exports.
+/// Each file imports its names from its parent module, which must re-export the names that `support` re-exports.
 pub const SUPPORT: [(&str, &str); 7] = [
     ("accelerations", include_str!("support/accelerations.rs")),
     ("error", include_str!("support/error.rs")),

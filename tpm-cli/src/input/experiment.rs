@@ -24,17 +24,16 @@ pub(crate) struct SimulatedArgs {
 impl SimulatedArgs {
     /// Reads the model and the experiment.
     pub(crate) fn session(&self, file: &Path) -> Result<Session, Failure> {
-        self.bounded(file, &BoundArgs { bound: Vec::new() })
+        Ok(Session::open(model(file)?, file, &self.request())?)
     }
 
-    /// Reads the model and the experiment; `bounds` are bounds on the physical parameters behind lumped ones.
-    pub(crate) fn bounded(&self, file: &Path, bounds: &BoundArgs) -> Result<Session, Failure> {
+    /// What is asked of the experiment.
+    pub(crate) fn request(&self) -> ExperimentRequest {
         let mut request = ExperimentRequest::default();
         request.file.clone_from(&self.experiment);
         request.changes.clone_from(&self.set);
         request.pattern.clone_from(&self.pattern);
-        request.bounds = bounds.by_name()?;
-        Ok(Session::open(model(file)?, file, &request)?)
+        request
     }
 }
 

@@ -1,7 +1,7 @@
 //! `tpm campaign`: a campaign on a real machine, by files or behind a program that drives it.
 
 use crate::failure::{Failure, Outcome};
-use crate::input::experiment::{BoundArgs, SimulatedArgs};
+use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::log::ColumnArgs;
 use crate::interrupt;
 use crate::output::{file, writable};
@@ -17,7 +17,7 @@ use std::time::Duration;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::report::{number, plus_minus};
-use tpm_runtime::session::{CampaignFolder, NextStep, SessionError, Submission};
+use tpm_runtime::session::{CampaignFolder, ExperimentRequest, NextStep, Session, SessionError, Submission};
 
 /// Options of `tpm campaign`.
 #[derive(clap::Args)]
@@ -191,7 +191,8 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
 
 fn play(args: &RunArgs) -> Outcome {
     writable(args.output.as_deref(), args.report.as_deref())?;
-    let session = args.simulated.bounded(&args.file, &args.bounds)?;
+    let request = ExperimentRequest { bounds: args.bounds.by_name()?, ..args.simulated.request() };
+    let session = Session::open(model(&args.file)?, &args.file, &request)?;
     let own = || Path::new(args.file.file_name().unwrap_or_default()).with_extension("campaign");
     let place = args.runs.clone().unwrap_or_else(own);
     let folder = CampaignFolder::begin(&place, session)?;

@@ -19,7 +19,7 @@ use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
-    CampaignFolder, Identifiable as _, LogRequest, SessionError, Validation, from_logs, validate,
+    CampaignFolder, Identifiable as _, LogRequest, Session, SessionError, Validation, from_logs, validate,
 };
 
 /// Options of `tpm identify`.
@@ -89,16 +89,6 @@ enum RefineChoice {
     OutputError,
     /// Not at all.
     None,
-}
-
-impl RefineChoice {
-    /// Its name in experiment files.
-    const fn name(self) -> &'static str {
-        match self {
-            RefineChoice::OutputError => "output-error",
-            RefineChoice::None => "none",
-        }
-    }
 }
 
 impl From<RefineChoice> for Refine {
@@ -175,13 +165,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn simulated(args: &Args) -> Outcome {
-    let mut chosen = args.simulated.clone();
-    let held = once("--freeze", &args.freeze)?.into_iter().map(|(name, value)| (format!("frozen.{name}"), value));
-    let known = PriorArg::all(&args.prior)?.into_iter().map(|(name, value)| (format!("prior.{name}"), value));
-    // As TOML writes a number, so that a whole one stays a number with a fraction.
-    chosen.set.extend(held.chain(known).map(|(key, value)| (key, format!("{value:?}"))));
-    chosen.set.extend(args.refine.map(|refine| ("refine".to_owned(), refine.name().to_owned())));
-    let mut session = chosen.bounded(&args.file, &args.bounds)?;
+    let mut request = args.simulated.request();
+    request.frozen = once("--freeze", &args.freeze)?;
+    request.prior = PriorArg::all(&args.prior)?;
+    request.refine = args.refine.map(Refine::from);
+    request.bounds = args.bounds.by_name()?;
+    let mut session = Session::open(model(&args.file)?, &args.file, &request)?;
     if args.method.is_some() {
         session = session.showing_method();
     }

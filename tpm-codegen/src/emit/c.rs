@@ -1,8 +1,8 @@
 //! C99 of an estimator: a header with types, documentation and declarations, and a source with straight-line functions.
 //!
-//! Invariants: the steps of every function are those that Rust is printed from; all memory is the
-//! caller's; nothing of the C library is used but `math.h`. Every name that other translation units can see begins with the
-//! prefix, and every field comes from the model through one namer.
+//! Invariants: the steps of every function are the same as in the Rust code; all memory is the caller's; `math.h` is
+//! the only part of the C library that is used. Every name that other translation units can see begins with the prefix,
+//! and every field gets its name from the model through one namer.
 
 mod context;
 mod dynamics;
@@ -36,8 +36,8 @@ pub struct Files {
 /// Header and source of an estimator.
 ///
 /// # Errors
-/// When the prefix cannot begin names of C, a number is beyond the scalar's precision, or the model has nothing that a
-/// structure could hold.
+/// When C names cannot begin with the prefix, a number is beyond the scalar's precision, or a structure would have no
+/// members.
 pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files, EmitError> {
     let mut context = Context::new(estimator, options)?;
     if let Some(lost) = estimator.numbers().find(|value| context.scalar.loses(value)) {
@@ -82,7 +82,7 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
     Ok(Files { name: context.prefix, header, source })
 }
 
-/// Functions of the source that only some models need.
+/// Helper functions of the source that only some models need.
 fn helpers(context: &Context<'_>) -> String {
     let scalar = context.scalar.name();
     let (zero, one) = (context.zero(), context.scalar.literal(1.0));

@@ -1,8 +1,8 @@
-//! Straight-line code before a language writes it: statements, expressions, tables.
+//! Straight-line code independent of the language: statements, expressions, tables.
 //!
-//! Invariant: every operation of a plan stands here exactly once, with its operands in their order, so that code in every
-//! language rounds as the interpreter does; only the division into statements is chosen, once for all languages. Operations
-//! used once stand inside the expression that uses them while that stays readable.
+//! Invariant: every operation of a plan appears exactly once, with its operands in order, so that code in every
+//! language rounds as the interpreter does. Only the division into statements is chosen, once for all languages. An
+//! operation that is used once is part of the expression that uses it while that expression stays readable.
 
 use tpm_symbolic::expr::graph::{Function, Symbol};
 use tpm_symbolic::number::rational::Rational;
@@ -10,10 +10,10 @@ use tpm_symbolic::plan::leaf::Leaf;
 use tpm_symbolic::plan::operation::{Op, Slot};
 use tpm_symbolic::plan::straight_line::Plan;
 
-/// The most leaves in one expression; a larger one becomes a named intermediate result.
+/// Most leaves in one expression; a larger expression becomes a named intermediate result.
 const WIDEST: usize = 14;
 
-/// How tightly an expression's outermost operator binds, in Rust and in C.
+/// Precedence of an expression's outermost operator, in Rust and in C.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Level {
     Sum,
@@ -32,7 +32,7 @@ pub(super) enum Operator {
 }
 
 impl Operator {
-    /// How tightly the operator binds. A left operand must bind at least as tightly, a right operand at least as
+    /// The precedence of the operator. A left operand must bind at least as tightly, a right operand at least as
     /// tightly as [`Self::right`].
     pub(super) fn level(self) -> Level {
         match self {
@@ -41,7 +41,7 @@ impl Operator {
         }
     }
 
-    /// How tightly a right operand must bind, so that the order of operations stays the plan's.
+    /// The least precedence of a right operand, so that the order of operations stays that of the plan.
     pub(super) fn right(self) -> Level {
         match self {
             Self::Add | Self::Sub => Level::Product,
@@ -58,7 +58,7 @@ pub(super) enum Expression {
     Pi,
     /// A leaf of the plan.
     Leaf(Leaf),
-    /// The intermediate result that a [`Statement::Let`] has named.
+    /// The intermediate result that a [`Statement::Let`] defines.
     Temporary(usize),
     Binary(Operator, Box<Expression>, Box<Expression>),
     Negated(Box<Expression>),
@@ -68,7 +68,7 @@ pub(super) enum Expression {
 }
 
 impl Expression {
-    /// How tightly the expression binds; a number counts as an atom, however a language spells it.
+    /// The precedence of the expression; a number counts as an atom, however a language spells it.
     pub(super) fn level(&self) -> Level {
         match self {
             Self::Binary(operator, ..) => operator.level(),
@@ -78,7 +78,7 @@ impl Expression {
     }
 }
 
-/// Where a result goes.
+/// Target of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
     /// A field of a structure, by its position.
@@ -108,7 +108,7 @@ pub(super) enum Base {
     Sign(Symbol),
 }
 
-/// One term of a [`Table`].
+/// One term of a [`Table`]: a coefficient times powers, added to a target.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Term {
     pub(super) place: Place,
@@ -122,15 +122,15 @@ pub(super) struct Term {
 pub(super) struct Table {
     pub(super) bases: Vec<Base>,
     pub(super) terms: Vec<Term>,
-    /// The order of the bases, in words.
+    /// The order of the bases as text for a comment.
     pub(super) order: String,
 }
 
-/// Reads a plan output by output.
+/// Converts a plan to expressions, output by output.
 pub(super) struct Reader<'a> {
     plan: &'a Plan,
     uses: Vec<u32>,
-    /// The expression that stands for every operation so far, and its size in leaves.
+    /// The expression of every operation so far, and its number of leaves.
     ready: Vec<(Expression, usize)>,
     names: usize,
 }
@@ -144,7 +144,7 @@ impl<'a> Reader<'a> {
         Self { plan, uses, ready: Vec::with_capacity(plan.ops.len()), names: 0 }
     }
 
-    /// The statements that output `index` still needs, and its expression.
+    /// The statements that output `index` needs in addition to those already given, and its expression.
     pub(super) fn output(&mut self, index: usize) -> (Vec<Statement>, Expression) {
         let slot = self.plan.outputs[index];
         let mut statements = Vec::new();

@@ -1,4 +1,4 @@
-//! A model with everything that its source code is made of.
+//! A model with all plans from which its source code is generated.
 //!
 //! Invariant of [`EstimatorSource`]: the form belongs to the model, the plans to both, and every number of the plans has a finite,
 //! non-vanishing double.
@@ -35,13 +35,13 @@ pub struct EstimatorSource {
     pub model: ExactModel,
     /// Its regressor form.
     pub form: RegressorForm,
-    /// The plans of what its code computes.
+    /// The plans of all functions in the code.
     pub plan: EstimatorPlan,
-    /// What the tables, and only they, replace by Taylor polynomials, in whole sentences.
+    /// Sentences on what only the tables replace by Taylor polynomials.
     pub replaced: Vec<String>,
-    /// The mechanism that the equations come from.
+    /// The mechanism from which the equations were derived.
     pub(super) mechanism: Option<Mechanism>,
-    /// What was asked for beside what every model has.
+    /// Additional parts that were requested.
     pub(super) parts: Parts,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
@@ -64,7 +64,7 @@ pub enum EmitError {
         "`{0}` cannot begin names of C: a prefix is a letter followed by letters, digits and underscores, all ASCII, without an underscore at its end"
     )]
     Prefix(String),
-    /// A structure would have no member, which C does not know.
+    /// A structure would have no member, which C does not allow.
     #[error("the model has {0}, and C has no structure without members")]
     Empty(&'static str),
     /// Identified values are of another model, or incomplete.
@@ -82,7 +82,7 @@ pub enum EmitError {
 }
 
 impl EstimatorSource {
-    /// Everything that follows from a model.
+    /// All plans of a model.
     ///
     /// # Errors
     /// When a coordinate cannot be eliminated, the model is not linear in its parameters, or it holds a number beyond double precision.
@@ -91,8 +91,8 @@ impl EstimatorSource {
         Self::from_form(prepared.model, prepared.form)
     }
 
-    /// Everything that follows from a model in the language, its declared Taylor orders and numbers of harmonics included:
-    /// they hold for the tables, whereas the dynamics stay exact.
+    /// All plans of a model in the language, with its declared Taylor orders and numbers of harmonics. These apply to
+    /// the tables; the dynamics stay exact.
     ///
     /// # Errors
     /// When a coordinate cannot be eliminated, the model is not linear in its parameters, a number is beyond double
@@ -129,7 +129,7 @@ impl EstimatorSource {
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
 
-    /// Everything that follows from a model and its regressor form, where the form was made elsewhere.
+    /// All plans of a model whose regressor form was computed elsewhere.
     ///
     /// # Errors
     /// When a number is beyond double precision.
@@ -160,7 +160,7 @@ impl EstimatorSource {
         }
     }
 
-    /// This source with further parts: what every model has is there already.
+    /// This source with additional parts.
     ///
     /// # Errors
     /// [`EmitError::Part`] when the equations would have too many terms, the accelerations do not follow from them, or they have no base
@@ -175,7 +175,7 @@ impl EstimatorSource {
         self.in_range()
     }
 
-    /// The parts of the patterns that this code lacks, and why, in whole sentences.
+    /// Sentences on the parts of the patterns that this code lacks, and the reasons.
     #[must_use]
     pub fn gaps(&self) -> Vec<String> {
         let of = |pattern: &PatternPlan| {
@@ -225,8 +225,8 @@ impl EstimatorSource {
     }
 }
 
-/// A model and its form with the equations as they were written, where that leaves the columns as they are: the rows of a mechanism
-/// are shorter by their recursion than multiplied out, however few joints it has.
+/// A model and its form with the equations as they were written, where this leaves the columns unchanged. The rows of a
+/// mechanism are shorter in recursive form than multiplied out, whatever the number of joints.
 fn as_written(model: ExactModel, form: RegressorForm) -> (ExactModel, RegressorForm) {
     if !form.is_expanded(&model.graph) || !model.eliminations.is_empty() {
         return (model, form);
@@ -247,7 +247,7 @@ fn columns(model: &ExactModel, form: &RegressorForm) -> Vec<String> {
     form.columns.iter().map(definition).collect()
 }
 
-/// What is left out for a pattern, and why.
+/// Sentences on what is left out for a pattern, and the reasons.
 pub(super) fn gaps(pattern: &PatternPlan) -> Vec<String> {
     let mut gaps = Vec::new();
     if let Err(gap) = &pattern.reference {
@@ -264,7 +264,7 @@ fn reason(error: &impl std::fmt::Display) -> String {
     error.to_string().lines().collect::<Vec<_>>().join(" ")
 }
 
-/// The first and last digits of a number too long to be read.
+/// The first and last digits of a very long number.
 fn shortened(digits: &str) -> String {
     match (digits.get(..20), digits.get(digits.len().saturating_sub(10)..)) {
         (Some(first), Some(last)) if digits.len() > 40 => format!("{first}...{last}"),

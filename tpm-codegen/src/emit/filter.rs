@@ -6,8 +6,8 @@
 //! g = t^2/d ,   a_1 = 2 (t^2 - 1)/d ,   a_2 = (1 - t/Q + t^2)/d ,   d = 1 + t/Q + t^2
 //! ```
 //!
-//! Invariant: the image agrees with the continuous filter at w_n and passes a constant unchanged. Coefficients are rationals
-//! that are off by less than 1e-40, so that the literals are those of the exact numbers, each rounded once.
+//! Invariant: the discrete filter agrees with the continuous one at w_n and passes a constant unchanged. Coefficients
+//! are rationals with an error below 1e-40, so that the literals are the exact coefficients, each rounded once.
 
 use num_traits::Signed;
 use thiserror::Error;
@@ -40,7 +40,7 @@ pub enum FilterError {
     /// A value is not positive.
     #[error("the {0} of a low pass must be positive")]
     NotPositive(&'static str),
-    /// The natural frequency cannot be sampled.
+    /// The natural frequency is too high for the sample time.
     #[error(
         "a low pass of {natural_frequency} rad/s needs more than two samples per turn: samples every {sample_time} s allow less than pi/{sample_time} rad/s"
     )]
@@ -50,7 +50,7 @@ pub enum FilterError {
         /// The time between samples, s.
         sample_time: String,
     },
-    /// The model has no parts to filter.
+    /// The feed-forward of the model cannot be split.
     #[error(
         "the inputs of this model have no motion-dependent and motion-independent parts to filter: every input must follow from one equation"
     )]
@@ -145,7 +145,7 @@ impl Filters {
     }
 }
 
-/// A number as it is read best: with a point where that is exact and short.
+/// The most readable text of a number: a decimal where that is exact and short.
 fn decimal(value: &Rational) -> String {
     let double = rational::to_f64(value);
     match rational::from_f64(double) {
@@ -156,7 +156,7 @@ fn decimal(value: &Rational) -> String {
     }
 }
 
-/// tan of an angle in (0, pi/2), off by less than 1e-40 of it or of its inverse.
+/// tan of an angle in (0, pi/2), with an error below 1e-40 of the tangent or of its inverse.
 fn tangent(angle: &Rational) -> Rational {
     let square = angle * angle;
     let (mut sine, mut cosine) = (rational::integer(0), rational::integer(0));

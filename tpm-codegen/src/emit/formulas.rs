@@ -1,4 +1,4 @@
-//! The entries of the equations as text, made once for all the places that show them.
+//! The entries of the equations as text, generated once for all places that print them.
 
 use std::collections::BTreeMap;
 use tpm_symbolic::algebra::polynomial::Polynomial;
@@ -8,16 +8,16 @@ use tpm_symbolic::mechanics::tree::NAMES;
 use tpm_symbolic::mechanics::tree::mechanism::{Mechanism, parameter_name};
 use tpm_symbolic::regressor::form::RegressorForm;
 
-/// The most leaves and operations of a formula above an entry that was not multiplied out.
+/// Most leaves and operations of a printed formula of an entry that was not multiplied out.
 const LONGEST_FORMULA: f64 = 40.0;
 
-/// What a formula of a recursion means.
+/// Explanation of the formulas of a recursion.
 pub(super) const RECURSION: &str = "Entries follow from recursive Newton-Euler. `S(q, b).W(p, b)` is the power of a wrench along a screw, both about the \
      origin of the frame of the body b: S(q, b) is the velocity of that frame when the joint of q alone moves at a unit rate, W(p, b) \
      the force and the moment that a unit of the inertia parameter p of b needs under the motion of b, gravity included.";
 
-/// The entries of the equations as the model language writes them; of a long one that was not multiplied out, its formula in the
-/// recursion of the mechanism, or what it depends on.
+/// The entries of the equations in the model language. A long entry that was not multiplied out is given by its formula
+/// in the recursion of the mechanism, or by the quantities on which it depends.
 #[derive(Clone, Debug)]
 pub(super) struct Formulas {
     /// The regressor, row by row.
@@ -40,7 +40,8 @@ impl Formulas {
         let mut display = |polynomial: &Polynomial<ExprId>| {
             let expr = graph.from_polynomial(polynomial);
             let text = graph.display_short(expr, longest, model);
-            // The order of factors in a text is that in which the graph has met them, which no other text may change.
+            // The text of a product lists factors in the order in which they were added to the graph, which other texts
+            // must not change.
             graph.truncate(model.graph.len());
             text
         };
@@ -79,11 +80,11 @@ impl Formulas {
     }
 }
 
-/// Names by which an entry of a mechanism's rows is written.
+/// Names from which the formulas of a mechanism's rows are written.
 struct Recursion<'a> {
     /// The coordinate of every row.
     coordinates: Vec<&'a str>,
-    /// The inertia parameter and the body of a symbol of the model.
+    /// The inertia parameter and the body to which a symbol of the model belongs.
     inertias: BTreeMap<ExprId, (&'static str, &'a str)>,
 }
 

@@ -1,4 +1,4 @@
-//! What the functions of an estimator compute, read and are documented with, in no language yet.
+//! Steps, arguments and documentation of the functions of an estimator, independent of a language.
 //!
 //! Invariant: the emitters of all languages print these descriptions; none of them decides which steps a function takes.
 
@@ -22,13 +22,14 @@ use super::names::{harmonic_function, harmonic_name};
 use super::number::Rounded;
 use super::text;
 
-/// The documentation of the function that lets the past of an accumulator fade.
+/// Documentation of the function that reduces the weight of an accumulator's earlier samples.
 pub(super) const FADE: &str = "Lets all samples so far count `share` times, from 0 to 1, and counts further ones anew. Called after every whole period, it makes earlier periods fade away by this share each, so that the harmonics follow a machine that changes.";
 
-/// Entries of the estimator matrix up to which it is straight-line code; beyond, it is a table and a loop.
+/// Largest number of entries of an estimator matrix that is written as straight-line code; a larger matrix is a table
+/// and a loop.
 pub(super) const STRAIGHT_LINE_ENTRIES: usize = 400;
 
-/// A function that follows from the model.
+/// A function that is generated from the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Regressor,
@@ -40,7 +41,7 @@ pub(super) enum Role {
     FeedForwardDependent,
     Gravity,
     MassMatrix,
-    /// The mass matrix and the forces that remain, before they are solved.
+    /// The mass matrix and the remaining forces, before the accelerations are solved for.
     ForwardDynamics,
     BaseRegressor,
     Lump,
@@ -53,7 +54,7 @@ pub(super) enum Role {
     Accumulate(usize),
 }
 
-/// What a function reads.
+/// The arguments that a function reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Reads {
     pub(super) motion: bool,
@@ -63,7 +64,7 @@ pub(super) struct Reads {
     pub(super) cos: bool,
     /// sin w t
     pub(super) sin: bool,
-    /// Fields of what the function belongs to: amplitudes and frequency, or physical parameters.
+    /// Fields of the structure to which the function belongs: amplitudes and frequency, or physical parameters.
     pub(super) own: bool,
 }
 
@@ -77,7 +78,7 @@ impl Reads {
                 Leaf::Cos => reads.cos = true,
                 Leaf::Sin => reads.sin = true,
                 Leaf::Symbol(symbol) => reads.symbol(estimator, symbol),
-                // Samples and harmonics are arguments of every function that has any use for them.
+                // Samples and harmonics are always arguments of the functions that use them.
                 _ => {}
             }
         }
@@ -106,11 +107,11 @@ impl Reads {
 /// The steps of a function.
 #[derive(Clone, Debug)]
 pub(super) enum Body {
-    /// Intermediate results, then every scalar of the result in its order.
+    /// Intermediate results, then every scalar of the result in order.
     Values(Vec<Statement>, Vec<Expression>),
-    /// Results under their formulas; what is not stored is zero.
+    /// Stores under their formulas; entries without a store are zero.
     Stores(Vec<Statement>),
-    /// A table and a loop; what is not in it is zero.
+    /// A table and a loop; entries that the table lacks are zero.
     Table(Table),
 }
 
@@ -129,7 +130,7 @@ impl Function {
     }
 }
 
-/// Names of the functions with their plans, in the order of a module.
+/// Roles of the functions with their plans, in the order of a module.
 pub(super) fn plans(estimator: &EstimatorSource) -> Vec<(Role, &Plan)> {
     let plan = &estimator.plan;
     let mut list = vec![
@@ -166,7 +167,7 @@ pub(super) fn regressor(estimator: &EstimatorSource) -> Function {
     let mut about = String::from(
         "The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.\n",
     );
-    // The entries of what was not multiplied out have their formulas beside them, once.
+    // Entries that were not multiplied out have their formulas as comments, so the documentation does not repeat them.
     let listed = estimator.form.is_expanded(&estimator.model.graph);
     for (r, row) in estimator.form.rows.iter().enumerate().filter(|_| listed) {
         about.push_str(&format!("\nEquation `{}`:\n\n```text\n", row.name));
@@ -185,7 +186,7 @@ pub(super) fn regressor(estimator: &EstimatorSource) -> Function {
     Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) }
 }
 
-/// A matrix that is not zero everywhere, entry by entry, each under its formula.
+/// The steps of a matrix that is not zero everywhere: every entry under its formula.
 pub(super) fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize) -> String) -> Vec<Statement> {
     let mut reader = Reader::new(plan);
     let mut statements = Vec::new();
@@ -418,7 +419,7 @@ pub(super) fn estimator_matrix(estimator: &EstimatorSource, table: &TablePlan) -
     Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) }
 }
 
-/// The plan of some entries of the matrix, so that nothing is computed for the others.
+/// The plan of some entries of the matrix, without the operations that only other entries need.
 fn restricted(table: &TablePlan, outputs: impl Iterator<Item = usize>) -> Plan {
     let mut merger = Merger::default();
     let slots = merger.append(&table.matrix);
@@ -449,8 +450,8 @@ pub(super) fn known_harmonics(estimator: &EstimatorSource, table: &TablePlan) ->
     Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
 }
 
-/// The parameters from harmonics by the exact pseudo-inverse; `None` where there is none, or single precision does not hold its
-/// numbers.
+/// The parameters from harmonics by the exact pseudo-inverse; `None` where there is none, or where its numbers exceed
+/// single precision.
 pub(super) fn direct(estimator: &EstimatorSource, pattern: &PatternPlan, table: &TablePlan) -> Option<Function> {
     let inverse = pattern.pseudo_inverse.as_ref()?;
     let fits = |op: &Op| match op {
@@ -480,7 +481,7 @@ pub(super) fn direct(estimator: &EstimatorSource, pattern: &PatternPlan, table: 
     Some(Function { about, reads: Reads::of(estimator, &inverse.plan), body: Body::Stores(statements) })
 }
 
-/// `m = (-2*u.cos1 - ...)/(lambda*w^2)`: a parameter as the pseudo-inverse gives it.
+/// The formula of a parameter in the pseudo-inverse, such as `m = (-2*u.cos1 - ...)/(lambda*w^2)`.
 fn direct_formula(estimator: &EstimatorSource, table: &TablePlan, inverse: &PseudoInverse, column: usize) -> String {
     let (factors, scale) = (&inverse.numbers[column], &inverse.scales[column]);
     let mut terms = Vec::new();
@@ -506,7 +507,7 @@ fn direct_formula(estimator: &EstimatorSource, table: &TablePlan, inverse: &Pseu
     if divisors.is_empty() { format!("{name} = {sum}") } else { format!("{name} = {sum}/({divisors})") }
 }
 
-/// Where the sum of every row stands: those of cosines, then those of sines, so that neighbours are computed alike.
+/// Index of the sum of every row: cosines first, then sines, so that neighbouring sums have the same form.
 pub(super) fn storage(table: &TablePlan) -> Vec<usize> {
     let mut order: Vec<usize> = (0..table.rows.len()).collect();
     order.sort_by_key(|&row| table.rows[row].2 == Trig::Sin);
@@ -515,7 +516,7 @@ pub(super) fn storage(table: &TablePlan) -> Vec<usize> {
     places
 }
 
-/// What a sample adds to every sum, in the order of [`storage`].
+/// The values that a sample adds to the sums, in the order of [`storage`].
 pub(super) fn bank(estimator: &EstimatorSource, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Expression>) {
     let (statements, addends) = Reader::new(&table.bank).outputs();
     let mut placed: Vec<(usize, Expression)> = storage(table).into_iter().zip(addends).collect();
@@ -524,7 +525,7 @@ pub(super) fn bank(estimator: &EstimatorSource, table: &TablePlan) -> (Reads, Ve
     (Reads::of(estimator, &table.bank), statements, addends)
 }
 
-/// The terms of a table for which `place` gives a place, with the bases of their powers.
+/// The terms of a table for which `place` gives a target, with the bases of their powers.
 fn looped(table: &TablePlan, place: impl Fn(usize, &Entry) -> Option<Place>) -> Table {
     let entries = table.table.entries().filter_map(|entry| Some((place(table.row_of(&entry), &entry)?, entry)));
     let entries: Vec<(Place, Entry)> = entries.collect();
@@ -565,7 +566,7 @@ fn row_text(table: &TablePlan, row: usize) -> String {
     format!("{}, {} {harmonic}", table.table.equations[equation], harmonic_function(function))
 }
 
-/// The exact formula of a place of the table.
+/// The exact formula of an entry of the table.
 fn formula(table: &TablePlan, row: usize, column: Option<usize>) -> String {
     let (equation, harmonic, function) = table.rows[row];
     let mut text = String::new();

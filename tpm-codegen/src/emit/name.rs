@@ -1,11 +1,11 @@
-//! Names of emitted items: carried over from the model, made legal and distinct.
+//! Names of emitted items: those of the model, made legal and distinct.
 //!
-//! Invariant: one [`Namer`] serves one namespace; it never gives the same name twice, never one of the names that were
-//! reserved in it, and never one that the target language refuses. Equal requests in equal order give equal names.
+//! Invariant: one [`Namer`] serves one namespace. It never gives the same name twice, never a reserved name, and never
+//! one that the target language refuses. Equal requests in equal order give equal names.
 
 use std::collections::HashSet;
 
-/// The target language, as far as names are concerned.
+/// The target language of names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Language {
     /// Rust, every edition up to 2024.
@@ -14,10 +14,10 @@ pub enum Language {
     C,
 }
 
-/// Words that Rust keeps for itself and that `r#` does not free.
+/// Reserved words of Rust that cannot become raw identifiers.
 const RUST_FIXED: [&str; 5] = ["Self", "_", "crate", "self", "super"];
 
-/// Words that Rust keeps for itself.
+/// Reserved words of Rust.
 const RUST: [&str; 50] = [
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "do", "dyn", "else", "enum",
     "extern", "false", "final", "fn", "for", "gen", "if", "impl", "in", "let", "loop", "macro", "match", "mod", "move",
@@ -25,7 +25,7 @@ const RUST: [&str; 50] = [
     "unsafe", "unsized", "use", "virtual", "where", "while", "yield", "safe", "raw",
 ];
 
-/// Words of C, of C++, and of `math.h` that a field or variable must not take.
+/// Reserved words of C and C++, and names of `math.h` that a field or variable must not take.
 const C: [&str; 127] = [
     "alignas",
     "alignof",
@@ -188,7 +188,7 @@ fn ascii(name: &str) -> String {
     text
 }
 
-/// Gives out names in one namespace.
+/// Assigns names in one namespace.
 #[derive(Clone, Debug)]
 pub struct Namer {
     language: Language,
@@ -202,12 +202,12 @@ impl Namer {
         Self { language, taken: reserved.iter().map(|&name| name.to_owned()).collect() }
     }
 
-    /// A name as it is, with underscores behind it until it is new.
+    /// The requested name, followed by underscores until it is new.
     pub fn name(&mut self, wanted: &str) -> String {
         let mut plain = wanted.to_owned();
         loop {
             let legal = self.language.legal(&plain);
-            // `r#x` and `x` are one name.
+            // `r#x` and `x` are the same name.
             if self.taken.insert(legal.strip_prefix("r#").unwrap_or(&legal).to_owned()) {
                 return legal;
             }
@@ -229,7 +229,7 @@ pub fn camel(name: &str) -> String {
     for part in name.split('_').filter(|part| !part.is_empty()) {
         let mut letters = part.chars();
         if let Some(first) = letters.next() {
-            // Digits of neighbouring parts must not run together: x1_2 is not x12.
+            // Digits of neighbouring parts must stay apart: x1_2 is not x12.
             if first.is_numeric() && text.ends_with(char::is_numeric) {
                 text.push('_');
             }
@@ -259,7 +259,7 @@ pub fn snake(name: &str) -> String {
     text
 }
 
-/// Whether Rust's style lint takes a field's name as it is.
+/// Whether Rust's lint on naming style accepts a field's name.
 #[must_use]
 pub fn is_snake(name: &str) -> bool {
     let inner = name.trim_matches('_');

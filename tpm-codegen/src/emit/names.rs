@@ -1,6 +1,6 @@
-//! Every name of emitted code, decided before anything is written.
+//! All names of the emitted code, assigned before anything is written.
 //!
-//! Invariant: the order of requests is that of the model's declarations, so that equal models get equal names.
+//! Invariant: names are requested in the order of the model's declarations, so that equal models get equal names.
 
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
@@ -27,13 +27,13 @@ pub(super) struct RowNames<N> {
 
 /// The names of one pattern.
 pub(super) struct PatternNames<N> {
-    /// The name of its own part, when the model has several patterns.
+    /// The name of the pattern's own module or part, when the model has several patterns.
     pub(super) module: Option<N>,
     /// Amplitudes in order, then the frequency.
     pub(super) fields: Vec<(Symbol, N)>,
 }
 
-/// The names of emitted code, in the form that its language takes.
+/// The names of the emitted code, in the form that its language uses.
 pub(super) struct Names<N> {
     pub(super) model_type: N,
     pub(super) module: N,
@@ -44,16 +44,16 @@ pub(super) struct Names<N> {
     pub(super) physical: Vec<(Symbol, N)>,
     pub(super) rows: Vec<RowNames<N>>,
     pub(super) patterns: Vec<PatternNames<N>>,
-    /// Whether a field is spelled in a way that Rust's style lint refuses.
+    /// Whether Rust's lint on naming style refuses the name of a field.
     pub(super) unusual: bool,
 }
 
-/// The parts of naming in which languages differ.
+/// Those parts of naming in which languages differ.
 pub(super) struct Style<'a> {
     pub(super) language: Language,
     /// Makes the name of a new type from a name in the model and a suffix.
     pub(super) type_name: &'a mut dyn FnMut(&str, &str) -> String,
-    /// Names that no pattern's part takes.
+    /// Names that are not given to a pattern's module or part.
     pub(super) reserved: &'a [&'a str],
 }
 
@@ -172,7 +172,7 @@ pub(super) fn derivative_name(order: u32) -> String {
     }
 }
 
-/// The derivative as the model language writes it.
+/// The derivative in the spelling of the model language.
 pub(super) fn derivative_text(name: &str, order: u32) -> String {
     match order {
         0 => name.to_owned(),

@@ -2,7 +2,7 @@
 
 use tpm_symbolic::number::rational::{self, Rational};
 
-/// A rational in both precisions.
+/// A rational number rounded to both precisions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rounded {
     /// Nearest in double precision.
@@ -12,7 +12,7 @@ pub struct Rounded {
 }
 
 impl Rounded {
-    /// Rounds a number to each precision by itself.
+    /// Rounds a number to each precision directly.
     #[must_use]
     pub fn new(value: &Rational) -> Self {
         Self { double: rational::to_f64(value), single: rational::to_f32(value) }
@@ -21,13 +21,13 @@ impl Rounded {
     /// Whether rounding the double to single precision gives the nearest single.
     #[must_use]
     pub fn agrees(self) -> bool {
-        // The cast is the second rounding that is asked about.
+        // The cast performs the second rounding, which is compared with the direct one.
         #[allow(clippy::cast_possible_truncation)]
         let twice = self.double as f32;
         twice.to_bits() == self.single.to_bits()
     }
 
-    /// Whether the number became infinite, or zero without being zero.
+    /// Whether rounding made the number infinite, or a nonzero number zero.
     #[must_use]
     pub fn is_lost(self, value: &Rational) -> bool {
         use num_traits::Zero;
@@ -47,7 +47,7 @@ pub fn digits_single(value: f32) -> String {
     format!("{value:?}")
 }
 
-/// Whether a literal looks like a well-known irrational constant, which a lint would take for a mistake.
+/// Whether a literal resembles a well-known irrational constant, so that a lint would report it as a mistake.
 #[must_use]
 pub fn resembles_constant(value: f64) -> bool {
     use std::f64::consts as c;

@@ -1,4 +1,4 @@
-//! Parts of the code that are made on request, and their plans.
+//! Optional parts of the code that are emitted on request, and their plans.
 
 use thiserror::Error;
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -10,22 +10,22 @@ use tpm_symbolic::plan::forces;
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
-/// A part of the code that is made on request.
+/// An optional part of the code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Part {
-    /// The feed-forward in its motion-independent and its motion-dependent part, also where the equations must be multiplied out for
-    /// that.
+    /// The feed-forward split into its motion-independent and its motion-dependent part, even where the equations must
+    /// be multiplied out for it.
     Split,
     /// The forces at rest.
     Gravity,
-    /// What the highest derivatives of the coordinates are multiplied by.
+    /// The mass matrix: the factors of the highest derivatives of the coordinates.
     MassMatrix,
     /// The highest derivatives of the coordinates from the inputs.
     ForwardDynamics,
     /// The regressor in base parameters, and the base parameters from the estimated ones.
     BaseRegressor,
-    /// An estimator of the base parameters, sample by sample; with it comes [`Self::BaseRegressor`].
+    /// A recursive estimator of the base parameters; it includes [`Self::BaseRegressor`].
     Estimator,
 }
 
@@ -34,7 +34,7 @@ impl Part {
     pub const ALL: [Self; 6] =
         [Self::Split, Self::Gravity, Self::MassMatrix, Self::ForwardDynamics, Self::BaseRegressor, Self::Estimator];
 
-    /// Its name in requests.
+    /// The name of the part in requests.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -54,11 +54,11 @@ impl Part {
     }
 }
 
-/// Why a part does not follow from the equations.
+/// Why a part cannot be derived from the equations.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PartError {
-    /// The equations are too long for the feed-forward to be parted.
+    /// The equations are too long for the feed-forward to be split.
     #[error(transparent)]
     TooLong(#[from] TooLong),
     /// The equations do not determine the accelerations.
@@ -71,7 +71,7 @@ pub enum PartError {
     Base(#[from] BasePlanError),
 }
 
-/// The plans of the parts that were asked for.
+/// The plans of the requested parts.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Parts {
     pub(super) gravity: Option<Plan>,
@@ -82,7 +82,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Makes the plans of a part other than [`Part::Split`], which belongs to the plans that every model has.
+    /// Makes the plans of a part other than [`Part::Split`], whose plans belong to those of every model.
     pub(super) fn add(
         &mut self,
         part: Part,

@@ -1,4 +1,4 @@
-//! What the functions that are made on request compute, read and are documented with.
+//! Steps, arguments and documentation of the functions that are emitted on request.
 
 use num_traits::{One, Signed, Zero};
 use tpm_symbolic::number::rational;
@@ -15,7 +15,7 @@ pub(super) const ESTIMATOR: &str = "Least squares for the base parameters, sampl
      not grow with the samples. What moves little shows little: before the solution names a value, its rank and deviations say\n\
      what the samples have shown.";
 
-/// The documentation of the function that lets the past of the estimator fade.
+/// Documentation of the function that reduces the weight of the estimator's earlier samples.
 pub(super) const FADE: &str = "Lets all samples so far count `share` times, from 0 to 1. Called at regular times, it makes the past fade away, so that the\n\
      base parameters follow a machine that changes.";
 
@@ -36,7 +36,7 @@ pub(super) fn acceleration(estimator: &EstimatorSource, index: usize) -> String 
     derivative_text(&estimator.model.coordinates[coordinate.0 as usize].name, order)
 }
 
-/// M, rows times coordinates.
+/// The mass matrix M, rows times coordinates.
 pub(super) fn mass_matrix(estimator: &EstimatorSource) -> Option<Function> {
     let plan = estimator.parts.mass_matrix.as_ref()?;
     let by = match estimator.mechanism {
@@ -57,7 +57,8 @@ pub(super) fn mass_matrix(estimator: &EstimatorSource) -> Option<Function> {
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
 }
 
-/// M and what it must be solved for, all rows of M first. What it reads of its own are the inputs.
+/// The mass matrix M and the right-hand side of the accelerations, all rows of M first. The inputs are its additional
+/// arguments.
 pub(super) fn forward_dynamics(estimator: &EstimatorSource) -> Option<Function> {
     let plan = &estimator.parts.forward_dynamics.as_ref()?.plan;
     let about = format!(
@@ -68,7 +69,7 @@ pub(super) fn forward_dynamics(estimator: &EstimatorSource) -> Option<Function> 
     Some(Function::values(estimator, plan, about))
 }
 
-/// The leading columns of Phi.
+/// The columns of Phi that lead a base parameter.
 pub(super) fn base_regressor(estimator: &EstimatorSource) -> Option<Function> {
     let base = estimator.parts.base.as_ref()?;
     let plan = &base.regressor;
@@ -85,7 +86,7 @@ pub(super) fn base_regressor(estimator: &EstimatorSource) -> Option<Function> {
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
 }
 
-/// The base parameters from the columns' parameters.
+/// The base parameters from the parameters of the columns.
 pub(super) fn base(estimator: &EstimatorSource) -> Option<Function> {
     let base = estimator.parts.base.as_ref()?;
     let about = format!(
@@ -95,11 +96,11 @@ pub(super) fn base(estimator: &EstimatorSource) -> Option<Function> {
     Some(Function::values(estimator, &base.lumping, about))
 }
 
-/// The documentation of the function that goes back from base parameters to parameters of equal forces.
+/// Documentation of the function from base parameters to parameters that need equal forces.
 pub(super) const REPRESENTATIVE: &str = "Parameters that need the forces of these base parameters at every motion, for functions that take parameters. What is lumped\n\
      into a base parameter is left out of them (it counts as zero there): they say nothing of the machine one by one.";
 
-/// The place of every column among the base parameters, where it leads one.
+/// Index of the base parameter that every column leads, where it leads one.
 pub(super) fn leading(estimator: &EstimatorSource) -> Vec<Option<usize>> {
     let base = estimator.parts.base.iter().flat_map(|base| &base.parameters);
     let mut places = vec![None; estimator.form.columns.len()];

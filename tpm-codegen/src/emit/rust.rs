@@ -60,7 +60,7 @@ fn module(context: &Context<'_>) -> Module {
     Module { docs, attributes, items: quote!(#imports #dynamics #filtered #patterns) }
 }
 
-/// The module `model_name` and the model's type, as items for a macro to expand to. `extra` goes into the module.
+/// The module `model_name` and the model's type, as the items to which a macro expands. `extra` is added to the module.
 #[must_use]
 pub fn items(estimator: &EstimatorSource, options: &Options<'_>, extra: &TokenStream) -> TokenStream {
     let context = Context::new(estimator, options, false);
@@ -86,7 +86,7 @@ pub fn module_name(estimator: &EstimatorSource) -> String {
 /// A whole source file.
 ///
 /// # Errors
-/// When the formatter cannot read the items, which never happens for a model that came through the language.
+/// When the formatter cannot read the items, which never happens for a model that was parsed from the language.
 #[cfg(feature = "generate")]
 pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String, syn::Error> {
     let context = Context::new(estimator, options, true);
@@ -101,7 +101,7 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
         text.push('\n');
     }
     text.push('\n');
-    // Laid out by the generator; a formatter would make committed output differ from generated output.
+    // The generator lays out the text itself. A formatter would make committed files differ from generated ones.
     text.push_str("#![cfg_attr(rustfmt, rustfmt_skip)]\n");
     let inner = attributes.to_string().replace("# [", "#! [");
     for attribute in syn::parse_str::<syn::File>(&inner)?.attrs {
@@ -148,7 +148,7 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
 #[cfg(feature = "generate")]
 const ALONE: &str = "\nBeside `core` it needs the crate `libm`, and nothing else.\n";
 
-/// Whether a blank line belongs between two lines: after what closes or ends an item or a method, before the next one.
+/// Whether a blank line belongs between two lines: between the end of an item or a method and the next one.
 #[cfg(feature = "generate")]
 fn is_apart(previous: &str, line: &str) -> bool {
     let indent = line.len() - line.trim_start().len();

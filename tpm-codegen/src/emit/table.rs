@@ -62,7 +62,7 @@ fn columns(rows: &BTreeMap<(usize, Trig), RowEntries>) -> Vec<Option<usize>> {
     columns
 }
 
-/// The widest cell of a table, in characters, to which the others of its column are padded.
+/// Largest width, in characters, to which the cells of a column are padded.
 const WIDEST: usize = 4096;
 
 /// One table per equation: rows are harmonics, columns parameters, as Feng prints Eqns 3.27 and 4.44.
@@ -98,7 +98,7 @@ pub fn markdown(table: &HarmonicTable) -> String {
     text
 }
 
-/// The width that a cell asks for: one that no screen shows asks for none.
+/// The width of a cell for padding; zero for a cell that is too wide for any screen.
 fn width_of(cell: &str) -> usize {
     let width = cell.chars().count();
     if width > WIDEST { 0 } else { width }
@@ -111,7 +111,7 @@ fn write_aligned(text: &mut String, lines: &[Vec<String>]) {
         (0..columns).map(|c| lines.iter().map(|line| width_of(&line[c])).max().unwrap_or(0).max(3)).collect();
     for (i, line) in lines.iter().enumerate() {
         for (cell, width) in line.iter().zip(&widths) {
-            // Padding by a format specification ends at 65,535 characters.
+            // Padding by a format specification is limited to 65,535 characters.
             let padding = width.saturating_sub(cell.chars().count());
             let _ = write!(text, "| {cell}{} ", " ".repeat(padding));
         }
@@ -159,7 +159,7 @@ fn plain_entry(table: &HarmonicTable, entry: &Entry) -> (bool, String) {
     (entry.coefficient.is_negative(), factors.join(" "))
 }
 
-/// A complete document that pdflatex compiles: each equation as a sum over harmonics, as Feng prints 3.26, B.1 and B.2.
+/// A complete document for pdflatex: each equation as a sum over harmonics, as Feng prints Eqns 3.26, B.1 and B.2.
 #[must_use]
 pub fn latex(table: &HarmonicTable) -> String {
     table.announce_text();
@@ -274,7 +274,7 @@ fn escape(text: &str) -> String {
     out
 }
 
-/// What a table leaves out of an infinite series, in words.
+/// Sentence on the harmonics that a table leaves out of an infinite series.
 #[must_use]
 pub fn left_out(table: &HarmonicTable, tail: &Tail) -> String {
     let factors: Vec<String> = tail

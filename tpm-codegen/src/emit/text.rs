@@ -12,10 +12,10 @@ use super::estimator::{EstimatorSource, gaps};
 use super::names::{derivative_text, harmonic_function};
 use super::table::left_out;
 
-/// Longest line of an equation before it is broken.
+/// Maximal width of a line of an equation, in characters; a longer line is broken.
 const WIDTH: usize = 100;
 
-/// Markdown in lines of at most so many characters: prose is filled, what is fenced, a list or a table keeps its lines.
+/// Markdown in lines of at most `width` characters. Prose is wrapped; fenced text, lists and tables keep their lines.
 pub(super) fn filled(text: &str, width: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     let (mut fenced, mut open) = (false, false);
@@ -27,7 +27,7 @@ pub(super) fn filled(text: &str, width: usize) -> Vec<String> {
             open = false;
             continue;
         }
-        // A name or a command stays in one piece.
+        // A name or a command in backticks is not broken.
         let mut quoted = false;
         let words = line.split_inclusive(|c: char| {
             quoted ^= c == '`';
@@ -63,7 +63,7 @@ fn counts(counts: OperationCounts) -> String {
     parts.join(", ")
 }
 
-/// `Operations: ...` as a paragraph of its own.
+/// The paragraph `Operations: ...`.
 pub(super) fn operations(plan: &Plan) -> String {
     match plan.counts() {
         none if none == OperationCounts::default() => "\n\nNo operations.".to_owned(),
@@ -71,7 +71,7 @@ pub(super) fn operations(plan: &Plan) -> String {
     }
 }
 
-/// ` in kg`; nothing for what has no unit.
+/// The suffix ` in kg`; empty for a quantity without a unit.
 pub(super) fn in_unit(unit: Option<&Unit>) -> String {
     match unit {
         Some(unit) if *unit != Unit::one() => format!(" in `{unit}`"),
@@ -277,13 +277,13 @@ pub(super) fn remarks(estimator: &EstimatorSource, pattern: &PatternPlan) -> Vec
     gaps(pattern).into_iter().chain(approximations(estimator, pattern)).collect()
 }
 
-/// A number that changes with the model: 64 bits of FNV-1a over its equations, quantities and patterns. Logs and results that
-/// carry it can be told to belong to this code.
+/// A number that changes with the model: 64 bits of FNV-1a over its equations, quantities and patterns. Logs and
+/// results that contain it can be assigned to this code.
 pub(super) fn fingerprint(estimator: &EstimatorSource) -> u64 {
     let model = &estimator.model;
     let mut text = format!("{}\n{}", model.name, equations(estimator));
     if !estimator.form.is_expanded(&model.graph) {
-        // The formulas leave out what is long.
+        // Formulas omit long entries, so the plans are hashed as well.
         let plans = [&estimator.plan.evaluation.regressor, &estimator.plan.evaluation.known];
         text.push_str(&format!("{:?}\n", plans.map(|plan| (&plan.inputs, &plan.ops, &plan.outputs))));
     }

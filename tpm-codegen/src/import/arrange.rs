@@ -1,7 +1,7 @@
-//! From links and joints to the bodies of a mechanism.
+//! Conversion of links and joints to the bodies of a mechanism.
 //!
-//! Invariant: every body comes after the body that it stands on. Links that are fixed to each other move as one, so that the inertias
-//! of all of them are part of the link that carries them, which is the one on a moving joint.
+//! Invariant: every body comes after its parent. Links that are fixed to each other move as one. Their inertias are
+//! added to the inertia of the link on the moving joint that carries them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,19 +27,19 @@ pub(super) struct Robot {
 /// A body of the mechanism.
 pub(super) struct Body {
     pub(super) name: String,
-    /// The body that it stands on; `None` for the base.
+    /// The parent body; `None` for the base.
     pub(super) parent: Option<usize>,
     pub(super) origin: Origin,
-    /// `None` for a body on a fixed joint.
+    /// Joint and inertia of a body on a moving joint; `None` for a body on a fixed joint.
     pub(super) moving: Option<Moving>,
 }
 
-/// What a body on a moving joint has.
+/// Joint and inertia of a body on a moving joint.
 pub(super) struct Moving {
     pub(super) coordinate: String,
     pub(super) input: String,
     pub(super) turns: bool,
-    /// The axis as the language writes it.
+    /// The axis in the spelling of the language.
     pub(super) axis: String,
     pub(super) limits: Limits,
     pub(super) damping: Rational,
@@ -48,17 +48,17 @@ pub(super) struct Moving {
     pub(super) inertia: [Rational; 10],
 }
 
-/// Where the frame of a link is: on a body on a moving joint, or on the base.
+/// The frame of a link relative to a body on a moving joint, or to the base.
 #[derive(Clone)]
 struct Place {
     carrier: Option<usize>,
     origin: [Rational; 3],
     rotation: Rotation,
-    /// The last body of the text that the link is fixed to.
+    /// The last written body to which the link is fixed.
     body: Option<usize>,
 }
 
-/// The bodies of the part of the description that the options name; faults go to `diagnostics`.
+/// The bodies of the selected part of the description; faults go to `diagnostics`.
 pub(super) fn arrange(
     description: Description,
     options: &Options,
@@ -101,7 +101,7 @@ struct Arranger<'a, 'r, 's> {
     children: BTreeMap<&'a str, Vec<&'a Joint>>,
     /// The joint above each link.
     above: BTreeMap<&'a str, &'a Joint>,
-    /// Names of the model.
+    /// Names already used in the model.
     taken: BTreeSet<String>,
     bodies: Vec<Body>,
 }
@@ -149,7 +149,7 @@ impl<'a> Arranger<'a, '_, '_> {
         }
     }
 
-    /// The link that stands still.
+    /// The link that does not move.
     fn base(&mut self, options: &Options) -> Option<&'a str> {
         if let Some(base) = &options.base {
             return self.known(base, "base");
@@ -196,7 +196,7 @@ impl<'a> Arranger<'a, '_, '_> {
         found
     }
 
-    /// The links outward of one, itself included.
+    /// The links outward of a link, including itself.
     fn reached(&self, from: &'a str) -> BTreeSet<&'a str> {
         let mut reached = BTreeSet::new();
         let mut open = vec![from];
@@ -209,7 +209,7 @@ impl<'a> Arranger<'a, '_, '_> {
         reached
     }
 
-    /// The links from the base to the tip; `None` in the inner option for everything.
+    /// The links from the base to the tip; `Some(None)` when every link is kept, `None` after a fault.
     fn kept(&mut self, base: &'a str, options: &Options) -> Option<Option<BTreeSet<&'a str>>> {
         let Some(tip) = &options.tip else { return Some(None) };
         let tip = self.known(tip, "tip")?;
@@ -228,7 +228,7 @@ impl<'a> Arranger<'a, '_, '_> {
         Some(Some(path))
     }
 
-    /// Positions of the joints that are held.
+    /// Positions of the joints that are held fixed.
     fn locked(&mut self, options: &Options) -> BTreeMap<String, (Rational, String)> {
         let mut locked = BTreeMap::new();
         for (name, text) in &options.locked {
@@ -290,7 +290,7 @@ impl<'a> Arranger<'a, '_, '_> {
         }
     }
 
-    /// Whether a joint that moves stands outward of a joint.
+    /// Whether there is a moving joint outward of a joint.
     fn moves_outward(
         &self,
         joint: &'a Joint,
@@ -306,7 +306,7 @@ impl<'a> Arranger<'a, '_, '_> {
         })
     }
 
-    /// A link on a joint that does not move; it is a body of the text where it carries one that moves.
+    /// A link on a joint that does not move. It becomes a body of the text only where it carries a moving link.
     fn held(&mut self, joint: &Joint, position: Option<&(Rational, String)>, parent: &Place, carries: bool) -> Place {
         let mut origin = joint.origin.clone();
         let rotation = rotation_of(&origin);
@@ -397,7 +397,7 @@ impl<'a> Arranger<'a, '_, '_> {
         }
     }
 
-    /// An identifier for a name, with a report where it is another one.
+    /// An identifier for a name, with a report where it differs from the name.
     fn renamed(&mut self, name: &str, what: &str, span: Span) -> String {
         let identifier = identifier(name, &mut self.taken);
         if identifier != name {
@@ -435,7 +435,7 @@ impl<'a> Arranger<'a, '_, '_> {
         }
     }
 
-    /// Warns of bodies for which the description has no mass.
+    /// Warns of bodies without mass in the description.
     fn massless(&mut self) {
         let names: Vec<String> = self
             .bodies
@@ -470,7 +470,7 @@ fn placed(parent: &Place, origin: &Origin) -> Place {
     }
 }
 
-/// A name of the language that is still free: letters, digits and `_`.
+/// An unused name in the syntax of the language: letters, digits and `_`.
 fn identifier(name: &str, taken: &mut BTreeSet<String>) -> String {
     let mut text: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if text.starts_with(|c: char| c.is_ascii_digit()) || text.trim_matches('_').is_empty() {

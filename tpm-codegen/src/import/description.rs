@@ -1,4 +1,4 @@
-//! Links and joints of a URDF as they are written, each element at its place.
+//! Links and joints of a URDF as written, each element with its place.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +36,7 @@ pub(super) struct Inertial {
     pub(super) moments: [Rational; 6],
 }
 
-/// A place and a rotation by roll, pitch and yaw.
+/// A position, and a rotation by roll, pitch and yaw.
 #[derive(Clone, Debug)]
 pub(super) struct Origin {
     pub(super) at: [Exact; 3],
@@ -66,7 +66,7 @@ pub(super) struct Joint {
     pub(super) parent: String,
     pub(super) child: String,
     pub(super) origin: Origin,
-    /// The axis as it is written, with its place; the x axis where the description has none.
+    /// The axis as written, with its place; the x axis where the description has none.
     pub(super) axis: ([Exact; 3], String, Span),
     pub(super) limits: Limits,
     pub(super) damping: Rational,
@@ -130,7 +130,7 @@ fn span(node: Node<'_, '_>) -> Span {
     Span::new(range.start as u32, end as u32)
 }
 
-/// Elements that carry nothing for the dynamics, by the element that they stand in.
+/// Elements without a meaning for the dynamics, each with its parent element.
 const WITHOUT_DYNAMICS: [(&str, &str); 10] = [
     ("robot", "material"),
     ("robot", "transmission"),
@@ -147,7 +147,7 @@ const WITHOUT_DYNAMICS: [(&str, &str); 10] = [
 struct Reader<'r, 's, 'd> {
     readings: &'r mut Readings<'s>,
     diagnostics: &'d mut Diagnostics,
-    /// Elements that are left out: by name and parent, the first place and their number.
+    /// Ignored elements: by name and parent, the place of the first one and their number.
     ignored: BTreeMap<(String, &'static str), (Span, usize)>,
 }
 
@@ -336,7 +336,7 @@ impl Reader<'_, '_, '_> {
         self.optional(node, attribute)
     }
 
-    /// The number of an attribute; one that cannot be read is reported.
+    /// The number in an attribute; a number that cannot be read is reported.
     fn optional(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<Rational> {
         let text = node.attribute(attribute)?.trim();
         let value = rational::parse(text);

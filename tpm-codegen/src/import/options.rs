@@ -1,25 +1,25 @@
-//! What of a description becomes a model, and how its numbers are read.
+//! Options of the import: the part of a description that becomes a model, and how its numbers are read.
 
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 /// How the angles and lengths of a description are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Angles {
-    /// Right angles and zeros are recognised where rounding hides them.
+    /// Right angles and zeros are recognised where the written number is a rounded one.
     #[default]
     Recognised,
-    /// Every number is what it is written as.
+    /// Every number has exactly its written value.
     Written,
 }
 
-/// What of a description becomes a model.
+/// Options of the import.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// The link that stands still; the root where not given. What is not outward of it is left out.
+    /// The link that does not move; the root where not given. Links that are not outward of it are left out.
     pub base: Option<String>,
-    /// The last link of the chain that is taken; where not given, everything is.
+    /// The last link of the imported chain; where not given, every link is imported.
     pub tip: Option<String>,
-    /// Joints that are held, with their positions (rad or m) as they are written.
+    /// Joints that are held fixed, with their positions (rad or m) as written.
     pub locked: Vec<(String, String)>,
     /// How angles and lengths are read.
     pub angles: Angles,

@@ -1,4 +1,4 @@
-//! Numbers of a description, exactly, and what they are read as.
+//! Exact numbers of a description, and the recognition of rounded ones.
 
 use std::collections::BTreeMap;
 
@@ -10,14 +10,15 @@ use crate::import::options::Angles;
 use crate::near;
 use crate::source::{Source, Span};
 
-/// How far an angle may lie from a multiple of pi/2 that it is read as, rad.
+/// Largest distance of an angle from a multiple of pi/2 at which it is read as this multiple, rad.
 const RIGHT: f64 = 1e-4;
-/// Lengths below this are read as zero, m: what is left of a rotation by a rounded angle in a computer-aided design.
+/// Smallest nonzero length, m. Smaller ones are read as zero, since they remain of rotations by rounded angles in
+/// computer-aided design.
 const NO_LENGTH: f64 = 1e-12;
 /// Half a turn, rad.
 const PI: f64 = std::f64::consts::PI;
 
-/// A number with the text that the language writes it as.
+/// An exact number with its text in the language.
 #[derive(Clone, Debug)]
 pub(super) struct Exact {
     pub(super) value: Rational,
@@ -29,7 +30,7 @@ impl Exact {
         Self { value: Rational::zero(), text: "0".to_owned() }
     }
 
-    /// A decimal as it is written, or a quotient.
+    /// The number of a decimal as written, or of a quotient.
     pub(super) fn new(value: Rational, written: &str) -> Self {
         if value.is_zero() {
             return Self::zero();
@@ -44,7 +45,7 @@ impl Exact {
     }
 }
 
-/// An angle with the text that the language writes it as.
+/// An angle with its text in the language.
 #[derive(Clone, Debug)]
 pub(super) struct ExactAngle {
     pub(super) angle: Angle,
@@ -61,7 +62,7 @@ impl ExactAngle {
     }
 }
 
-/// What was read as something else than what is written: by text and meaning, the places.
+/// Numbers that were read as values other than the written ones: places by text and meaning.
 pub(super) struct Readings<'a> {
     source: &'a Source,
     angles: Angles,
@@ -91,7 +92,7 @@ impl<'a> Readings<'a> {
         sentences.into_iter().map(|(_, sentence)| sentence).collect()
     }
 
-    /// A length; one that is nothing but rounding is zero.
+    /// A length; a length below [`NO_LENGTH`] is read as zero.
     pub(super) fn length(&mut self, value: Rational, written: &str, span: Span) -> Exact {
         let size = rational::to_f64(&value).abs();
         if self.angles == Angles::Recognised && size > 0.0 && size < NO_LENGTH {
@@ -114,7 +115,7 @@ impl<'a> Readings<'a> {
             self.note(written, &text, span);
             return ExactAngle { angle: Angle::quarter_turns(count), text };
         }
-        // Whole turns taken off, so that the tangent of the half is small.
+        // Whole turns are subtracted, so that the tangent of the half angle is small.
         let turned = (radians / (2.0 * PI)).round();
         let tangent = near::rational(((radians - turned * 2.0 * PI) / 2.0).tan()).unwrap_or_else(Rational::zero);
         let text = format!("2*atan2({}, {})", tangent.numer(), tangent.denom());

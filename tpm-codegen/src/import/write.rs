@@ -1,4 +1,4 @@
-//! The text of the model, of its prior and of its experiment.
+//! The texts of an imported model, its prior and its experiment.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ use crate::source::{Source, Span};
 /// The texts of model, prior and experiment.
 pub(super) fn write(robot: &Robot, options: &Options, from: &str) -> Result<(String, String, String), Diagnostics> {
     let model = model(robot, options, from);
-    // The prior has the parameters that show in some equation, and no others.
+    // The prior contains only parameters that occur in an equation.
     let source = Source::new("the imported model", model.clone());
     let parsed = parse_model(&source).map_err(|faults| {
         let message = format!("this description gives no model:\n{}", faults.render(&source));
@@ -103,8 +103,9 @@ fn placement(origin: &Origin) -> String {
     text
 }
 
-/// `NAME = VALUE` for every parameter of the model that the description has a value for. A friction of zero in a description is one
-/// that nobody looked at, and nothing is said of rotors and offsets: they have no prior.
+/// `NAME = VALUE` for every parameter of the model with a value in the description. A friction of zero in a description
+/// usually means that nobody measured it, and descriptions say nothing of rotors and offsets, so these parameters have
+/// no prior.
 fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
     let mut text = String::new();
     let mut line = |name: String, value: &Rational| {

@@ -1,4 +1,4 @@
-//! A model as it is written: declarations, equations and patterns, before anything is checked.
+//! The syntax tree of a model: declarations, equations and patterns, before any check.
 //!
 //! Invariant: an [`Expr`] is as deep as its text is nested, never deeper: sums and products are lists, so that a sum of a
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
@@ -52,7 +52,7 @@ pub enum Item {
     Pattern(PatternDeclaration),
 }
 
-/// What a declared quantity is.
+/// Role of a declared quantity.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum Role {
@@ -283,7 +283,7 @@ pub struct Motion {
 }
 
 impl ModelDeclaration {
-    /// Replaces every span by the empty one, so that models can be compared by what they say.
+    /// Replaces every span by the empty one, so that models can be compared by content.
     pub fn forget_spans(&mut self) {
         forget(&mut self.name);
         for item in &mut self.items {

@@ -1,7 +1,7 @@
-//! Checks of a model as it is written, all of them, each fault at its place.
+//! Checks of a syntax tree. All faults are reported, each at its place.
 //!
-//! Invariant: a check never stops at a fault, and a fault is reported by one check only. What could not be parsed is not there:
-//! with statements missing, nothing is said about what the model lacks.
+//! Invariant: a check never stops at a fault, and each fault is reported by one check only. Statements that could not
+//! be parsed are missing from the tree; in that case nothing is reported as missing from the model.
 
 mod mechanism;
 mod names;
@@ -18,7 +18,7 @@ use crate::language::parse::Syntax;
 use crate::source::Source;
 use tpm_units::Unit;
 
-/// What the checks found out and lowering needs.
+/// Results of the checks that lowering needs.
 pub(crate) struct Checked<'a> {
     pub(crate) symbols: Symbols<'a>,
     /// The unit of each `series` function, by the order of the statements, given or found from the equations.

@@ -1,11 +1,11 @@
-//! Lays out the text of a model.
+//! Formatting of the text of a model.
 //!
-//! Blanks, ends of lines and empty statements change, and nothing else: the tokens are the lexer's, and the comments are what stands
-//! between them. Statements stand one to a line, indented by the braces around them; a block that was written on one line stays
-//! there where it fits. Inside a statement the lines are the author's, since no rule knows which terms of an equation belong
-//! together; only what is too wide is broken again. Comments behind adjacent lines stand below each other.
+//! Only blanks, line ends and empty statements change: the tokens are the lexer's, and the comments are the text
+//! between them. Statements are placed one to a line, indented by the braces around them; a block that was written on
+//! one line stays there where it fits. Inside a statement the author's lines are kept, since no rule knows which terms
+//! of an equation belong together; only lines that are too wide are broken. Comments behind adjacent lines are aligned.
 //!
-//! Invariant: what was laid out once is not changed again.
+//! Invariant: formatting a formatted text changes nothing.
 
 use crate::diagnostic::Diagnostics;
 use crate::language::ast::Role;
@@ -15,23 +15,22 @@ use crate::language::parse;
 use crate::language::token::{Token, TokenKind};
 use crate::source::{Source, Span};
 
-/// The width that code is broken at, in characters.
+/// Maximal width of code, in characters.
 const WIDTH: usize = 120;
 
-/// The width that one brace adds to the left of a line.
+/// Indentation by one brace, in characters.
 const INDENT: usize = 4;
 
-/// The column, from 0, in which comments behind code stand: behind most declarations.
+/// Column, counted from 0, of comments behind code; most declarations end before it.
 const COMMENTS: usize = 53;
 
-/// The width beyond which comments move to the left as far as their code lets them.
+/// Width, in characters, beyond which a comment moves left as far as its code permits.
 const WIDEST: usize = 140;
 
-/// Lays out the text of a model.
+/// Formats the text of a model.
 ///
 /// # Errors
-/// Every fault of the text itself. Names and units are not looked at: a model that is not
-/// finished yet is laid out too.
+/// Every syntax fault of the text. Names and units are not checked, so that an unfinished model can be formatted too.
 pub fn format(source: &Source) -> Result<String, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     let syntax = parse::parse(source, &mut diagnostics);
@@ -66,22 +65,22 @@ pub fn format(source: &Source) -> Result<String, Diagnostics> {
     Ok(page.text(end))
 }
 
-/// A token, or a comment between two tokens, and what is known of its place.
+/// A token, or a comment between two tokens, with its context.
 struct Piece<'a> {
     /// The token; `None` for a comment.
     kind: Option<TokenKind>,
     text: &'a str,
-    /// Ends of lines between the piece before and this one.
+    /// Number of line ends between the previous piece and this one.
     breaks: usize,
     /// The column of a comment in the text, from 0.
     column: usize,
-    /// Whether a blank stands before it on the same line.
+    /// Whether a blank precedes it on the same line.
     spaced: bool,
-    /// How many parentheses and brackets are open before it.
+    /// Number of open parentheses and brackets before it.
     nesting: usize,
     /// Whether a line inside a statement may begin with it.
     may_begin: bool,
-    /// Whether a line begins with it, if it is not the first of a statement.
+    /// Whether a line begins with it, if it is not the first piece of a statement.
     begins: bool,
 }
 
@@ -118,9 +117,9 @@ fn pieces<'a>(source: &'a Source, tokens: &[Token]) -> Vec<Piece<'a>> {
         piece.breaks = breaks;
         piece.begins &= breaks > 0;
         match pieces.last_mut() {
-            // A comment reaches to the end of its line.
+            // A comment extends to the end of its line, so the next piece begins a line.
             Some(before) if before.kind.is_none() => piece.begins = true,
-            // An operator begins a line and does not end one.
+            // A line may begin with an operator but not end with one.
             Some(before) if breaks > 0 && !may_end => before.begins = true,
             _ => {}
         }
@@ -136,14 +135,14 @@ fn column(source: &Source, offset: usize) -> usize {
     before.rsplit('\n').next().unwrap_or_default().chars().count()
 }
 
-/// What is known of the text before a token.
+/// Context of a token: the text before it.
 #[derive(Default)]
 struct Context<'a> {
-    /// The parentheses and brackets that are open.
+    /// The open parentheses and brackets.
     open: Vec<TokenKind>,
-    /// The token before.
+    /// The previous token.
     before: Option<TokenKind>,
-    /// Whether the token before is a sign of one operand, or a word behind which an operand begins.
+    /// Whether the previous token is a unary sign, or a word before an operand.
     wants_operand: bool,
     /// The first word of a statement that begins with a keyword.
     statement: &'a str,
@@ -155,7 +154,7 @@ impl<'a> Context<'a> {
         self.before.is_none_or(|kind| matches!(kind, Semicolon | OpenBrace | CloseBrace))
     }
 
-    /// The piece of the next token, and whether a line may end before it: not where the token before is an operator.
+    /// The piece of the next token, and whether a line may end before it, which is not the case after an operator.
     fn piece(&mut self, kind: TokenKind, text: &'a str, next: TokenKind) -> (Piece<'a>, bool) {
         use TokenKind::{
             Caret, CloseBrace, CloseBracket, CloseParen, Comma, Ident, Minus, Number, OpenBrace, OpenBracket,
@@ -163,7 +162,8 @@ impl<'a> Context<'a> {
         };
         let first = self.begins_statement();
         if first {
-            // Two names in a row are no expression; gravity alone is followed by its value at once.
+            // Two successive names form no expression, so the first is a keyword; the value of `gravity` follows it
+            // directly.
             let is_keyword = kind == Ident && (next == Ident || (text == "gravity" && next == OpenParen));
             self.statement = if is_keyword { text } else { "" };
         }
@@ -186,7 +186,7 @@ impl<'a> Context<'a> {
         let may_begin = is_binary || before == Some(Comma) || (is_clause && !first);
         let ends_in_operator = !in_unit
             && (matches!(before, Some(Star | Slash)) || (!behind_sign && matches!(before, Some(Plus | Minus))));
-        // What opens a block is short, and stands on one line.
+        // The head of a block is short, and stays on one line.
         let opens_block = kind == OpenBrace || matches!(self.statement, "model" | "pattern" | "body");
         let begins = match kind {
             _ if opens_block => false,
@@ -205,13 +205,13 @@ impl<'a> Context<'a> {
     }
 }
 
-/// The pieces of the statement that begins here: up to its semicolon, to the brace that it opens, or to the end of its block
-/// where the block stands on one line.
+/// The pieces of the statement that begins at `at`: up to its semicolon, to the brace that it opens, or to the end of
+/// its block where the block is written on one line.
 fn statement<'p, 'a>(pieces: &'p [Piece<'a>], at: usize, depth: usize) -> &'p [Piece<'a>] {
     let rest = &pieces[at..];
     let ends = |piece: &Piece<'_>| matches!(piece.kind, Some(TokenKind::Semicolon | TokenKind::OpenBrace));
     let end = rest.iter().position(ends).map_or(rest.len(), |last| last + 1);
-    // A whole model on one line is not read by anybody.
+    // A whole model is never kept on one line.
     if depth == 0 || rest[end - 1].kind != Some(TokenKind::OpenBrace) {
         return &rest[..end];
     }
@@ -225,13 +225,13 @@ fn statement<'p, 'a>(pieces: &'p [Piece<'a>], at: usize, depth: usize) -> &'p [P
     &rest[..if on_one_line { close + 1 } else { end }]
 }
 
-/// A line that is laid out.
+/// A formatted line.
 struct Line<'a> {
-    /// Whether an empty line stands before it.
+    /// Whether an empty line precedes it.
     blank: bool,
     indent: usize,
     code: String,
-    /// The comment behind the code; without code, it goes on from the line above.
+    /// The comment behind the code; without code, it continues the comment of the previous line.
     comment: Option<&'a str>,
 }
 
@@ -240,18 +240,18 @@ impl Line<'_> {
         Self { blank: false, indent, code: code.to_owned(), comment: None }
     }
 
-    /// Characters from the left.
+    /// Width in characters.
     fn width(&self) -> usize {
         if self.code.is_empty() { 0 } else { self.indent + self.code.chars().count() }
     }
 }
 
-/// The lines so far.
+/// The formatted lines so far.
 struct Page<'a> {
     lines: Vec<Line<'a>>,
-    /// Whether nothing stands yet in the present block, so that no empty line is wanted.
+    /// Whether the current block is still empty, so that no empty line is kept at its beginning.
     begun: bool,
-    /// Where the comment of the last line stands in the text, if it has one behind its code.
+    /// Column in the source text of the comment behind the last line's code, if there is one.
     comment_column: Option<usize>,
 }
 
@@ -267,7 +267,7 @@ impl<'a> Page<'a> {
         piece.breaks > 1 && !self.begun
     }
 
-    /// A comment between statements.
+    /// Adds a comment between statements.
     fn comment(&mut self, piece: &Piece<'a>, indent: usize) {
         let blank = self.blank(piece);
         let goes_on = piece.breaks == 1 && self.comment_column == Some(piece.column);
@@ -283,14 +283,15 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// A statement, or the beginning of one that has a block.
+    /// Adds a statement, or the head of one that has a block.
     fn statement(&mut self, pieces: &[Piece<'a>], indent: usize) {
         let Some(first) = pieces.first() else { return };
         let mut line = Line { blank: self.blank(first), ..Line::new(indent, "") };
-        // Where the lines inside the brackets that are open begin, and those behind the equals sign of the first line.
+        // Columns at which lines inside the open brackets begin, and those of lines behind the equals sign of the first
+        // line.
         let mut brackets: Vec<usize> = Vec::new();
         let mut equals: Option<usize> = None;
-        // The names of a declaration stand below each other.
+        // The names of a declaration are aligned.
         let below = match pieces {
             [word, name, ..] if name.kind == Some(TokenKind::Ident) && declares(word.text) => word.text.len() + 1,
             _ => INDENT,
@@ -383,8 +384,8 @@ fn declares(word: &str) -> bool {
     roles.iter().any(|role| role.keyword() == word)
 }
 
-/// The piece with which a new line begins where the line that begins with piece `from` at a column is too wide: of those that fit
-/// before it the outermost, and of these the last.
+/// The piece at which to break a line that begins with piece `from` at a column and is too wide: of the pieces that fit
+/// before it the one of least nesting, and among these the last; nothing when the line fits.
 fn wide(pieces: &[Piece<'_>], from: usize, column: usize) -> Option<usize> {
     let mut width = column;
     let mut best: Option<(usize, usize)> = None;

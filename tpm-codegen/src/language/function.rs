@@ -1,6 +1,6 @@
 //! The functions of the language.
 //!
-//! Invariant: this table is the only place that knows their names and numbers of arguments.
+//! Invariant: this table is the only place that holds their names and numbers of arguments.
 
 /// A function that an expression may call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -96,7 +96,7 @@ impl Function {
         }
     }
 
-    /// How a call of it looks, for messages; the number of its arguments follows from it.
+    /// The syntax of a call, for messages; the number of its arguments is counted in it.
     #[must_use]
     pub fn usage(self) -> &'static str {
         match self {
@@ -122,7 +122,7 @@ impl Function {
         }
     }
 
-    /// What it is, for editors.
+    /// The meaning, for editors.
     #[must_use]
     pub fn meaning(self) -> &'static str {
         match self {
@@ -162,13 +162,13 @@ impl Function {
         Self::ALL.iter().copied().find(|function| function.name() == name)
     }
 
-    /// Whether it is a time derivative or a partial one.
+    /// Whether it is a time derivative or a partial derivative.
     #[must_use]
     pub fn is_derivative(self) -> bool {
         matches!(self, Self::Dot | Self::Ddot | Self::Der | Self::Diff)
     }
 
-    /// Whether it makes a motion, so that it stands in patterns only.
+    /// Whether it constructs a motion, so that it is allowed in patterns only.
     #[must_use]
     pub fn is_pattern(self) -> bool {
         matches!(self, Self::RestToRest | Self::PointToPoint | Self::Shape)

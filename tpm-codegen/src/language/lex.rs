@@ -1,4 +1,4 @@
-//! Text to tokens.
+//! Conversion of text to tokens.
 //!
 //! Invariant: every byte of the text is either in a token, blank, in a comment, or covered by a diagnostic; nothing is dropped
 //! silently. The lexer never stops: a slip that has an obvious reading (`3w`, `**`, a typographic minus) gives its message and
@@ -104,7 +104,8 @@ impl Lexer<'_, '_> {
         self.push(TokenKind::Ident, start);
     }
 
-    /// Digits, an optional fraction, an optional exponent. What follows without a blank is a factor with its `*` missing.
+    /// Reads digits, an optional fraction and an optional exponent. A name that follows without a blank is a factor
+    /// with its `*` missing.
     fn number(&mut self) {
         let start = self.at;
         self.take_while(|c| c.is_ascii_digit());
@@ -214,7 +215,7 @@ impl Lexer<'_, '_> {
         self.push(kind, start);
     }
 
-    /// `x'`, `x''`, `x’’`: a derivative as it is printed in books.
+    /// Reads `x'`, `x''` or `x’’`, the notation of derivatives in books.
     fn prime(&mut self, start: usize) {
         self.take_while(is_prime);
         let order: usize = self.text[start..self.at]
@@ -252,7 +253,7 @@ impl Lexer<'_, '_> {
         self.push(TokenKind::Superscript(digit), start);
     }
 
-    /// A name with letters that are not ASCII: taken as a name, so that its uses are reported one by one and nothing else is.
+    /// Reads a name with letters beyond ASCII. It counts as a name, so that only its uses are reported.
     fn foreign_name(&mut self, start: usize) {
         self.take_while(|c| c.is_alphanumeric() || c == '_');
         let name = &self.text[start..self.at];
@@ -269,7 +270,7 @@ impl Lexer<'_, '_> {
         self.push(TokenKind::Ident, start);
     }
 
-    /// Characters that mean nothing, a whole run of them at once.
+    /// Skips a run of characters without a meaning, and reports it once.
     fn unknown(&mut self, start: usize) {
         self.take_while(|c| {
             !c.is_whitespace() && !c.is_alphanumeric() && !"+-*/^=,;()[]{}_'".contains(c) && c != '\u{0}'

@@ -1,9 +1,9 @@
 //! Lowers a checked model to the exact model.
 //!
-//! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds the place that it came from, and
-//! every statement of the text is in the result: an equation as its terms, a mechanism as the terms of its equations, a `let` where it is used, a series as its Taylor
-//! polynomial, an energy as the terms of the Euler-Lagrange equations, a pattern as Fourier polynomials, an expansion order in
-//! [`Lowered::taylor`]. Nothing is rounded.
+//! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds its place in the text, and
+//! every statement of the text is in the result: an equation as its terms, a mechanism as the terms of its equations, a
+//! `let` where it is used, a series as its Taylor polynomial, an energy as the terms of the Euler-Lagrange equations, a
+//! pattern as Fourier polynomials, an expansion order in [`Lowered::taylor`]. Nothing is rounded.
 
 mod dynamics;
 mod expression;
@@ -36,7 +36,7 @@ pub struct Terms(Vec<Span>);
 impl Terms {
     /// Adds a place and returns the identifier of its term.
     fn add(&mut self, span: Span) -> TermId {
-        // A text has fewer terms than bytes, and its bytes are counted in 32 bits.
+        // A text has fewer terms than bytes, and its length in bytes fits 32 bits.
         let id = TermId(self.0.len() as u32);
         self.0.push(span);
         id
@@ -63,18 +63,18 @@ pub struct Taylor {
     pub span: Span,
 }
 
-/// What lowering gives.
+/// The results of lowering.
 pub(crate) struct Lowered {
     pub(crate) model: ExactModel,
     pub(crate) terms: Terms,
     pub(crate) taylor: Vec<Taylor>,
-    /// How many harmonics each pattern keeps of terms with infinitely many.
+    /// Highest harmonic that each pattern keeps of terms with infinitely many.
     pub(crate) harmonics: Vec<Option<u32>>,
-    /// The mechanism that the equations of motion come from.
+    /// The mechanism from which the equations of motion were derived.
     pub(crate) mechanism: Option<Mechanism>,
 }
 
-/// Lowers a model that passed its checks; faults that only show here go to `diagnostics`.
+/// Lowers a model that passed its checks; faults that appear only now go to `diagnostics`.
 pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagnostics: &mut Diagnostics) -> Lowered {
     let mut lowering = Lowering {
         checked,
@@ -132,7 +132,7 @@ struct Lowering<'a, 'c, 'd> {
     diagnostics: &'d mut Diagnostics,
     model: ExactModel,
     terms: Terms,
-    /// What every name of the model stands for.
+    /// The expression of every name of the model.
     names: HashMap<&'a str, ExprId>,
     /// The constants that are known exactly.
     values: HashMap<&'a str, Rational>,
@@ -142,7 +142,7 @@ struct Lowering<'a, 'c, 'd> {
 }
 
 impl<'a> Lowering<'a, '_, '_> {
-    /// The value, or `None` after the fault was added to the diagnostics.
+    /// The value, or `None` after the fault has been added to the diagnostics.
     fn keep<T>(&mut self, result: Lower<T>) -> Option<T> {
         result.map_err(|error| self.diagnostics.push(error)).ok()
     }
@@ -262,7 +262,8 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// f(q) = sum_k a_k (q - q0)^k, with the a_k as new parameters (Feng, Eqns 5.5-5.7) or from the derivatives of what f is.
+    /// f(q) = sum_k a_k (q - q0)^k, with the a_k as new parameters (Feng, Eqns 5.5-5.7) or from the derivatives of f's
+    /// definition.
     fn series(&mut self, series: &'a ast::SeriesDeclaration) -> Lower<()> {
         let order = bounded(series.order)?;
         let point = self.expression(&series.point)?;
@@ -305,7 +306,7 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok(())
     }
 
-    /// Refuses equations that are too long for what the model asks for, which multiplies them out.
+    /// Refuses equations that are too long for statements which require them multiplied out.
     fn refuse_too_long(&mut self) {
         let (what, instead) = match (self.model.eliminations.is_empty(), self.taylor.is_empty()) {
             (true, true) => return,
@@ -388,14 +389,14 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 }
 
-/// A unit as it is written, for display.
+/// A unit as written, for display.
 fn formal(unit: &UnitExpr) -> FormalUnit {
     unit.factors
         .iter()
         .fold(FormalUnit::one(), |product, (name, exponent)| product.mul(&FormalUnit::named(&name.name).pow(*exponent)))
 }
 
-/// A derived unit as a product of base units; `None` when it has a scale or a root, for which there is no name.
+/// A derived unit as a product of base units; `None` when it has a scale factor or a root, which have no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
     let product = unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
@@ -403,7 +404,7 @@ fn written(unit: &Unit) -> Option<FormalUnit> {
     product.map(FormalUnit::with_torque)
 }
 
-/// A term is too long to be multiplied out, as something that the model asks for does.
+/// The fault that a term is too long to be multiplied out, as `what` requires.
 fn too_long(span: Span, what: &str) -> Diagnostic {
     let most = expression::MOST_TERMS;
     Diagnostic::error(span, format!("{what} would multiply this out to more than {most} terms, which is too large"))

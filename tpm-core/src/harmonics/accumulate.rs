@@ -1,4 +1,4 @@
-//! Fourier integrals accumulated sample by sample, as a controller does it.
+//! Fourier integrals accumulated sample by sample, in fixed memory, as a controller needs them.
 //!
 //! Invariant: a bank of phasors `e^{j 2 pi k n / N}`, one per harmonic, is rotated at every sample and set exactly every
 //! [`RESET`] samples, so that its error stays below `RESET` roundings however long the run is. A period is summed by itself
@@ -67,23 +67,23 @@ impl<'m, T: Real> Accumulator<'m, T> {
         Ok(this)
     }
 
-    /// Forgets all samples.
+    /// Clears all sums and returns to the state before the first sample.
     pub fn clear(&mut self) {
         self.count = 0;
         self.period.fill(T::ZERO);
         self.total.fill(T::ZERO);
     }
 
-    /// Samples taken in since the start.
+    /// Number of samples processed since the start.
     #[must_use]
     pub const fn count(&self) -> usize {
         self.count
     }
 
-    /// Takes in one sample of every channel.
+    /// Processes one sample of every channel.
     ///
     /// # Errors
-    /// [`AccumulatorError::Channels`] when the sample has another number of channels; nothing is taken in then.
+    /// [`AccumulatorError::Channels`] when the sample has another number of channels; the sums are then unchanged.
     pub fn push(&mut self, sample: &[T]) -> Result<(), AccumulatorError> {
         if sample.len() != self.channels {
             return Err(AccumulatorError::Channels { needed: self.channels, given: sample.len() });

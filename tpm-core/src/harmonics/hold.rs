@@ -1,12 +1,12 @@
-//! What happens to an input between two samples.
+//! Behaviour of an input between two samples.
 
 use crate::support::Real;
 use core::fmt;
 
-/// How the recorded values of an input became a force over time.
+/// Relation between the recorded values of an input and the force over time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
 pub enum Hold {
-    /// The input itself was measured and is band-limited, or its timing is not known: harmonics are taken as they are.
+    /// The input itself was measured and is band-limited, or its timing is not known: harmonics are not corrected.
     #[default]
     None,
     /// Each recorded value was applied until the next sample (zero-order hold).
@@ -14,7 +14,7 @@ pub enum Hold {
 }
 
 impl Hold {
-    /// The other hold: a log whose hold is not known is read with both, and compared.
+    /// The other hold. A log whose hold is not known is evaluated with both, and the results are compared.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {

@@ -1,4 +1,4 @@
-//! What the writers of C share: options, names, the spelling of leaves and steps, and the text so far.
+//! State shared by the emitters of C: options, names, the spelling of leaves and steps, and the text so far.
 //!
 //! Invariant: every name that other translation units can see begins with the prefix; every field comes from the model through
 //! one namer.
@@ -15,7 +15,7 @@ use super::super::names::{Names, Style, derivative_name};
 use super::expression::{Scalar, Writer};
 use super::layout::{comment, doc, signature, statement};
 
-/// How C is emitted.
+/// Options of the C code.
 #[derive(Clone, Debug)]
 pub struct Options<'a> {
     /// The command that generates this code again; it stands in the header.
@@ -24,17 +24,18 @@ pub struct Options<'a> {
     pub prefix: Option<&'a str>,
     /// The scalar.
     pub scalar: Scalar,
-    /// Identified values to be baked in.
+    /// Identified values that the code contains as constants.
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
-    /// Whether accumulators can let the past fade.
+    /// Whether accumulators get a function that reduces the weight of earlier samples.
     pub forgetting: bool,
     /// Whether every pattern has a function for single strokes.
     pub strokes: bool,
 }
 
-/// The names of the functions and types of the dynamics, without the prefix: no name of a model may be one of them.
+/// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
+/// equal one of them.
 const DYNAMICS: [&str; 51] = [
     "accelerations",
     "base",
@@ -89,7 +90,8 @@ const DYNAMICS: [&str; 51] = [
     "unlump",
 ];
 
-/// The names of the functions and types of a pattern, without the prefix and the pattern's own name.
+/// The names of the functions and types of a pattern, without the prefix and the pattern's own name. They are reserved
+/// too.
 const PATTERN: [&str; 22] = [
     "accumulate",
     "accumulate_at",
@@ -115,7 +117,7 @@ const PATTERN: [&str; 22] = [
     "workspace",
 ];
 
-/// What the writers of the parts share, and what they have written.
+/// State shared by the emitters of the parts: their options, and the text that they have written.
 pub(super) struct Context<'a> {
     pub(super) estimator: &'a EstimatorSource,
     pub(super) scalar: Scalar,
@@ -136,7 +138,7 @@ pub(super) struct Context<'a> {
 pub(super) struct Parameter {
     /// Its declaration, such as `const double x`.
     pub(super) declaration: String,
-    /// Its name, when the body does not read it.
+    /// Its name, when the body does not use it.
     pub(super) unused: Option<&'static str>,
 }
 
@@ -173,7 +175,7 @@ impl<'a> Context<'a> {
             reserved: &[],
         };
         let mut names = Names::new(&mut style, &estimator.model, &estimator.form, &estimator.plan);
-        // A pattern's name stands between other words, so that it never forms a keyword.
+        // The name of a pattern stands between other words, so that it never forms a keyword.
         let mut taken: Vec<String> = Vec::new();
         for (index, (pattern, names)) in estimator.plan.patterns.iter().zip(&mut names.patterns).enumerate() {
             if let Some(module) = &mut names.module {
@@ -204,12 +206,12 @@ impl<'a> Context<'a> {
         format!("{}_{name}", self.prefix)
     }
 
-    /// A macro with the prefix.
+    /// The name of a macro with the prefix.
     pub(super) fn constant(&self, name: &str) -> String {
         format!("{}_{name}", self.prefix.to_uppercase())
     }
 
-    /// The name of something that belongs to a pattern, without the prefix.
+    /// The name of an item that belongs to a pattern, without the prefix.
     pub(super) fn of_pattern(&self, pattern: usize, name: &str) -> String {
         match &self.names.patterns[pattern].module {
             Some(module) => format!("{module}_{name}"),
@@ -217,7 +219,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// How a function is called.
+    /// The name of a function in C.
     pub(super) fn function_name(&self, role: Role) -> String {
         self.global(&match role {
             Role::Regressor => "regressor".to_owned(),
@@ -239,7 +241,7 @@ impl<'a> Context<'a> {
         })
     }
 
-    /// A text with its links as names of this code; `pattern` is the one whose types are meant.
+    /// A text in which links are replaced by the names of this code; `pattern` is the one to whose types they refer.
     pub(super) fn linked(&self, text: &str, pattern: Option<usize>) -> String {
         let mut linked = String::new();
         let mut rest = text;
@@ -271,7 +273,7 @@ impl<'a> Context<'a> {
         if self.has_constants() { ", constants" } else { "" }
     }
 
-    /// How a leaf is spelled; `owner` and `motion` say what stands before their fields, such as `pattern->`.
+    /// The spelling of a leaf; `owner` and `motion` are the prefixes of fields, such as `pattern->`.
     pub(super) fn leaf(&self, leaf: &Leaf, owner: &str, fields: &[(Symbol, String)], motion: &str) -> String {
         match *leaf {
             Leaf::Motion(coordinate, order) => {
@@ -300,7 +302,7 @@ impl<'a> Context<'a> {
         self.scalar.literal(0.0)
     }
 
-    /// Steps; `store` says where a result goes.
+    /// The text of some steps; `store` gives the target of a result.
     pub(super) fn statements<L: Fn(&Leaf) -> String>(
         &self,
         statements: &[Statement],
@@ -319,7 +321,7 @@ impl<'a> Context<'a> {
         statements.iter().map(write).collect()
     }
 
-    /// Assignments of zero to everything that no step stores into, one line for every row.
+    /// Assignments of zero to all entries that no step stores into, one line for every row.
     pub(super) fn zeros(
         &self,
         rows: usize,
@@ -359,7 +361,7 @@ impl<'a> Context<'a> {
         self.header.push_str(&format!("\n{}typedef struct {name} {{\n{fields}}} {name};\n", doc(0, about)));
     }
 
-    /// A function: its documentation and declaration in the header, its definition in the source.
+    /// A function: its documentation and declaration go to the header, its definition to the source.
     pub(super) fn function(&mut self, name: &str, about: &str, result: &str, parameters: &[Parameter], body: &str) {
         let list: Vec<&str> = parameters.iter().map(|parameter| parameter.declaration.as_str()).collect();
         let signature = signature(result, name, &list);
@@ -369,7 +371,7 @@ impl<'a> Context<'a> {
         self.source.push_str(&format!("\n{signature}\n{{\n{unused}{body}}}\n"));
     }
 
-    /// The terms of a table and the loop that adds them up; `target` is what a term is added to.
+    /// The terms of a table and the loop that adds them up; `matrix` is the array to which a term is added.
     pub(super) fn table(
         &self,
         table: &Table,
@@ -444,7 +446,7 @@ pub(super) fn is_prefix(prefix: &str) -> bool {
         && !prefix.ends_with('_')
 }
 
-/// Adds the parameter `constants`, where the model has any; `reads` tells whether the function reads it.
+/// Adds the parameter `constants`, where the model has any; `reads` states whether the function uses it.
 pub(super) fn push_constants(parameters: &mut Vec<Parameter>, context: &Context<'_>, reads: Reads) {
     parameters.extend(context.constants_parameter(reads.constants));
 }

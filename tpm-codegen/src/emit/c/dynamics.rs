@@ -1,4 +1,4 @@
-//! The part that needs no pattern: sizes, labels, parameters, motions, regressor, forces.
+//! The part of the code that needs no pattern: sizes, labels, parameters, motions, regressor, forces.
 
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::unit::Unit;
@@ -210,7 +210,7 @@ fn unlump(context: &mut Context<'_>) {
     context.function(&context.global("unlump"), &context.linked(&about, None), "void", &parameters, &body);
 }
 
-/// The places that steps store into.
+/// The targets into which steps store.
 pub(super) fn stored(statements: &[Statement]) -> Vec<Place> {
     let place = |statement: &Statement| match statement {
         Statement::Store(place, _) => Some(*place),
@@ -219,7 +219,7 @@ pub(super) fn stored(statements: &[Statement]) -> Vec<Place> {
     statements.iter().filter_map(place).collect()
 }
 
-/// How an entry of a matrix is spelled.
+/// The spelling of an entry of a matrix.
 pub(super) fn entry(place: Place) -> String {
     match place {
         Place::Entry(row, column) => format!("matrix[{row}][{column}]"),
@@ -227,7 +227,7 @@ pub(super) fn entry(place: Place) -> String {
     }
 }
 
-/// A function with a row per equation, of the motion or not, of the parameters or not.
+/// A function that returns one matrix row per equation; its arguments are the motion and parameters that it reads.
 pub(super) fn matrix(
     context: &mut Context<'_>,
     name: &str,
@@ -255,7 +255,7 @@ pub(super) fn matrix(
     parameters.push(Parameter::new(format!("{} matrix{dims}", context.scalar.name())));
     let mut body = String::new();
     if with_motion && function.reads.motion {
-        // The copy tells the compiler that no store into the matrix changes the motion.
+        // The local copy tells the compiler that no store into the matrix changes the motion.
         body.push_str(&statement(1, &format!("const {} at = *motion;", context.global("motion"))));
     }
     let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], "at."));

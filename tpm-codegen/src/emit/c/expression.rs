@@ -1,6 +1,7 @@
 //! Expressions in C.
 //!
-//! Invariant: what is written binds as the expression is nested; every number is rounded once, to the scalar's precision.
+//! Invariant: the written operators bind as the expression is nested; every number is rounded once, to the scalar's
+//! precision.
 
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -47,7 +48,7 @@ impl Scalar {
 
     /// A literal of a finite number of this scalar.
     pub(super) fn literal(self, value: f64) -> String {
-        // For single precision, the caller passes a number that is a single already.
+        // For single precision, the caller passes a number that is already rounded to single precision.
         #[allow(clippy::cast_possible_truncation)]
         match self {
             Self::Float => format!("{}f", digits_single(value as f32)),
@@ -65,7 +66,7 @@ impl Scalar {
         self.literal(value)
     }
 
-    /// Whether a number becomes infinite, or zero without being zero.
+    /// Whether rounding makes a number infinite, or makes a nonzero number zero.
     pub(super) fn loses(self, value: &Rational) -> bool {
         use num_traits::Zero;
         let rounded = Rounded::new(value);
@@ -92,13 +93,13 @@ impl Scalar {
         }
     }
 
-    /// A number for a message.
+    /// The text of a number in a message.
     pub(super) fn display(value: &Rational) -> String {
         rational::display(value)
     }
 }
 
-/// Writes expressions whose leaves are spelled by `leaf`, each as something that binds like a name.
+/// Writes expressions. `leaf` spells the leaves, each as text that binds as tightly as a name.
 pub(super) struct Writer<L> {
     scalar: Scalar,
     leaf: L,
@@ -109,7 +110,7 @@ impl<L: Fn(&Leaf) -> String> Writer<L> {
         Self { scalar, leaf }
     }
 
-    /// An expression.
+    /// The text of an expression.
     pub(super) fn expression(&self, expression: &Expression) -> String {
         match expression {
             Expression::Number(value) => self.scalar.number(value),
@@ -141,8 +142,8 @@ impl<L: Fn(&Leaf) -> String> Writer<L> {
         }
     }
 
-    /// In parentheses unless it binds at least as tightly as `level`; a negative number is always in parentheses, so that no
-    /// operator stands before its sign.
+    /// The text of an expression, in parentheses unless it binds at least as tightly as `level`. A negative number is
+    /// always in parentheses, so that no operator precedes its sign.
     pub(super) fn at(&self, expression: &Expression, level: Level) -> String {
         let text = self.expression(expression);
         if expression.level() >= level && !(text.starts_with('-') && expression.level() == Level::Atom) {

@@ -1,12 +1,12 @@
-//! Filtered feed-forward: the low passes and both schemes.
+//! Filtered feed-forward: the low passes, and the common and split schemes.
 
 use super::super::filter::{Coefficients, Filters, LowPass};
 use super::context::{Context, Parameter};
 use super::layout::{doc, statement};
 
-/// The low passes and the schemes, where filters were asked for.
+/// Writes the low passes and the schemes, where filters were requested.
 pub(super) fn write(context: &mut Context<'_>) {
-    // `generate` has refused low passes that do not exist, and models whose feed-forward has no two parts.
+    // `generate` has refused low passes that do not exist, and models whose feed-forward cannot be split.
     let Some(filters) = context.filters else { return };
     let Ok((dependent, independent)) = filters.coefficients() else { return };
     if context.estimator.plan.feed_forward_parts.is_none() {
@@ -107,7 +107,7 @@ fn low_pass(
     context.function(&context.global(name), &about, real, &parameters, &body);
 }
 
-/// The code for one input, given its number and its field.
+/// Gives the code for one input, from its index and its field.
 type OfInput<'a> = dyn Fn(usize, &str) -> String + 'a;
 
 fn scheme(context: &mut Context<'_>, name: &str, about: &str, state: &str, settle: &OfInput<'_>, next: &OfInput<'_>) {

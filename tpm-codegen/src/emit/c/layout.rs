@@ -1,13 +1,13 @@
 //! Lines and comments of C sources.
 //!
-//! Invariant: no text of a model ends a comment early or begins one inside another.
+//! Invariant: no text of a model ends a comment early or begins a comment inside another.
 
 use super::super::text::filled;
 
-/// Widest line, unless a single word is wider.
+/// Maximal width of a line in characters, unless a single word is wider.
 const WIDTH: usize = 100;
 
-/// A text that cannot end or begin a comment.
+/// A text without the character sequences that begin or end a comment.
 fn harmless(text: &str) -> String {
     text.replace("*/", "* /").replace("/*", "/ *")
 }
@@ -52,7 +52,7 @@ pub(super) fn signature(result: &str, name: &str, parameters: &[&str]) -> String
     wrapped(&text, "", "        ").trim_end().replace('\u{a0}', " ")
 }
 
-/// A comment on lines of its own, before what it is about.
+/// A comment on its own lines, before the code that it describes.
 pub(super) fn comment(indent: usize, text: &str) -> String {
     let first = format!("{}/* ", " ".repeat(4 * indent));
     wrapped(&format!("{} */", harmless(text)), &first, &" ".repeat(4 * indent + 3))

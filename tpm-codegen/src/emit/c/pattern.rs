@@ -1,4 +1,4 @@
-//! The part that follows from trajectory patterns: reference motion, estimator matrix, harmonics, solution.
+//! The part of the code that belongs to trajectory patterns: reference motion, estimator matrix, harmonics, solution.
 
 use std::f64::consts::TAU;
 use tpm_symbolic::plan::bank::TableRow;
@@ -116,7 +116,8 @@ fn reference(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, pla
     }
 }
 
-/// The function for a single stroke: the phase is held at its ends, where every derivative is zero.
+/// The function for a single stroke. Before and after the stroke the phase is held at its ends, where every derivative
+/// is zero.
 fn stroke(context: &mut Context<'_>, index: usize, pattern: &PatternPlan) {
     let scalar = context.scalar;
     let at = context.global(&context.of_pattern(index, "reference_at"));
@@ -144,7 +145,7 @@ fn stroke(context: &mut Context<'_>, index: usize, pattern: &PatternPlan) {
     context.function(&context.global(&context.of_pattern(index, "stroke")), &about, "void", &parameters, &body);
 }
 
-/// `u.cos3` for every row of the table.
+/// The field of the harmonics structure, such as `u.cos3`, for every row of the table.
 fn paths(context: &Context<'_>, table: &TablePlan) -> Vec<String> {
     let path = |&(equation, harmonic, function): &TableRow| {
         format!("{}.{}", context.names.rows[equation].field, harmonic_name(harmonic, function))
@@ -200,7 +201,7 @@ fn estimator_matrix(context: &mut Context<'_>, index: usize, table: &TablePlan) 
     let spell = |leaf: &_| context.leaf(leaf, "own.", &context.names.patterns[index].fields, "");
     let mut text = String::new();
     if reads.own {
-        // The copy tells the compiler that no store into the matrix changes the pattern.
+        // The local copy tells the compiler that no store into the matrix changes the pattern.
         text.push_str(&statement(1, &format!("const {pattern} own = *pattern;")));
     }
     text.push_str(&match &body {
@@ -285,7 +286,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
 
     let (reads, statements, addends) = function::bank(context.estimator, table);
     let writer = Writer::new(scalar, |leaf| context.leaf(leaf, "", &[], ""));
-    // The copy tells the compiler that no store into the sums changes the sample.
+    // The local copy tells the compiler that no store into the sums changes the sample.
     let mut body = statement(1, &format!("const {} now = *sample;", context.global("forces")));
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let storage = function::storage(table);
@@ -467,7 +468,7 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     context.function(&identify, about, &status, &parameters, &body);
 }
 
-/// The parameters by the exact pseudo-inverse, where there is one.
+/// The function that computes the parameters by the exact pseudo-inverse, where there is one.
 fn identify_direct(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, table: &TablePlan) {
     let Some(Function { about, reads, body: Body::Stores(statements) }) =
         function::direct(context.estimator, pattern, table)

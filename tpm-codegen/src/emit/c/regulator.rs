@@ -1,4 +1,4 @@
-//! C99 of a regulator: a header and a source, over the language alone.
+//! C99 of a regulator: a header and a source without includes of the C library.
 
 use super::super::estimator::EmitError;
 use super::super::name::{Language, Namer, snake};
@@ -8,7 +8,7 @@ use super::context::is_prefix;
 use super::expression::Scalar;
 use super::layout::{doc, signature, statement};
 
-/// Header and source.
+/// The header and source of a regulator.
 ///
 /// # Errors
 /// [`EmitError::Prefix`] when the prefix cannot begin names of C, [`EmitError::OutOfScalar`] when a number is beyond the scalar.
@@ -116,9 +116,9 @@ pub fn files(
     Ok(Files { name: prefix, header, source })
 }
 
-/// A number as the scalar holds it.
+/// A number rounded to the scalar.
 fn rounded(scalar: Scalar, value: f64) -> f64 {
-    // The cast is the rounding that is asked for.
+    // The cast performs the rounding.
     #[allow(clippy::cast_possible_truncation)]
     match scalar {
         Scalar::Float => f64::from(value as f32),

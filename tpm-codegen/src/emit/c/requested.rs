@@ -1,4 +1,5 @@
-//! Functions that are made on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in base parameters.
+//! Functions that are emitted on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in
+//! base parameters.
 //!
 //! Invariant: the methods are those of `tpm_core::support` (`accelerations`, `square_root`), in the caller's memory.
 
@@ -11,7 +12,7 @@ use super::expression::{Scalar, Writer};
 use super::layout::{doc, statement, string};
 use super::solve::{self, filled};
 
-/// M a = b by elimination with row pivoting.
+/// C code that solves M a = b by elimination with row pivoting.
 const ACCELERATIONS: &str = "
 /* The x with matrix x = right, by elimination with row pivoting; matrix and right are destroyed. */
 static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], REAL solution[COUNT])
@@ -91,7 +92,7 @@ static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], 
 }
 ";
 
-/// Rotations of rows into a triangular factor, and its solution.
+/// C code that rotates rows into a triangular factor, and solves with it.
 const SQUARE_ROOT: &str = "
 /* The root of the sum of two squares, which neither overflow nor vanish. */
 static REAL hypotenuse(REAL a, REAL b)
@@ -272,7 +273,7 @@ STATUS SOLVE(const ESTIMATOR *estimator, WORKSPACE *workspace, ESTIMATE *estimat
     }
 ";
 
-/// The deviations, after the parameters have been taken out of the column.
+/// C code of the standard deviations, after the parameters have been read from the column.
 const DEVIATIONS: &str = "    for (k = 0; k < rank; ++k) {
         if (estimate->shown[order[k]]) {
             workspace->column[order[k]] = SQRT(workspace->right[k]) / workspace->scale[order[k]];
@@ -280,7 +281,7 @@ const DEVIATIONS: &str = "    for (k = 0; k < rank; ++k) {
     }
 ";
 
-/// Writes the functions of all parts that were asked for.
+/// Writes the functions of all requested parts.
 pub(super) fn write(context: &mut Context<'_>) {
     let parts = &context.estimator.parts;
     if parts.forward_dynamics.is_some() || parts.estimator {
@@ -381,7 +382,7 @@ fn forward_dynamics(context: &mut Context<'_>) {
     context.function(&name, &about, &context.global("status"), &parameters, &body);
 }
 
-/// Names of the base parameters' fields.
+/// Names of the fields of the base parameters.
 fn base_fields(context: &Context<'_>) -> Vec<String> {
     let base = context.estimator.parts.base.iter().flat_map(|base| &base.parameters);
     base.map(|base| context.names.columns[base.column].clone()).collect()
@@ -440,7 +441,7 @@ fn base(context: &mut Context<'_>) {
     context.function(&context.global("representative"), requested::REPRESENTATIVE, "void", &parameters, &body);
 }
 
-/// Pointers to a structure that is read and to one that is written.
+/// Two pointer parameters: to a structure that is read, and to one that is written.
 fn pointers(context: &Context<'_>, [from, to]: [&str; 2], [source, target]: [&str; 2]) -> [Parameter; 2] {
     [
         Parameter::new(format!("const {} *{source}", context.global(from))),
@@ -540,7 +541,7 @@ fn estimator(context: &mut Context<'_>) {
     context.source.push_str(&solver);
     accumulate(context, pointer);
 
-    // The declaration stands in the header, the definition in the text.
+    // The declaration goes to the header; the definition is part of the solver's text.
     let about = format!(
         "What the samples so far show; `{}` when they do not show every base parameter. Modified Gram-Schmidt with column pivoting on\n\
          the factor, its columns scaled to unit length; a direction counts as not shown when what is left of its column is within the\n\
@@ -567,7 +568,7 @@ fn estimator(context: &mut Context<'_>) {
     context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
 }
 
-/// The function that takes in a sample.
+/// The function that processes a sample.
 fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
     let (real, scalar) = (context.scalar.name(), context.scalar);
     let (rows, size) = (context.constant("EQUATIONS"), context.constant("BASE_PARAMETERS"));

@@ -145,7 +145,7 @@ static STATUS least_squares(size_t rows, REAL matrix[][COLUMNS], REAL *right, RE
     estimate->condition = SQRT((REAL)COLUMNS * square);
 ";
 
-/// How functions end, once.
+/// The status codes that functions return.
 pub(super) fn status(context: &mut Context<'_>) {
     let status = context.global("status");
     let mut names = ["OK", "TOO_FEW", "UNDETERMINED", "NOT_FINITE"].map(|name| context.constant(name)).to_vec();
@@ -167,7 +167,7 @@ pub(super) fn status(context: &mut Context<'_>) {
         .push_str(&format!("\n/* How a function ended. */\ntypedef enum {status} {{\n{entries}\n}} {status};\n"));
 }
 
-/// The types of results, and the function that every pattern's solution goes through.
+/// The types of results, and the solver that all patterns share.
 pub(super) fn write(context: &mut Context<'_>) {
     let scalar = context.scalar;
     let parts = &context.estimator.parts;
@@ -226,7 +226,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     context.source.push_str(&format!("{rest}    return {};\n}}\n", names[0]));
 }
 
-/// A text with its words in capitals replaced, each as a whole.
+/// Replaces every whole word of a text that equals one of `words`, which are in capitals.
 pub(super) fn filled(text: &str, words: &[(&str, String)]) -> String {
     let mut out = String::with_capacity(text.len());
     let mut word = String::new();

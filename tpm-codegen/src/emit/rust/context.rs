@@ -1,4 +1,4 @@
-//! What the writers of Rust share: options, names, the spelling of leaves and arguments, and comments.
+//! State shared by the emitters of Rust: options, names, the spelling of leaves and arguments, and comments.
 
 use proc_macro2::{Ident, Literal, TokenStream};
 use quote::quote;
@@ -12,24 +12,25 @@ use super::super::filter::Filters;
 use super::super::function::{Reads, Role};
 use super::names::{self, Names};
 
-/// How a module is emitted.
+/// Options of the Rust code.
 #[derive(Clone, Debug)]
 pub struct Options<'a> {
     /// The command that generates this code again; it stands in the header.
     pub command: &'a str,
     /// Path of the runtime crate in the emitted code.
     pub runtime: &'a str,
-    /// Identified values to be baked in.
+    /// Identified values that the code contains as constants.
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
     /// Whether every pattern has a function for single strokes.
     pub strokes: bool,
-    /// The text of the model, for the trait of evaluated models to give back; nothing where it need not be carried along.
+    /// The text of the model, which the trait of evaluated models returns; nothing where the code need not contain it.
     pub source: Option<&'a str>,
-    /// Whether accumulators can let the past fade.
+    /// Whether accumulators get a function that reduces the weight of earlier samples.
     pub forgetting: bool,
-    /// Whether a file brings what it needs of the runtime along instead of naming it, and does without the runtime's trait.
+    /// Whether a file contains the code that it needs of the runtime instead of naming the crate, and does not
+    /// implement the runtime's trait.
     pub standalone: bool,
 }
 
@@ -48,13 +49,13 @@ impl Default for Options<'_> {
     }
 }
 
-/// What the writers of the parts share.
+/// State shared by the emitters of the parts.
 pub(super) struct Context<'a> {
     pub(super) estimator: &'a EstimatorSource,
     pub(super) options: &'a Options<'a>,
     pub(super) names: Names,
     pub(super) runtime: TokenStream,
-    /// Comment texts, by number; `None` where comments would be lost anyway.
+    /// Texts of comments, by number; `None` in a macro, where comments are lost.
     pub(super) comments: Option<RefCell<Vec<String>>>,
 }
 
@@ -69,7 +70,7 @@ impl<'a> Context<'a> {
         Self { estimator, options, names, runtime, comments }
     }
 
-    /// The path of the runtime, or of what stands for it, in a module inside the module.
+    /// The path of the runtime, or of the module that replaces it, from a nested module.
     pub(super) fn runtime_inside(&self) -> TokenStream {
         match self.options.standalone {
             true => quote!(super::support),
@@ -77,7 +78,7 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// A comment that [`file`](super::file) puts in; nothing in a macro, whose tokens cannot carry it.
+    /// A comment that [`file`](super::file) inserts; nothing in a macro, whose tokens cannot hold comments.
     pub(super) fn comment(&self, text: String) -> TokenStream {
         match &self.comments {
             Some(comments) => {
@@ -94,7 +95,7 @@ impl<'a> Context<'a> {
         !self.names.constants.is_empty()
     }
 
-    /// How a leaf is spelled; `owner` holds the symbols that are not constants.
+    /// The spelling of a leaf; `owner` holds the symbols that are not constants.
     pub(super) fn leaf(&self, leaf: &Leaf, owner: &Ident, fields: &[(Symbol, Ident)]) -> TokenStream {
         match *leaf {
             Leaf::Motion(coordinate, order) => {
@@ -136,12 +137,12 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// `constants: &Constants<T>,` where the model has any, for a function that hands them on.
+    /// `constants: &Constants<T>,` where the model has any, for a function that only passes them on.
     pub(super) fn constants_handed_on(&self) -> TokenStream {
         self.constants_parameter(Reads { constants: true, ..Reads::default() })
     }
 
-    /// How a function is called in documentation.
+    /// The name of a function in documentation.
     pub(super) fn function_name(&self, role: Role) -> String {
         let of = |pattern: usize, name: &str| match &self.names.patterns[pattern].module {
             Some(module) => format!("{module}::{name}"),

@@ -1,4 +1,4 @@
-//! The part of a module that needs no pattern: names, motions, regressor, forces, the shared trait.
+//! The part of a module that needs no pattern: names, motions, regressor, forces, the runtime's trait.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -16,7 +16,7 @@ use super::record::{Field, count, doc, locals, record};
 use super::requested;
 use super::shapes::{arguments, force_fields, label, matrix, quantity_fields, stores, structure};
 
-/// What the module takes from the runtime.
+/// The names that the module imports from the runtime.
 pub(super) fn imports(context: &Context<'_>) -> TokenStream {
     let (runtime, standalone) = (&context.runtime, context.options.standalone);
     let mut root = match standalone {
@@ -378,15 +378,15 @@ fn feed_forward_with_regressor(context: &Context<'_>) -> TokenStream {
     let values = locals(fields.len());
     let owner = ident("self");
     let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &[]));
-    // The matrix is one expression: a matrix that is first filled with zeros keeps compilers from packing stores and
-    // sums well.
+    // The matrix is one expression. A matrix that is first filled with zeros prevents compilers from vectorising stores
+    // and sums.
     let mut matrix = vec![vec![quote!(T::ZERO); columns]; rows];
     let mut steps: Vec<Statement> = Vec::new();
     for statement in statements {
         match statement {
             Statement::Store(Place::Entry(row, column), value) => {
                 matrix[row][column] = writer.expression(&value);
-                // The comment with an entry's formula stays only where a step computes something for the entry.
+                // The comment with an entry's formula is kept only where a step computes a value for the entry.
                 steps.pop_if(|step| matches!(step, Statement::Comment(_)));
             }
             step => steps.push(step),

@@ -1,6 +1,6 @@
 //! Steps and expressions in Rust.
 //!
-//! Invariant: what is written binds as the expression is nested.
+//! Invariant: the written operators bind as the expression is nested.
 
 use proc_macro2::{Literal, TokenStream};
 use quote::{format_ident, quote};
@@ -46,7 +46,7 @@ pub(super) fn number(value: &Rational) -> TokenStream {
     }
 }
 
-/// Writes expressions whose leaves are spelled by `leaf`, each as something that binds like a name.
+/// Writes expressions. `leaf` spells the leaves, each as tokens that bind as tightly as a name.
 pub(super) struct Writer<L> {
     leaf: L,
 }
@@ -56,7 +56,7 @@ impl<L: Fn(&Leaf) -> TokenStream> Writer<L> {
         Self { leaf }
     }
 
-    /// An expression.
+    /// The tokens of an expression.
     pub(super) fn expression(&self, expression: &Expression) -> TokenStream {
         match expression {
             // `T::from_f64(-2.0)` is a call and binds as one.
@@ -95,13 +95,13 @@ impl<L: Fn(&Leaf) -> TokenStream> Writer<L> {
         }
     }
 
-    /// In parentheses unless it binds at least as tightly as `level`.
+    /// The tokens of an expression, in parentheses unless it binds at least as tightly as `level`.
     pub(super) fn at(&self, expression: &Expression, level: Level) -> TokenStream {
         let tokens = self.expression(expression);
         if expression.level() >= level { quote!(#tokens) } else { quote!((#tokens)) }
     }
 
-    /// Steps; `store` puts a result where it belongs.
+    /// The tokens of some steps; `store` gives those that store a result.
     pub(super) fn statements(
         &self,
         context: &Context<'_>,

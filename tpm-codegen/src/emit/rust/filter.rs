@@ -1,4 +1,4 @@
-//! Filtered feed-forward: a module `filtered` with the low passes and both schemes.
+//! Filtered feed-forward: a module `filtered` with the low passes, and the common and split schemes.
 
 use num_traits::Signed;
 use proc_macro2::TokenStream;
@@ -11,9 +11,9 @@ use super::expression::number;
 use super::names::ident;
 use super::record::{count, doc};
 
-/// The module, where filters were asked for.
+/// The module, where filters were requested.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {
-    // `generate` has refused low passes that do not exist, and models whose feed-forward has no two parts.
+    // `generate` has refused low passes that do not exist, and models whose feed-forward cannot be split.
     let Some(filters) = context.options.filters else { return TokenStream::new() };
     let (Some(_), Ok((dependent, independent))) = (&context.estimator.plan.feed_forward_parts, filters.coefficients())
     else {
@@ -135,7 +135,7 @@ fn low_pass(name: &str, filters: &Filters, filter: &LowPass, coefficients: &Coef
     let (name, about) = (ident(name), doc(&filters.about(filter, part)));
     let Coefficients { gain, feedback } = coefficients;
     let gain = number(gain);
-    // A difference of a negative number is a sum.
+    // Subtracting a negative number is written as an addition.
     let [first, second] = feedback.each_ref().map(|value| match value.is_negative() {
         true => {
             let size = number(&-value);

@@ -1,4 +1,4 @@
-//! Names as Rust takes them.
+//! Names in the form that Rust uses.
 
 use proc_macro2::Ident;
 use tpm_symbolic::algebra::fourier::Trig;
@@ -7,7 +7,7 @@ use super::super::estimator::EstimatorSource;
 use super::super::name::{Language, Namer};
 use super::super::names::{self, Style, derivative_name, harmonic_name};
 
-/// Types of emitted modules and what they import: no name of a model may hide them.
+/// Types of emitted modules, and the names that they import. They are reserved: no name of a model may shadow them.
 const TYPES: [&str; 36] = [
     "Accelerations",
     "Accumulator",

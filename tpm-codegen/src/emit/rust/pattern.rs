@@ -1,4 +1,4 @@
-//! The part of a module that follows from a trajectory pattern: reference motion, estimator matrix, harmonics, solve.
+//! The part of a module that belongs to a trajectory pattern: reference motion, estimator matrix, harmonics, solution.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -46,7 +46,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     all
 }
 
-/// What a pattern's own module takes from around it.
+/// The names that a pattern's own module imports from the surrounding module.
 fn imports(context: &Context<'_>, pattern: &PatternPlan) -> TokenStream {
     let runtime = context.runtime_inside();
     let mut own: BTreeSet<Ident> = BTreeSet::new();
@@ -171,7 +171,8 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
     }
 }
 
-/// The method for a single stroke: the phase is held at its ends, where every derivative is zero.
+/// The method for a single stroke. Before and after the stroke the phase is held at its ends, where every derivative is
+/// zero.
 fn stroke(context: &Context<'_>, pattern: &PatternPlan, names: &PatternNames) -> TokenStream {
     let w = names.frequency(pattern);
     let about = doc(&function::stroke(context.estimator, pattern));
@@ -391,7 +392,7 @@ fn estimate(context: &Context<'_>) -> TokenStream {
     }
 }
 
-/// The parameters by the exact pseudo-inverse, where there is one.
+/// The method that computes the parameters by the exact pseudo-inverse, where there is one.
 fn direct(context: &Context<'_>, pattern: &PatternPlan, table: &TablePlan, names: &PatternNames) -> TokenStream {
     let Some(Function { about, reads, body: Body::Stores(statements) }) =
         function::direct(context.estimator, pattern, table)
@@ -438,7 +439,7 @@ fn solve(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     }
 }
 
-/// The structures of harmonics, and what fills them from samples.
+/// The structures of harmonics, and the functions that compute them from samples.
 fn harmonics(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let mut types = TokenStream::new();
     let mut fields = TokenStream::new();

@@ -16,7 +16,7 @@ pub(super) struct Field {
     pub(super) doc: String,
 }
 
-/// `v0, v1, ...`: local names that cannot meet any name of the model.
+/// `v0, v1, ...`: local names that differ from every name of the model.
 pub(super) fn locals(count: usize) -> Vec<Ident> {
     (0..count).map(|i| format_ident!("v{i}")).collect()
 }
@@ -42,7 +42,7 @@ pub(super) fn record(name: &Ident, about: &str, fields: &[Field]) -> TokenStream
     let values = locals(fields.len());
     let idents: Vec<&Ident> = fields.iter().map(|field| &field.ident).collect();
     let docs = fields.iter().map(|field| doc(&field.doc));
-    // Without a field the scalar would be an unused parameter of the type.
+    // Without a field the type would not use its scalar parameter.
     let (marker, unmarked) = match fields.len() {
         0 => (quote!(_scalar: ::core::marker::PhantomData<T>), quote!(_scalar: ::core::marker::PhantomData)),
         _ => (quote!(), quote!()),

@@ -1,4 +1,4 @@
-//! Rust of a regulator: a module over `core` alone.
+//! Rust of a regulator: a module that depends on `core` alone.
 
 use super::super::c::Scalar;
 use super::super::estimator::EmitError;
@@ -10,7 +10,7 @@ use super::super::text::filled;
 /// Widest line of the documentation.
 const WIDTH: usize = 100;
 
-/// The module's name and its text.
+/// The module's name and its source text.
 ///
 /// # Errors
 /// [`EmitError::OutOfScalar`] when a number is beyond the scalar.
@@ -20,7 +20,7 @@ pub fn file(regulator: &RegulatorSource, command: &str, scalar: Scalar) -> Resul
         Scalar::Float => "f32",
         Scalar::Double => "f64",
     };
-    // The cast is the rounding that is asked for.
+    // The cast performs the rounding.
     #[allow(clippy::cast_possible_truncation)]
     let literal = |value: f64| match scalar {
         Scalar::Float => digits_single(value as f32),

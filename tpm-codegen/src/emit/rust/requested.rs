@@ -1,4 +1,5 @@
-//! Functions that are made on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in base parameters.
+//! Functions that are emitted on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in
+//! base parameters.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -12,7 +13,7 @@ use super::names::ident;
 use super::record::{Field, count, doc, record};
 use super::shapes::{arguments, force_fields, label, matrix, quantity_fields, structure};
 
-/// What the module takes from the runtime for these functions.
+/// The names that the module imports from the runtime for these functions.
 pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
     let parts = &context.estimator.parts;
     let mut names = Vec::new();
@@ -25,7 +26,7 @@ pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
     names
 }
 
-/// All items of the parts that were asked for.
+/// All items of the requested parts.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {
     let parts = [gravity(context), mass_matrix(context), forward_dynamics(context), base(context), estimator(context)];
     parts.into_iter().collect()
@@ -58,7 +59,8 @@ fn forward_dynamics(context: &Context<'_>) -> TokenStream {
         })
         .collect();
     let accelerations = record(&ident("Accelerations"), "The highest time derivative of every coordinate.", &fields);
-    // Where an input follows from no single equation there is no feed-forward, which has this structure otherwise.
+    // Where an input does not follow from a single equation there is no feed-forward, which defines this structure
+    // otherwise.
     let inputs = match context.estimator.plan.feed_forward {
         Some(_) => TokenStream::new(),
         None => record(&ident("Inputs"), "The inputs.", &quantity_fields(context, &names.inputs)),
@@ -96,7 +98,7 @@ fn forward_dynamics(context: &Context<'_>) -> TokenStream {
     }
 }
 
-/// Names of the base parameters' fields.
+/// Names of the fields of the base parameters.
 fn base_fields<'a>(context: &'a Context<'_>) -> Vec<&'a Ident> {
     let base = context.estimator.parts.base.iter().flat_map(|base| &base.parameters);
     base.map(|base| &context.names.columns[base.column]).collect()

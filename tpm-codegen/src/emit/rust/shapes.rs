@@ -1,4 +1,4 @@
-//! What functions of the dynamics are written with: labels, fields, parameter lists, matrices and structures that they return.
+//! Building blocks of functions of the dynamics: labels, fields, parameter lists, matrices and returned structures.
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -43,7 +43,7 @@ pub(super) fn arguments(context: &Context<'_>, reads: Reads, with_parameters: bo
     quote!(#motion: &Motion<T>, #parameters #constants)
 }
 
-/// Steps that fill `matrix` and set the local variables `values`.
+/// Steps that fill `matrix` and define the local variables `values`.
 pub(super) fn stores<L: Fn(&Leaf) -> TokenStream>(
     context: &Context<'_>,
     statements: &[Statement],
@@ -62,7 +62,7 @@ pub(super) fn stores<L: Fn(&Leaf) -> TokenStream>(
     })
 }
 
-/// A function with a row per equation.
+/// A function that returns one matrix row per equation.
 pub(super) fn matrix(
     context: &Context<'_>,
     name: &str,

@@ -1,10 +1,11 @@
-//! What a file that stands alone brings along: the text of the controller's crate.
+//! The code of the core crate that a self-contained file includes.
 //!
-//! Invariant: the text is taken unchanged; every module takes what it needs from the module around it, which is written here.
+//! Invariant: the included text is unchanged; every module imports its names from the surrounding module, which is
+//! written here.
 
 use tpm_core::source::SUPPORT;
 
-/// What of the controller's crate the code needs beside scalars and labels.
+/// The items of the core crate that the code needs in addition to scalars and labels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Needs {
     /// Least squares of harmonics, which a pattern with a table needs.

@@ -4,7 +4,7 @@ use crate::language::ast::expr::{Expr, Ident};
 use crate::source::Span;
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
-/// The word of the language for a torque of a drive.
+/// The keyword of a drive's loss torque.
 #[must_use]
 pub fn loss_word(loss: Loss) -> &'static str {
     match loss {
@@ -45,7 +45,7 @@ pub struct VectorExpr {
     pub span: Span,
 }
 
-/// A place against a frame: `at (x, y, z) turned (roll, pitch, yaw)`.
+/// Position and orientation relative to a frame: `at (x, y, z) turned (roll, pitch, yaw)`.
 #[derive(Clone, PartialEq, Eq, Debug, Default)]
 pub struct Placement {
     /// The origin; that of the frame when not given.
@@ -59,7 +59,7 @@ pub struct Placement {
 pub struct BodyDeclaration {
     /// The name.
     pub name: Ident,
-    /// The body that it stands on; the base when not given.
+    /// The parent body; the base when not given.
     pub parent: Option<Ident>,
     /// Its joint; a body without one is reported by the checks.
     pub joint: Option<JointDeclaration>,
@@ -74,7 +74,7 @@ pub struct JointDeclaration {
     pub keyword: Span,
     /// What moves.
     pub motion: JointMotion,
-    /// Where the joint is in the frame of the parent.
+    /// Position and orientation of the joint in the frame of the parent.
     pub placement: Placement,
 }
 
@@ -116,7 +116,8 @@ pub struct KnownInertia {
     pub keyword: Span,
     /// The mass, kg.
     pub mass: Expr,
-    /// The centre of mass in the frame of the body, and how the axes of the moments are turned against that frame.
+    /// The centre of mass in the frame of the body, and the orientation of the axes of the moments relative to that
+    /// frame.
     pub placement: Placement,
     /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass, kg m^2; zero when not given.
     pub moments: Option<Vec<Expr>>,
@@ -125,13 +126,13 @@ pub struct KnownInertia {
 /// `drive q1 by tau1 with viscous, coulomb;` or `drive wrist = q5 + q6 by u6;`
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct DriveDeclaration {
-    /// The coordinate that it drives; with a combination, a name of its own.
+    /// The driven coordinate; for a combination of coordinates, the name of the drive.
     pub name: Ident,
-    /// The constant combination of coordinates that it moves by.
+    /// The combination of coordinates, with constant factors, that the drive moves.
     pub moves: Option<Expr>,
-    /// The input that is its torque.
+    /// The input that is the torque of the drive.
     pub input: Option<Ident>,
-    /// Its unknown torques, with the parameters that stand for them.
+    /// Its unknown loss torques, with the parameters that describe them.
     pub losses: Vec<(Loss, Ident)>,
 }
 

@@ -40,7 +40,7 @@ impl Checker<'_, '_> {
         self.diagnostics.push(Diagnostic::error(span, message).label(first, "the first one").help(help));
     }
 
-    /// Gravity is given once, and there is a body.
+    /// Requires one statement of gravity at most, and at least one body.
     fn once(&mut self, mechanism: &MechanismDeclaration) {
         let gravities = mechanism.items.iter().filter_map(|item| match item {
             MechanismItem::Gravity(gravity) => Some(gravity.span),
@@ -63,7 +63,7 @@ impl Checker<'_, '_> {
         }
     }
 
-    /// Names are unique, parents exist, and every body stands on the base by way of its parents.
+    /// Requires unique names, known parents, and a chain of parents from every body to the base.
     fn tree(&mut self, mechanism: &MechanismDeclaration) {
         let mut bodies: HashMap<&str, &BodyDeclaration> = HashMap::new();
         for body in mechanism.bodies() {
@@ -100,7 +100,7 @@ impl Checker<'_, '_> {
         self.loops(mechanism, &bodies);
     }
 
-    /// Reports every loop once, at the body of the loop that comes first in the text.
+    /// Reports every cycle of parents once, at its first body in the text.
     fn loops(&mut self, mechanism: &MechanismDeclaration, bodies: &HashMap<&str, &BodyDeclaration>) {
         let mut cleared: HashSet<&str> = HashSet::new();
         for body in mechanism.bodies() {
@@ -128,7 +128,7 @@ impl Checker<'_, '_> {
         }
     }
 
-    /// Every body has a joint, every coordinate exactly one.
+    /// Requires a joint for every body, and exactly one joint for every coordinate.
     fn joints(&mut self, model: &ModelDeclaration, mechanism: &MechanismDeclaration) {
         let mut moved: HashMap<&str, Span> = HashMap::new();
         for body in mechanism.bodies() {
@@ -177,7 +177,7 @@ impl Checker<'_, '_> {
         }
     }
 
-    /// Parameters of a body that never moves are in no equation.
+    /// Reports parameters of a body that never moves, since they occur in no equation.
     fn standing(&mut self, mechanism: &MechanismDeclaration) {
         let bodies: HashMap<&str, &BodyDeclaration> =
             mechanism.bodies().map(|body| (body.name.name.as_str(), body)).collect();
@@ -187,7 +187,7 @@ impl Checker<'_, '_> {
             let mut steps = 0;
             let stands = loop {
                 let Some(at) = current else { break true };
-                // A loop has a report of its own, and an unknown parent too.
+                // A cycle and an unknown parent are reported by other checks.
                 if steps > bodies.len() || at.joint.as_ref().is_none_or(|joint| joint.motion != JointMotion::Fixed) {
                     break false;
                 }
@@ -265,7 +265,7 @@ impl Checker<'_, '_> {
         self.named(name, Role::Coordinate);
     }
 
-    /// Reports a name that is no quantity of this role.
+    /// Reports a name that is not a quantity of the given role.
     fn named(&mut self, name: &Ident, role: Role) {
         let text = name.name.as_str();
         let mut known: Vec<(Span, &str)> = self

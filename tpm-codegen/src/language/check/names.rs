@@ -1,7 +1,7 @@
-//! Checks that every name is known and stands where its kind may stand, and that every declared quantity is used.
+//! Checks that every name is known and used where its kind is allowed, and that every declared quantity is used.
 //!
-//! Invariant: uses are edges from the statement that uses to what is used, with the equations of motion and the patterns as
-//! roots; a parameter that only an unused `let` mentions is therefore unused.
+//! Invariant: a use is an edge from the using statement to the used name. The roots of the graph are the equations of
+//! motion and the patterns; a parameter that only an unused `let` mentions is therefore unused.
 
 use std::collections::{HashMap, HashSet};
 
@@ -17,7 +17,7 @@ use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
 use crate::source::Span;
 
-/// Where an expression stands, which decides what it may use.
+/// Context of an expression, which decides which names it may use.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place<'a> {
     /// Equations, energies, forces and the `let`s for them.
@@ -72,7 +72,8 @@ impl Place<'_> {
     }
 }
 
-/// Where a use stands: in the model itself, or in the definition of a name, where it counts only if that name is used.
+/// The user in a use: the model itself, or the definition of a name, in which case the use counts only if that name is
+/// used.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum User<'a> {
     Root,
@@ -98,7 +99,7 @@ struct Names<'a, 's, 'd> {
     symbols: &'s Symbols<'a>,
     syntax: &'s Syntax,
     diagnostics: &'d mut Diagnostics,
-    /// `let`s and constants with a value that are defined above the present statement.
+    /// `let`s and constants with a value that are defined above the current statement.
     known: HashSet<&'a str>,
     uses: HashMap<User<'a>, HashSet<&'a str>>,
     pattern_uses: Vec<HashSet<&'a str>>,
@@ -157,12 +158,12 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    /// A mechanism uses its coordinates, its inputs and the constants of its geometry.
+    /// Notes the uses of a mechanism: its coordinates, its inputs and the constants of its geometry.
     fn mechanism(&mut self, mechanism: &'a MechanismDeclaration) {
         for expr in mechanism.geometry() {
             self.visit(expr, Place::Geometry, User::Root);
         }
-        // A coordinate that no joint moves is reported as such.
+        // A coordinate that no joint moves is reported by another check.
         let symbols = self.symbols.model.iter();
         let coordinates = symbols.filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
         let driving = mechanism.drives().flat_map(|drive| drive.input.as_ref().into_iter().chain([&drive.name]));
@@ -362,7 +363,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    /// Reports derivatives outside equations, and functions that make a motion outside patterns.
+    /// Reports derivatives outside equations, and pattern functions outside patterns.
     fn place_of(&mut self, function: Function, span: Span, place: Place<'a>) {
         let name = function.name();
         let help = match place {
@@ -392,7 +393,7 @@ impl<'a> Names<'a, '_, '_> {
                         | SymbolKind::Coefficient(..)
                         | SymbolKind::Lump,
                     ) => {}
-                    // An unknown name is reported as such, and a `let` is taken for moving.
+                    // An unknown name is reported elsewhere, and a `let` counts as time-dependent.
                     _ => moves = moves || name != "pi",
                 }
             }
@@ -487,7 +488,7 @@ impl<'a> Names<'a, '_, '_> {
                 Item::Declaration(declaration) => {
                     for quantity in &declaration.quantities {
                         let name = quantity.name.name.as_str();
-                        // A reserved name, and a name's second definition, define nothing and have a report already.
+                        // A reserved name and the second definition of a name define nothing, and are already reported.
                         if !defines(&self.symbols.model, &quantity.name) {
                             continue;
                         }

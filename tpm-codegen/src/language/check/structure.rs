@@ -1,4 +1,5 @@
-//! Checks statements against each other: one energy of each kind, one force on each coordinate, motions of coordinates only.
+//! Checks of statements against each other: one energy of each kind, one force on each coordinate, motions of
+//! coordinates only.
 
 use std::collections::HashMap;
 
@@ -35,7 +36,7 @@ impl<'a> Checker<'a, '_> {
         );
     }
 
-    /// A model has either equations, or energies, or a mechanism.
+    /// Requires either equations, or energies, or a mechanism.
     fn dynamics(&mut self, model: &'a ModelDeclaration) {
         let mut energies: HashMap<&str, Span> = HashMap::new();
         let mut lagrangian = None;
@@ -94,7 +95,7 @@ impl<'a> Checker<'a, '_> {
         }
     }
 
-    /// Statements that name coordinates name declared ones, each once.
+    /// Requires that statements about coordinates name declared ones, each once.
     fn coordinates(&mut self, model: &'a ModelDeclaration) {
         let mut forces = HashMap::new();
         let mut taylors = HashMap::new();
@@ -138,7 +139,7 @@ impl<'a> Checker<'a, '_> {
         }
     }
 
-    /// The names c1, c2, ... must be free.
+    /// Requires that the names c1, c2, ... are unused.
     fn stem(&mut self, stem: &Ident) {
         let clash = self.symbols.model.iter().filter(|(name, _)| {
             name.strip_prefix(stem.name.as_str()).is_some_and(|rest| {

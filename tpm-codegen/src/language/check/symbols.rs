@@ -1,6 +1,7 @@
 //! The names that a model defines.
 //!
-//! Invariant: a name has one meaning in the model; a pattern's amplitudes and frequency are its own and hide nothing.
+//! Invariant: a name has one meaning in the model. A pattern's amplitudes and frequency are local to it and shadow no
+//! name.
 
 use std::collections::HashMap;
 
@@ -16,7 +17,7 @@ use crate::language::suggest::nearest;
 use crate::source::Span;
 use tpm_units::Unit;
 
-/// What a name stands for.
+/// Kind of a name.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum SymbolKind {
     /// A declared quantity.
@@ -62,7 +63,7 @@ pub(crate) struct Symbol {
     pub(crate) unit: Option<Unit>,
 }
 
-/// Names with what they stand for.
+/// Names with their meanings.
 pub(crate) type Scope<'a> = HashMap<&'a str, Symbol>;
 
 /// The names of a model and of each of its patterns, by the order of the patterns.
@@ -119,7 +120,7 @@ pub(super) fn collect<'a>(model: &'a ModelDeclaration, diagnostics: &mut Diagnos
             | Item::Pattern(_) => {}
         }
     }
-    // Patterns come last, so that a name of theirs that the model defines further down is found to be defined twice.
+    // Patterns come last, so that a name of theirs that the model defines further down is reported as defined twice.
     for item in &model.items {
         if let Item::Pattern(pattern) = item {
             symbols.patterns.push(collect_pattern(pattern, &symbols.model, diagnostics));
@@ -141,7 +142,7 @@ fn collect_pattern<'a>(pattern: &'a PatternDeclaration, outer: &Scope<'a>, diagn
     scope
 }
 
-/// A frequency in Hz has the right dimension and is wrong by 2 pi.
+/// Reports a frequency in Hz, which has the right dimension and is wrong by the factor 2 pi.
 fn refuse_hertz(declaration: &Declaration, diagnostics: &mut Diagnostics) {
     for unit in declaration.quantities.iter().filter_map(|quantity| quantity.unit.as_ref()) {
         if let Some((name, _)) = unit.factors.iter().find(|(name, _)| name.name.ends_with("Hz")) {
@@ -199,7 +200,7 @@ fn define<'a>(
     scope.insert(text, Symbol { kind, span: name.span, unit });
 }
 
-/// The unit that a bracket names; none when a name in it is unknown, which is reported.
+/// The unit in a bracket; none when a name in it is unknown, which is reported.
 pub(super) fn resolve(expr: &UnitExpr, diagnostics: &mut Diagnostics) -> Option<Unit> {
     let mut product = Some(Unit::one());
     for (name, exponent) in &expr.factors {

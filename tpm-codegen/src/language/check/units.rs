@@ -1,8 +1,9 @@
 //! Checks that every term has the unit of its equation's right-hand side.
 //!
-//! Invariant: a [`Dimension`] is exact or unknown; a quantity declared without a unit is unknown, and what contains it is not
-//! checked. The unit of a series function that gives none is an unknown that the equations determine: silent rounds bind these
-//! unknowns until nothing changes, then one round reports.
+//! Invariant: a [`Dimension`] is exact or unknown. A quantity declared without a unit has an unknown dimension, and
+//! expressions that contain it are not checked. The unit of a series function without a stated one is an unknown that
+//! the equations determine: passes without reports solve for these unknowns until nothing changes, then one pass
+//! reports.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -50,8 +51,8 @@ pub(super) fn check(
     bound
 }
 
-/// How the model writes the unit that torques and energies share: as an input does, else as any other quantity; `N*m` where none
-/// has it.
+/// Spelling of the common unit of torques and energies: that of an input, else that of any other quantity in the model;
+/// `N*m` where none has it.
 fn written_torque(model: &ModelDeclaration) -> String {
     let declarations = |of_inputs: bool| {
         model.items.iter().filter_map(move |item| match item {
@@ -61,12 +62,12 @@ fn written_torque(model: &ModelDeclaration) -> String {
     };
     let quantities = declarations(true).chain(declarations(false)).flat_map(|declaration| &declaration.quantities);
     let mut units = quantities.filter_map(|quantity| quantity.unit.as_ref());
-    // Unknown names are reported where the units of quantities are resolved.
+    // Unknown unit names are reported when the units of quantities are resolved.
     let shared = units.find(|unit| resolve(unit, &mut Diagnostics::new()).is_some_and(|unit| unit.is_torque()));
     shared.map_or_else(|| "N*m".to_owned(), |unit| unit.to_string().trim_matches(['[', ']']).to_owned())
 }
 
-/// The unit of an expression: exact up to powers of unknown units of series functions, or not known at all.
+/// The unit of an expression: exact up to powers of the unknown units of series functions, or unknown.
 #[derive(Clone, PartialEq, Debug)]
 enum Dimension {
     Unknown,
@@ -82,7 +83,7 @@ impl Dimension {
         Self::of(Unit::one())
     }
 
-    /// `self * other^exponent`; none when an exponent leaves 64 bits.
+    /// `self * other^exponent`; none when an exponent exceeds 64 bits.
     fn times_power(&self, other: &Self, exponent: Exponent) -> Option<Self> {
         let (Self::Known(left, left_unknowns), Self::Known(right, right_unknowns)) = (self, other) else {
             return Some(Self::Unknown);
@@ -100,24 +101,24 @@ impl Dimension {
     }
 }
 
-/// The unit that terms are compared with, and where it comes from.
+/// The unit with which terms are compared, and its origin.
 struct Reference {
     dimension: Dimension,
     span: Span,
-    /// What has this unit, for messages.
+    /// The item that has this unit, for messages.
     what: String,
 }
 
 struct Round<'a, 's, 'd> {
     symbols: &'s Symbols<'a>,
     source: &'s Source,
-    /// The coordinates that the series functions are functions of.
+    /// The coordinates that are the arguments of the series functions.
     arguments: &'s [&'a str],
-    /// How the unit of torques and energies is written.
+    /// Spelling of the unit of torques and energies.
     torque: &'s str,
     bound: &'s mut [Option<Unit>],
     lets: HashMap<&'a str, Dimension>,
-    /// The pattern in which expressions stand now.
+    /// The pattern to which the current expressions belong.
     local: Option<&'s Scope<'a>>,
     diagnostics: &'d mut Diagnostics,
 }
@@ -152,7 +153,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                     }
                 }
                 Item::Nonlinear(parameters) => {
-                    // Ends are numbers in the parameter's own unit, as the values of constants are.
+                    // Interval bounds are numbers in the parameter's own unit, as the values of constants are.
                     for end in parameters.iter().flat_map(|parameter| [&parameter.from, &parameter.to]) {
                         self.dimension(end);
                     }
@@ -247,8 +248,8 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// Joints that turn have coordinates in rad and torques, joints that slide coordinates in m and forces; what has a name in the
-    /// geometry is in m.
+    /// Rotating joints have coordinates in rad and torques, sliding joints have coordinates in m and forces. Named
+    /// quantities in the geometry are in m.
     fn mechanism(&mut self, mechanism: &'a MechanismDeclaration) {
         for item in &mechanism.items {
             match item {
@@ -297,7 +298,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// Compares what has a name with a unit; a number is in that unit.
+    /// Compares named quantities with a unit; a plain number has that unit.
     fn geometry<'e>(&mut self, exprs: impl IntoIterator<Item = &'e Expr>, unit: &str, span: Span, what: &str) {
         for expr in exprs {
             let mut names = false;
@@ -328,7 +329,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// Requires every term of an expression to have this unit, when it is known.
+    /// Requires that every term of an expression has this unit, when it is known.
     fn expect(&mut self, expr: &Expr, dimension: Dimension, span: Span, what: &str) {
         let reference = match dimension {
             Dimension::Unknown => None,
@@ -374,13 +375,13 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                     self.diagnostics.push(diagnostic);
                 }
             }
-            // One unknown: this comparison determines it.
+            // With one unknown, this comparison determines it.
             (Some((&index, exponent)), None) => self.bound[index] = ratio.power(-exponent.recip()),
             _ => {}
         }
     }
 
-    /// The dimension with the units of series functions that are bound by now in the place of their unknowns.
+    /// The dimension in which the unknowns that were determined so far are replaced by their units.
     fn settle(&self, dimension: &Dimension) -> Dimension {
         let Dimension::Known(unit, unknowns) = dimension else { return Dimension::Unknown };
         let mut settled = Some(Dimension::of(unit.clone()));
@@ -417,13 +418,14 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             Some((SymbolKind::Quantity(_) | SymbolKind::Nonlinear, Some(unit))) => Dimension::of(unit.clone()),
             Some((SymbolKind::Function(index), _)) => self.series(index),
             Some((SymbolKind::Coefficient(index, power), _)) => {
-                // Anything but a coordinate is refused elsewhere, and a coefficient of the series itself would lead round in a circle.
+                // Other names than coordinates are refused elsewhere; a coefficient of the series itself would be a
+                // circular definition.
                 let is_quantity = |name: &&&str| {
                     self.symbol(name).is_some_and(|symbol| matches!(symbol.kind, SymbolKind::Quantity(_)))
                 };
                 let argument =
                     self.arguments.get(index).filter(is_quantity).map_or(Dimension::Unknown, |name| self.named(name));
-                // A power is the number of a name in a list, so it fits.
+                // The power is an index in a list of names, so it fits.
                 let exponent = Exponent::from_integer(-(power as i64));
                 let argument = if power == 0 { Dimension::one() } else { argument };
                 self.series(index).times_power(&argument, exponent).unwrap_or(Dimension::Unknown)
@@ -433,7 +435,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// `left * right^exponent`, with a report when an exponent leaves 64 bits.
+    /// `left * right^exponent`, with a report when an exponent exceeds 64 bits.
     fn combine(&mut self, left: &Dimension, right: &Dimension, exponent: i64, span: Span) -> Dimension {
         left.times_power(right, Ratio::from_integer(exponent)).unwrap_or_else(|| {
             self.diagnostics.push(
@@ -525,7 +527,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// The unit of a shape is that of the first value that its clauses give, times the seconds of a derivative.
+    /// The unit of a shape: that of the first value in its clauses, times seconds to the order of the derivative.
     fn shape(&mut self, name: &Ident, arguments: &[Expr]) -> Dimension {
         let Some((frequency, clauses)) = arguments.split_first() else { return Dimension::Unknown };
         let dimension = self.terms(frequency, None);
@@ -573,7 +575,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     }
 }
 
-/// The dimension of a unit of the table.
+/// The dimension of a unit in the table of units.
 fn known(unit: &str) -> Dimension {
     Unit::parse(unit).map_or(Dimension::Unknown, Dimension::of)
 }
@@ -583,7 +585,7 @@ fn torque(turns: bool) -> Dimension {
     known(if turns { "N*m" } else { "N" })
 }
 
-/// The place of the joint of a coordinate, and whether it turns.
+/// The span of the joint of a coordinate, and whether it rotates.
 fn joint_of(mechanism: &MechanismDeclaration, coordinate: &Ident) -> Option<(Span, bool)> {
     mechanism.bodies().filter_map(|body| body.joint.as_ref()).find_map(|joint| match &joint.motion {
         JointMotion::Revolute(name, _) if name.name == coordinate.name => Some((joint.keyword, true)),

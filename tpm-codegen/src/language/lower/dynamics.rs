@@ -1,4 +1,4 @@
-//! Lowers equations, and energies by way of the Euler-Lagrange equations.
+//! Lowers equations, and energies by the Euler-Lagrange equations.
 //!
 //! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
 //! an energy ([`tpm_symbolic::mechanics::lagrange`]).
@@ -56,7 +56,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// The name of the one input that drives the equation; `eq1`, `eq2`, ... when there is none, or several.
+    /// The name of the single input that drives the equation; `eq1`, `eq2`, ... when there is no input, or several.
     fn name(&self, left: &[SourceTerm], right: &[SourceTerm]) -> String {
         let position = self.model.equations.len() + 1;
         let (right, left) = (inputs(&self.model, right), inputs(&self.model, left));
@@ -126,7 +126,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 }
 
-/// The terms of an expression with the signs they have, those of leading minus signs included.
+/// The terms of an expression with their signs, leading minus signs included.
 fn signed_terms(expr: &Expr) -> Vec<(Sign, &Expr)> {
     expr.terms()
         .into_iter()

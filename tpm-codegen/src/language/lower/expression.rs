@@ -13,21 +13,21 @@ use crate::language::ast::{Expr, ExprKind, Ident, Operation, Sign};
 use crate::language::function::Function;
 use crate::source::Span;
 
-/// Highest order of a derivative, a series or a Taylor polynomial. Far above any use; without a bound a ten-byte text could ask
-/// for a billion derivatives.
+/// Highest order of a derivative, a series or a Taylor polynomial. It is far above any use; without a bound a text of
+/// ten bytes could ask for a billion derivatives.
 pub const HIGHEST_ORDER: u32 = 100;
 
-/// Longest number, in bits, that an expression may have as its value: far beyond any float, and short enough that
+/// Longest number, in bits, that an expression may have as its value. It is far beyond any float, and short enough that
 /// `10^1000000000` is refused before it is computed.
 const LONGEST_NUMBER: u64 = 1 << 17;
 
-/// The highest exponent of anything but a number.
+/// Highest exponent of a base that is not a number.
 const HIGHEST_EXPONENT: u32 = 1000;
 
-/// Most terms that a power may have when it is multiplied out, and an expression that a later stage multiplies out.
+/// Most terms of a power, or of an expression that a later stage multiplies out.
 pub(super) const MOST_TERMS: f64 = 100_000.0;
 
-/// What lowering a part of the text gives; the fault costs the statement that the part stands in.
+/// Result of lowering a part of the text; a fault removes the statement that contains the part.
 pub(super) type Lower<T> = Result<T, Diagnostic>;
 
 /// The graph with the names that an expression may use.
@@ -43,7 +43,7 @@ impl Environment<'_, '_> {
             ExprKind::Name(name) if name == "pi" => self.model.graph.pi(),
             ExprKind::Name(name) => match self.names.get(name.as_str()) {
                 Some(&id) => id,
-                // What the name stands for could not be lowered, and that is reported where it is defined.
+                // The definition of the name could not be lowered, which is reported there.
                 None => {
                     return Err(Diagnostic::error(expr.span, format!("`{name}` has no value here"))
                         .help("correct its definition"));
@@ -81,7 +81,7 @@ impl Environment<'_, '_> {
             ExprKind::Call(function, arguments) => self.call(function, arguments, expr.span)?,
         };
         within(self.bits(id), expr.span)?;
-        // Powers of one base meet in products.
+        // Factors that are powers of one base are collected.
         let graph = &self.model.graph;
         let powers = match graph.node(id) {
             Node::Product(factors) => factors.as_slice(),
@@ -144,7 +144,7 @@ impl Environment<'_, '_> {
             (Some(Function::Log), [_]) => graph::Function::Log,
             (Some(Function::Abs), [_]) => graph::Function::Abs,
             (Some(Function::Sign), [_]) => graph::Function::Sign,
-            // Everything else is reported by the checks.
+            // All other faults are reported by the checks.
             _ => {
                 return Err(Diagnostic::error(span, format!("`{}` cannot stand here", name.name))
                     .help("use a function of the language"));
@@ -237,7 +237,8 @@ pub(super) fn regular(model: &ExactModel, id: ExprId, span: Span) -> Lower<()> {
     Ok(())
 }
 
-/// Whether a power has so high an exponent, or so many terms even if those of its base were single ones, that it cannot be meant.
+/// Whether a power has an exponent so high, or a lower bound of its number of terms so large, that it is certainly a
+/// mistake.
 fn is_huge_power(graph: &Graph, id: ExprId) -> bool {
     let Node::Power(base, exponent) = *graph.node(id) else { return false };
     let terms = if let Node::Sum(terms) = graph.node(base) { terms.len() } else { 1 };

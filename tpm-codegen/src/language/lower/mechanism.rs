@@ -1,4 +1,4 @@
-//! Lowers mechanisms to trees of rigid bodies, and these to equations of motion.
+//! Lowers mechanisms to trees of rigid bodies, and trees to equations of motion.
 //!
 //! Invariant: the geometry is exact. Axes are rational unit vectors, and the cosine and sine of every constant angle are rational.
 
@@ -133,7 +133,7 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok((origin, rotation))
     }
 
-    /// A unit vector along an axis; the length of the vector as it is written does not matter.
+    /// A unit vector along an axis; the length of the written vector does not matter.
     fn axis(&self, vector: &VectorExpr) -> Lower<[Rational; 3]> {
         let [x, y, z] = &vector.components;
         let exact = |expr: &Expr| expression::exact(expr, &self.values);
@@ -182,7 +182,8 @@ impl<'a> Lowering<'a, '_, '_> {
         Err(no_angle(expr.span, value))
     }
 
-    /// The ten parameters about the body's frame; what no body can have is refused where all of it is known exactly.
+    /// The ten parameters about the body's frame. Values that no body can have are refused where all of them are known
+    /// exactly.
     fn known_inertia(&mut self, known: &KnownInertia) -> Lower<[ExprId; 10]> {
         let zero = Expr { kind: ExprKind::Number(Rational::zero()), span: known.keyword };
         let moments: [&Expr; 6] = match known.moments.as_deref() {
@@ -279,7 +280,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 }
 
-/// The bodies, each after the body that it stands on, otherwise in the order of the text. There are no loops.
+/// The bodies, each after its parent, otherwise in the order of the text. There are no cycles.
 fn inward_first(mechanism: &MechanismDeclaration) -> Vec<&BodyDeclaration> {
     let bodies: HashMap<&str, &BodyDeclaration> =
         mechanism.bodies().map(|body| (body.name.name.as_str(), body)).collect();
@@ -303,7 +304,8 @@ fn inward_first(mechanism: &MechanismDeclaration) -> Vec<&BodyDeclaration> {
     order
 }
 
-/// A constant angle without rational cosine and sine, with one next to it where its value (rad) is known.
+/// The fault of a constant angle without rational cosine and sine, with a nearby one that has them where its value
+/// (rad) is known.
 fn no_angle(span: Span, value: Option<f64>) -> Diagnostic {
     let rule = "write a multiple of pi/2, or `2*atan2(p, q)` with rational p and q";
     let help = match value.and_then(|value| Some((value, near::rational((value / 2.0).tan())?))) {

@@ -13,7 +13,7 @@ use tpm_report::TEMPORARY;
 
 /// Most attempts to take a lock whose holder has not yet written its name into the file, or whose file was removed
 /// meanwhile.
-const ATTEMPTS: usize = 100;
+const MOST_ATTEMPTS: usize = 100;
 
 /// Time between two attempts to take the lock.
 const BETWEEN_ATTEMPTS: Duration = Duration::from_millis(10);
@@ -40,7 +40,7 @@ impl Lock {
             return Err(StoreError::Broken { path: folder.display().to_string(), reason });
         }
         fs::create_dir_all(folder).map_err(|error| io(&error))?;
-        for _ in 0..ATTEMPTS {
+        for _ in 0..MOST_ATTEMPTS {
             if fs::symlink_metadata(&path).is_ok_and(|present| !present.is_file()) {
                 return Err(io(&"this is no regular file, and nothing is written through it; remove it"));
             }

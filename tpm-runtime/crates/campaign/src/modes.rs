@@ -11,10 +11,10 @@ use tpm_numerics::fourier::analyse;
 use tpm_plant::stability::natural_modes;
 
 /// Largest relative distance of a harmonic from a natural frequency at which the harmonic counts as near the mode.
-const NEAR: f64 = 0.05;
+const MOST_DISTANCE_OF_MODE: f64 = 0.05;
 /// Smallest harmonic that is compared with the natural modes, as a share of the largest: of the acceleration of a coordinate, and
 /// of an input.
-const SUBSTANTIAL: f64 = 1e-3;
+const LEAST_HARMONIC: f64 = 1e-3;
 
 /// A harmonic near a natural mode of the machine (Feng, 2.1, 4.2).
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,7 +37,7 @@ pub fn near_mode(model: &dyn Model<f64>, trial: &Trial) -> Option<NearMode> {
     }
     let near = |harmonic: u32| {
         let frequency = f64::from(harmonic) * trial.trajectory.frequency;
-        modes.iter().copied().find(|mode| (frequency / mode - 1.0).abs() < NEAR)
+        modes.iter().copied().find(|mode| (frequency / mode - 1.0).abs() < MOST_DISTANCE_OF_MODE)
     };
     let found = |signal: &str, harmonic: u32| {
         near(harmonic).map(|frequency| NearMode { signal: signal.into(), harmonic, frequency })
@@ -46,7 +46,7 @@ pub fn near_mode(model: &dyn Model<f64>, trial: &Trial) -> Option<NearMode> {
         let acceleration = |k: u32, cos: f64, sin: f64| f64::from(k).powi(2) * cos.hypot(sin);
         let sizes = series.lines.iter().map(|line| (line.harmonic, acceleration(line.harmonic, line.cos, line.sin)));
         let largest = sizes.clone().map(|(_, size)| size).fold(0.0, f64::max);
-        let mut strong = sizes.filter(|(_, size)| *size > SUBSTANTIAL * largest);
+        let mut strong = sizes.filter(|(_, size)| *size > LEAST_HARMONIC * largest);
         strong.find_map(|(harmonic, _)| found(model.coordinate(c).name, harmonic))
     });
     moved.or_else(|| {
@@ -55,7 +55,7 @@ pub fn near_mode(model: &dyn Model<f64>, trial: &Trial) -> Option<NearMode> {
         (0..inputs).find_map(|i| {
             let lines = analyse(&trial.feed_forward, i, inputs, reach);
             let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-            let strong = |&(_, line): &(usize, &Complex<f64>)| line.norm() > SUBSTANTIAL * largest;
+            let strong = |&(_, line): &(usize, &Complex<f64>)| line.norm() > LEAST_HARMONIC * largest;
             let mut strong = lines.iter().enumerate().skip(1).filter(strong);
             strong.find_map(|(k, _)| found(model.input(i).name, k as u32))
         })

@@ -23,23 +23,22 @@ use tpm_motion::{
     Ending, Loop, Record, RecordError, RunEnding, Spectra, SpectrumError, Trial, TrialError, TrialSettings,
     correct_actuators, held,
 };
+use tpm_numerics::alarm;
 use tpm_numerics::fourier::analyse;
 use tpm_plant::actuator::{Demand, LimitUse, Limited, Mounted, requirements, strongest};
 
 /// Fewest whole periods that a run measures. The estimate of the noise between the harmonics needs several periods.
 pub const LEAST_PERIODS: usize = 4;
-/// Largest change of an estimate, in standard deviations, that counts as no change.
-const INSIGNIFICANT: f64 = 3.0;
 /// Fewest samples per period on which the demand on the motors is computed.
-const PLANNED_SAMPLES: usize = 256;
+const LEAST_PLANNED_SAMPLES: usize = 256;
 /// Highest harmonic of force and motion that is compared with the limits of motors and actuators, as a multiple of the
 /// reference's highest harmonic.
 const MOTOR_REACH: usize = 4;
 /// Factors on the frequency of a stage, tried in this order where a harmonic of the stage lies near a natural mode. All
 /// are below one, since a slower run keeps every limit that the stage keeps.
-const DETOURS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
+const DETOUR_FACTORS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
 /// Most times that the settling time of a trial is doubled.
-const EXTENSIONS: usize = 3;
+const MOST_EXTENSIONS: usize = 3;
 
 /// One amplitude and frequency of the schedule.
 #[derive(Clone, Debug, PartialEq)]
@@ -627,7 +626,7 @@ impl<'m> Campaign<'m> {
         let Some(from) = settled else {
             report.ending = RunEnding::Unsettled;
             self.extensions += 1;
-            if self.extensions > EXTENSIONS {
+            if self.extensions > MOST_EXTENSIONS {
                 self.outcome = Some(Outcome::NotSettled);
             }
             return self.finish(report);
@@ -772,7 +771,7 @@ impl<'m> Campaign<'m> {
         let period = 2.0 * std::f64::consts::PI / trajectory.frequency;
         // The margin keeps rounding from adding a period when whole periods fill the measured time exactly.
         let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
-        let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
+        let settle = procedure.settle_periods << self.extensions.min(MOST_EXTENSIONS);
         let settings = TrialSettings {
             run: self.reports.len(),
             trajectory,
@@ -802,7 +801,7 @@ impl<'m> Campaign<'m> {
             }
         };
         if self.setup.procedure.avoid_modes && near_mode(self.model, &trial).is_some() {
-            let moved = DETOURS.iter().filter_map(|factor| self.trial(*factor).ok());
+            let moved = DETOUR_FACTORS.iter().filter_map(|factor| self.trial(*factor).ok());
             trial = moved.into_iter().find(|moved| near_mode(self.model, moved).is_none()).unwrap_or(trial);
         }
         let procedure = &self.setup.procedure;
@@ -887,7 +886,7 @@ impl<'m> Campaign<'m> {
         let motors: Vec<_> = mounted.iter().map(|mounted| mounted.map(|mounted| mounted.bare())).collect();
         let demand = Demand::new(self.model, &trial.parameters, &trial.constants, &driven);
         let least = 8 * trial.trajectory.highest_harmonic() as usize;
-        let samples = least.next_power_of_two().max(PLANNED_SAMPLES);
+        let samples = least.next_power_of_two().max(LEAST_PLANNED_SAMPLES);
         let found = requirements(&demand, &motors, &trial.trajectory, samples)?;
         let uses = found.iter().filter_map(|requirement| {
             let mounted = mounted.get(requirement.input).copied().flatten()?;
@@ -964,7 +963,7 @@ impl<'m> Campaign<'m> {
         // Standard deviations of an estimate that is not final contain more than noise, so a change within them does
         // not show convergence.
         let last = self.estimator.is_final();
-        let insignificant = if last { INSIGNIFICANT } else { 0.0 };
+        let insignificant = if last { alarm::ESTIMATE_CHANGED } else { 0.0 };
         let shown = |shown: &Combination| {
             let before: f64 = shown.weights.iter().zip(known).map(|(weight, value)| weight * value).sum();
             (shown.value - before).abs() <= self.setup.procedure.tolerance * shown.value.abs()

@@ -4,13 +4,11 @@
 //! appears as a difference that decreases from period to period, noise as a difference that stays constant.
 
 use tpm_motion::Record;
+use tpm_numerics::tolerance;
 
 /// Largest mean square difference between a settled period and the last one, as a multiple of the mean of the latest
 /// three such differences.
-const TOLERANCE: f64 = 2.0;
-/// Root mean square difference between periods that is ascribed to rounding, as a share of the root mean square of the
-/// motion.
-const NEGLIGIBLE: f64 = 1e-9;
+const MOST_RATIO_TO_LATEST: f64 = 2.0;
 
 /// Index of the first period, at least `least`, from which the coordinates repeat; nothing when fewer than two periods
 /// remain after it.
@@ -32,7 +30,7 @@ pub fn settled_from(record: &Record, samples_per_period: usize, least: usize) ->
         // still falling does not raise it.
         let latest = &differences[last.saturating_sub(3)..];
         let level = latest.iter().sum::<f64>() / latest.len() as f64;
-        let bound = TOLERANCE * level + NEGLIGIBLE * NEGLIGIBLE * power;
+        let bound = MOST_RATIO_TO_LATEST * level + tolerance::READING * tolerance::READING * power;
         let moving = differences.iter().rposition(|d| d.is_nan() || *d > bound).map_or(0, |k| k + 1);
         first = first.max(moving);
     }

@@ -2,15 +2,13 @@
 
 use tpm_estimate::beside_counts;
 use tpm_motion::Spectra;
+use tpm_numerics::alarm;
 use tpm_numerics::differences::white_noise;
 
 /// Smallest amplitude of a harmonic that counts as part of the motion, as a share of the largest amplitude.
-const SMALL: f64 = 1e-3;
-/// Smallest power of a harmonic that counts as above the noise, as a multiple of the variance of the noise in the
-/// harmonic.
-const CERTAIN: f64 = 9.0;
+const LEAST_AMPLITUDE: f64 = 1e-3;
 
-/// The last samples of the settled part of a run, [`SteadyRun::MOST`] at most.
+/// The last samples of the settled part of a run, [`SteadyRun::MOST_SAMPLES`] at most.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteadyRun {
     /// Index of the run among the reports.
@@ -32,7 +30,7 @@ pub struct SteadyRun {
 
 impl SteadyRun {
     /// Most samples of all runs together that the refinement simulates. No more samples of a single run are kept.
-    pub const MOST: usize = 160_000;
+    pub const MOST_SAMPLES: usize = 160_000;
 
     /// The last samples of a settled part. `channels` holds whole periods of every channel, the coordinates before the
     /// inputs.
@@ -45,7 +43,7 @@ impl SteadyRun {
         let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
         let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
         let kept = |(c, channel): (usize, &&[f64])| {
-            let mut readings = end(channel, Self::MOST).to_vec();
+            let mut readings = end(channel, Self::MOST_SAMPLES).to_vec();
             if let Some(Some(errors)) = rounding.get(c) {
                 let left_out = channel.len() - readings.len();
                 let errors = errors.iter().cycle().skip(left_out % period);
@@ -75,13 +73,13 @@ impl SteadyRun {
     }
 }
 
-/// Frequency in Hz of the highest harmonic of a coordinate that is above the noise and no smaller than [`SMALL`] times
+/// Frequency in Hz of the highest harmonic of a coordinate that is above the noise and no smaller than [`LEAST_AMPLITUDE`] times
 /// the largest.
 fn highest(spectra: &Spectra, coordinate: usize) -> f64 {
     let lines = &spectra.lines[coordinate];
     let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
     let belongs = |k: usize| {
-        let least = (SMALL * peak).powi(2).max(CERTAIN * spectra.variance(coordinate, k));
+        let least = (LEAST_AMPLITUDE * peak).powi(2).max(alarm::LINE_OF_MOTION * spectra.variance(coordinate, k));
         lines[k].norm_sqr() >= least
     };
     let harmonic = (1..lines.len()).rev().find(|&k| belongs(k)).unwrap_or(1);

@@ -15,11 +15,13 @@ use tpm_motion::smoothing::Smoothing;
 use tpm_motion::{Ending, GainManifest, Record, RunEnding, Trial};
 use tpm_report::{is_special, read_input, read_text, write_whole};
 
-const CAMPAIGN: &str = "tpm.campaign/1";
-const RUN: &str = "tpm.run/1";
+/// Schema of the manifest of a campaign.
+const CAMPAIGN_SCHEMA: &str = "tpm.campaign/1";
+/// Schema of the manifest of a run.
+const RUN_SCHEMA: &str = "tpm.run/1";
 
 /// Most bytes of the file with a run's samples: several channels of the largest number of samples that a run may have.
-const MOST_SAMPLES: u64 = 4 << 30;
+const MOST_SAMPLES_BYTES: u64 = 4 << 30;
 
 /// The model and the experiment that a campaign belongs to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,7 +44,7 @@ impl Manifest {
     #[must_use]
     pub fn new(model: &str, model_text: &[u8], experiment_text: &[u8]) -> Self {
         Manifest {
-            schema: CAMPAIGN.to_string(),
+            schema: CAMPAIGN_SCHEMA.to_string(),
             model: model.to_string(),
             model_hash: fingerprint(model_text),
             experiment_hash: fingerprint(experiment_text),
@@ -57,7 +59,7 @@ impl Manifest {
     /// # Errors
     /// [`StoreError`] when there is no manifest, or the file is not one.
     pub fn read(folder: &Path) -> Result<Self, StoreError> {
-        read_json(&folder.join("campaign.json"), CAMPAIGN)
+        read_json(&folder.join("campaign.json"), CAMPAIGN_SCHEMA)
     }
 }
 
@@ -230,7 +232,7 @@ impl Store {
             if !manifest.exists() {
                 return Ok(records);
             }
-            let run: RunManifest = read_json(&manifest, RUN)?;
+            let run: RunManifest = read_json(&manifest, RUN_SCHEMA)?;
             for (what, found, given) in [
                 ("model", &run.model_hash, &self.manifest.model_hash),
                 ("experiment", &run.experiment_hash, &self.manifest.experiment_hash),
@@ -241,7 +243,7 @@ impl Store {
                 }
             }
             refuse_special(&samples)?;
-            let text = read_input(&samples, MOST_SAMPLES).map_err(|error| io(&samples, &error))?;
+            let text = read_input(&samples, MOST_SAMPLES_BYTES).map_err(|error| io(&samples, &error))?;
             if fingerprint(&text) != run.samples_hash {
                 return Err(broken(&samples, "the samples are not those of the manifest beside them"));
             }
@@ -273,7 +275,7 @@ impl Store {
             if !manifest.exists() {
                 return Ok(found);
             }
-            found.push(read_json(&manifest, RUN)?);
+            found.push(read_json(&manifest, RUN_SCHEMA)?);
         }
     }
 
@@ -287,7 +289,7 @@ impl Store {
             if !manifest.exists() {
                 return Ok(run > 1);
             }
-            if read_json::<RunManifest>(&manifest, RUN)?.seed.is_none() {
+            if read_json::<RunManifest>(&manifest, RUN_SCHEMA)?.seed.is_none() {
                 break;
             }
         }
@@ -315,7 +317,7 @@ impl Store {
             Ending::Stopped { .. } | Ending::Complete | Ending::SensorLost { .. } | Ending::Diverged { .. } => None,
         };
         let manifest = RunManifest {
-            schema: RUN.to_string(),
+            schema: RUN_SCHEMA.to_string(),
             run: trial.run + 1,
             model: self.manifest.model.clone(),
             model_hash: self.manifest.model_hash.clone(),
@@ -431,13 +433,13 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
 }
 
 /// Text before the checksum of a manifest. The checksum is the hash of everything before this text.
-const CHECKSUM: &str = ",\n  \"checksum\": \"";
+const CHECKSUM_PREFIX: &str = ",\n  \"checksum\": \"";
 
 /// The text of a manifest with its checksum.
 fn signed(value: &impl Serialize) -> String {
     let text = serde_json::to_string_pretty(value).expect("invariant: manifests hold plain values");
     let text = text.trim_end_matches("\n}");
-    format!("{text}{CHECKSUM}{}\"\n}}\n", fingerprint(text.as_bytes()))
+    format!("{text}{CHECKSUM_PREFIX}{}\"\n}}\n", fingerprint(text.as_bytes()))
 }
 
 /// Writes a manifest with its checksum, completely or not at all.
@@ -454,7 +456,7 @@ pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> R
         return Err(broken(path, &format!("this is no manifest of the form {schema}")));
     }
     let stated = value.as_object_mut().and_then(|fields| fields.remove("checksum"));
-    let own = text.rsplit_once(CHECKSUM).map(|(before, _)| fingerprint(before.as_bytes()));
+    let own = text.rsplit_once(CHECKSUM_PREFIX).map(|(before, _)| fingerprint(before.as_bytes()));
     if stated.is_some_and(|stated| own.is_none_or(|own| stated != own)) {
         return Err(broken(
             path,

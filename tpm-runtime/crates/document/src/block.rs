@@ -1,4 +1,4 @@
-//! What a page consists of, as data.
+//! The elements of a page as data.
 
 use crate::marks::Interval;
 use serde::Serialize;
@@ -11,11 +11,11 @@ pub(super) const SHARE_DIGITS: usize = 3;
 /// A cell of a table.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(super) struct Cell {
-    /// What is read.
+    /// The displayed text.
     text: String,
-    /// The number behind the text, in full.
+    /// The number that the text shows, with all its digits.
     value: Option<f64>,
-    /// An interval that is drawn in place of text.
+    /// An interval that is drawn instead of text.
     interval: Option<Interval>,
 }
 
@@ -34,7 +34,7 @@ impl Cell {
         Cell::shown(value.map_or_else(|| "-".to_owned(), number), value)
     }
 
-    /// A root mean square, a condition number: three digits of it are what one compares.
+    /// A root mean square or a condition number with three digits, which suffice for comparisons.
     pub(super) fn size(value: Option<f64>) -> Self {
         Cell::shown(value.map_or_else(|| "-".to_owned(), |value| digits(value, SHARE_DIGITS)), value)
     }
@@ -52,7 +52,7 @@ impl Cell {
     }
 }
 
-/// Head of a column.
+/// Heading of a column.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Column {
     name: String,
@@ -60,12 +60,12 @@ pub(super) struct Column {
     number: bool,
 }
 
-/// Something to know or to do.
+/// A message about a problem or an action.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Notice {
     pub(super) text: String,
     pub(super) remedy: Option<String>,
-    /// Whether numbers are not to be trusted for it.
+    /// Whether the problem makes numbers untrustworthy.
     pub(super) grave: bool,
 }
 
@@ -95,7 +95,7 @@ impl Block {
 }
 
 impl Block {
-    /// Gives the column that was called `from` another name.
+    /// Renames the column `from`.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
         if let Block::Table { columns, .. } = self {
             for column in columns.iter_mut().filter(|column| column.name == from.trim_start_matches('#')) {
@@ -114,7 +114,7 @@ pub(super) struct Section {
     pub(super) blocks: Vec<Block>,
 }
 
-/// A figure with the name of its file, without ending.
+/// A figure with the name of its file, without extension.
 #[derive(Clone, Debug)]
 pub(super) struct Named {
     pub(super) name: String,

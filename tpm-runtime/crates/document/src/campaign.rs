@@ -1,5 +1,5 @@
-//! Runs of a campaign as they were played: the tracking error of the first and the last one, and the inputs beside their feed-forward
-//! (Feng, Figures 5.5, 5.6).
+//! Figures of the runs of a campaign: the tracking error of the first and the last run, and the inputs compared with
+//! their feed-forward (Feng, Figures 5.5, 5.6).
 
 use crate::identification::RMS;
 use crate::page::Document;
@@ -12,7 +12,7 @@ use tpm_report::number;
 /// Most points of a curve.
 const POINTS: usize = 1000;
 
-/// A run as it was played.
+/// A trial with its record and report.
 #[derive(Clone, Debug)]
 pub struct PlayedRun {
     trial: Trial,
@@ -29,19 +29,19 @@ impl PlayedRun {
         Some(PlayedRun { trial: trial.clone(), record: record.clone(), report: report.clone(), from })
     }
 
-    /// What was recorded.
+    /// The recorded samples.
     #[must_use]
     pub const fn record(&self) -> &Record {
         &self.record
     }
 
-    /// What is said of the run.
+    /// The report of the run.
     #[must_use]
     pub const fn report(&self) -> &RunReport {
         &self.report
     }
 
-    /// Mean of a channel less `less` over the measured periods, against the phase as a share of the period.
+    /// Mean over the measured periods of a channel minus `less`, against the phase as a share of the period.
     fn mean(&self, channel: &[f64], less: &dyn Fn(usize) -> f64) -> Vec<(f64, f64)> {
         let period = self.trial.samples_per_period;
         let used = &channel[self.from.min(channel.len())..];
@@ -77,7 +77,8 @@ impl PlayedRun {
 }
 
 impl Document {
-    /// Adds the tracking error of the first and the last run of a campaign, and the inputs of the last one, to the section of its runs.
+    /// Adds figures of the tracking error of the first and the last run of a campaign, and of the inputs of the last
+    /// run, to the section of the runs.
     pub fn add_runs(&mut self, plant: &dyn Model<f64>, first: &PlayedRun, last: &PlayedRun) {
         let dims = plant.dims();
         let panel = |label: String, traces: Vec<Trace>| Panel {

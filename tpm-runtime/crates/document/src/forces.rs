@@ -5,19 +5,20 @@ use std::f64::consts::PI;
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_session::{RowCourse, RowPrediction, Validation};
 
-/// Points of a curve over one period.
+/// Number of points of a curve over one period.
 const POINTS: usize = 400;
-/// Most points of a curve over a log.
+/// Largest number of points of a curve over a log.
 const MOST: usize = 1600;
-/// Height of a panel, pixels, and of what stands around all of them.
+/// Height of a panel, in pixels; the second constant is the height of the margins around all panels.
 pub(super) const PANEL: u32 = 250;
 pub(super) const AROUND: u32 = 30;
-/// Factor by which an axis of amplitudes goes on beyond the smallest and the largest, so that their points are seen whole.
+/// Factor by which an axis of amplitudes extends beyond the smallest and the largest amplitude, so that their points
+/// are not cut.
 const ROOM: f64 = 2.0;
 /// Harmonics below this share of the largest are not drawn.
 const SMALL: f64 = 1e-9;
 
-/// A figure for a page: lower panels than those of a file of its own.
+/// A figure for a page, with lower panels than those of a figure in its own file.
 pub(super) fn low(title: String, panels: Vec<Panel>) -> Figure {
     let height = AROUND + PANEL * panels.len() as u32;
     Figure { height, ..Figure::new(&title, panels) }
@@ -29,7 +30,7 @@ fn label(row: &RowPrediction) -> String {
 
 type Line = (usize, Complex<f64>, Complex<f64>);
 
-/// Force over one period, which its phasors at the used harmonics give.
+/// Force over one period, computed from its phasors at the used harmonics.
 fn over_period(lines: &[Line], of: fn(&Line) -> Complex<f64>) -> Vec<(f64, f64)> {
     let at = |phase: f64| -> f64 {
         lines.iter().map(|line| (of(line) * Complex::from_polar(1.0, 2.0 * PI * line.0 as f64 * phase)).re).sum()
@@ -37,7 +38,7 @@ fn over_period(lines: &[Line], of: fn(&Line) -> Complex<f64>) -> Vec<(f64, f64)>
     (0..=POINTS).map(|n| n as f64 / POINTS as f64).map(|phase| (phase, at(phase))).collect()
 }
 
-/// Values over time; of more than can be seen the least and the largest of a few successive ones.
+/// Values over time. Where they are more than a figure can show, the least and the largest of several successive ones.
 fn over_time(values: &[f64], from: f64, apart: f64) -> Vec<(f64, f64)> {
     let time = |k: usize| from + k as f64 * apart;
     let count = (2 * values.len()).div_ceil(MOST).max(1);
@@ -55,8 +56,8 @@ fn over_time(values: &[f64], from: f64, apart: f64) -> Vec<(f64, f64)> {
     points
 }
 
-/// Measured and predicted force of every predicted row over time or over one period, and what the prediction misses below each; nothing
-/// where no row is predicted.
+/// Measured and predicted force of every predicted row over time or over one period, and the prediction error below
+/// each; nothing where no row is predicted.
 pub(super) fn in_time(found: &Validation) -> Option<Figure> {
     let mut panels = Vec::new();
     for row in &found.rows {
@@ -96,12 +97,12 @@ pub(super) fn in_time(found: &Validation) -> Option<Figure> {
     (!panels.is_empty()).then(|| low(format!("{}: applied forces and those of the model", found.model), panels))
 }
 
-/// Whether there is anything to see: at least two points that are numbers.
+/// Whether a curve can be drawn: it has at least two finite points.
 fn drawable(points: &[(f64, f64)]) -> bool {
     points.iter().filter(|(_, y)| y.is_finite()).count() > 1
 }
 
-/// Amplitudes of the applied force harmonic by harmonic, and what the prediction misses of each; nothing where no harmonics were compared.
+/// Amplitudes of the applied force by harmonic, and of its prediction error; nothing where no harmonics were compared.
 pub(super) fn by_harmonic(found: &Validation) -> Option<Figure> {
     let mut panels = Vec::new();
     for row in &found.rows {
@@ -128,8 +129,8 @@ pub(super) fn by_harmonic(found: &Validation) -> Option<Figure> {
     (!panels.is_empty()).then(|| low(format!("{}: amplitude of every harmonic that is used", found.model), panels))
 }
 
-/// Correlations of the one-step errors at the lags that are tested, with the band in which those of a right model stay; nothing where
-/// nothing is tested.
+/// Correlations of the one-step errors at the tested lags, with the band that the errors of a correct model keep
+/// within; nothing where nothing is tested.
 pub(super) fn correlations(found: &Validation) -> Option<Figure> {
     let simulation = found.simulation.as_ref()?;
     let mut panels = Vec::new();

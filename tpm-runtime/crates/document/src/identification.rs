@@ -1,4 +1,4 @@
-//! An identification as a page.
+//! The page of an identification.
 
 use crate::block::{Block, Cell, Notice, SHARE_DIGITS};
 use crate::marks::Interval;
@@ -13,20 +13,21 @@ use tpm_session::{
     Warning, Way, closed_loop,
 };
 
-/// What a front end calls a remedy, such as the name of a flag; nothing where it has no name for it.
+/// Gives the name of a remedy in a front end, such as that of a flag; nothing where the front end has no name for it.
 pub type Spell<'a> = dyn Fn(&Remedy) -> Option<String> + 'a;
 
-/// The column of tracking errors, one per coordinate.
+/// Heading of the column of tracking errors, one per coordinate.
 pub(super) const RMS: &str = "#rms error";
-/// Most parameters of which the whole matrix of correlations is shown.
+/// Largest number of parameters of which the whole matrix of correlations is shown.
 const MATRIX: usize = 16;
-/// Correlations from this size on are listed where the matrix is too large.
+/// Smallest magnitude of a correlation that is listed where the matrix is too large.
 const STRONG: f64 = 0.9;
-/// Most correlations that are listed.
+/// Largest number of correlations that are listed.
 const LISTED: usize = 40;
 
 impl Document {
-    /// A result with what it says of the logs or runs that it comes from; `spell` gives remedies their names.
+    /// The page of a result, with validations by the logs or runs that it comes from; `spell` gives the names of
+    /// remedies.
     #[must_use]
     pub fn of_identification(result: &Identification, evidence: &[Validation], spell: &Spell<'_>) -> Self {
         let mut document = Document {
@@ -58,7 +59,8 @@ impl Document {
             remedy: warning.remedy().and_then(|remedy| spell(&remedy)),
             grave: warning.is_distrust(),
         };
-        // What is said of single parameters stands in their table too; of an arm it would hide the rest.
+        // Warnings about single parameters also stand in the table of parameters. For an arm their number would hide
+        // the other warnings.
         let place = |warning: &&Warning| {
             let Meaning { severity, about, concern } = warning.meaning();
             match (severity, about, concern) {
@@ -76,7 +78,7 @@ impl Document {
 
     fn parameters(&mut self, result: &Identification) {
         let mut blocks = Vec::new();
-        // Where there are physical parameters the others are means to an end.
+        // Where there are physical parameters, the lumped ones are intermediate results.
         let lumped =
             if result.physical.is_empty() { "" } else { "combinations of them, in which the equations are linear" };
         let lists = [("", &result.physical), (lumped, &result.parameters)];
@@ -230,7 +232,7 @@ fn subtitle(result: &Identification) -> String {
     }
 }
 
-/// What is said where nothing is short, with the parameters that are known poorly.
+/// The sentence for a complete result, with the parameters that are poorly determined.
 fn success(result: &Identification) -> String {
     let lists = result.parameters.iter().chain(&result.physical);
     let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
@@ -263,7 +265,7 @@ fn facts(result: &Identification) -> Vec<(String, String)> {
     facts
 }
 
-/// What was refined by a simulation, with the log that it belongs to where there are several.
+/// Refinements by simulation, with the log to which each belongs where there are several.
 fn refinements(result: &Identification) -> Vec<(String, &RefinementReport)> {
     let own = result.refinement.iter().map(|own| (String::new(), own));
     let alone = result.log.iter().filter_map(|log| Some((String::new(), log.refinement.as_ref()?)));
@@ -272,7 +274,7 @@ fn refinements(result: &Identification) -> Vec<(String, &RefinementReport)> {
     own.chain(alone).chain(pooled).collect()
 }
 
-/// One line of a table of estimates.
+/// One row of a table of estimates.
 struct Estimated<'a> {
     name: String,
     unit: Option<&'a str>,
@@ -319,7 +321,7 @@ fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Block {
     let simulated = rows.iter().any(|row| row.truth.is_some());
     let priors = rows.iter().any(|row| row.prior.is_some());
     let remarks = rows.iter().any(|row| !row.remark.is_empty());
-    // An interval is drawn where there is something to hold it against.
+    // An interval is drawn only where there is a true value or a prior to compare it with.
     let drawn = simulated || priors;
     let mut columns = vec![of, "unit", "#identified", "#std. dev."];
     columns.extend(if drawn { &["95 % interval", "#from", "#to"][..] } else { &["#95 % from", "#to"] });
@@ -405,7 +407,7 @@ fn run_row(run: &RunReport) -> Vec<Cell> {
     ]
 }
 
-/// How one log was used, and what was assumed in reading it.
+/// How one log was used, and the assumptions made in reading it.
 fn log(log: &LogReport) -> Vec<Block> {
     let mut rows = vec![
         ("log".to_owned(), log.path.clone()),

@@ -1,8 +1,8 @@
-//! Results as one page for a browser, with its figures.
+//! Results as one page for a browser, including its figures.
 //!
-//! Invariant: a page stands alone. Its figures are part of it, it needs neither a script nor the network, and whatever comes from models,
-//! logs and command lines is escaped. Numbers are shown to the digits that their deviation supports, and stand in the page in full as
-//! well, so that it says what the JSON says.
+//! Invariant: a page is self-contained. Its figures are part of it, it needs neither a script nor the network, and text
+//! from models, logs and command lines is escaped. Numbers are shown to the digits that their standard deviation
+//! supports. The page also contains them with all digits, so that it holds the same values as the JSON result.
 
 mod block;
 mod campaign;

@@ -1,16 +1,16 @@
-//! A 95 % interval with prior and true value beside it, as places on a strip.
+//! A 95 % interval with its prior and true value, as positions on a horizontal strip.
 
 use serde::Serialize;
 use tpm_numerics::tail::NORMAL_95;
 
-/// Deviations that a strip shows to either side at least, and at most.
+/// Least and largest half-width of a strip, in standard deviations.
 const SHOWN: (f64, f64) = (4.0, 8.0);
-/// Width of a strip.
+/// Width of a strip, in pixels.
 const WIDTH: f64 = 200.0;
-/// Space at either end, in which marks beyond the strip stand.
+/// Width at either end, in pixels, in which marks outside the range of the strip are drawn.
 const MARGIN: f64 = 12.0;
 
-/// A place on the strip, or the end beyond which it lies.
+/// A position on the strip, or the end beyond which the value lies.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Mark {
     x: String,
@@ -26,12 +26,12 @@ pub(super) struct Interval {
     value: String,
     truth: Option<Mark>,
     prior: Option<Mark>,
-    /// What the strip spans, for readers who do not see it.
+    /// The range of the strip as text, for readers who do not see it.
     label: String,
 }
 
 impl Interval {
-    /// The interval of a value; nothing without a deviation.
+    /// The interval of a value; nothing without a standard deviation.
     pub(super) fn of(value: Option<f64>, std: Option<f64>, truth: Option<f64>, prior: Option<f64>) -> Option<Self> {
         let (value, std) = (value?, std.filter(|std| std.is_finite() && *std > 0.0)?);
         let away = |other: f64| (other - value) / std;

@@ -1,4 +1,4 @@
-//! A page: what stands above its sections, and how it becomes text.
+//! A page: its head, and its conversion to HTML.
 
 use crate::block::{Block, Named, Section};
 use crate::error::DocumentError;
@@ -7,31 +7,32 @@ use serde::Serialize;
 use tpm_plot::Figure;
 
 const TEMPLATE: &str = include_str!("page.html");
-/// Width of a figure on a screen, and on a narrow one, pixels.
+/// Width of a figure on a wide and on a narrow screen, in pixels.
 const WIDTHS: (u32, u32) = (960, 460);
 /// A correlation below this size is shown as zero, without a sign.
 const NO_CORRELATION: f64 = 5e-4;
-/// Strength of the colour behind a correlation of one, percent.
+/// Opacity of the colour behind a correlation of one, in percent.
 const MOST_TINT: f64 = 60.0;
 
-/// A result as one page for a browser, with its figures.
+/// A result as one page for a browser, including its figures.
 #[derive(Clone, Debug)]
 pub struct Document {
     pub(super) title: String,
     pub(super) subtitle: String,
-    /// Why the result is not all that was asked for; nothing when it is.
+    /// What is missing of the requested result; nothing when the result is complete.
     pub(super) shortfall: Option<String>,
-    /// What is said where nothing is short.
+    /// The sentence for a complete result.
     pub(super) success: String,
     /// Whether there are warnings to read before the numbers are used.
     pub(super) caution: bool,
-    /// The few numbers that one looks for first.
+    /// The most important values, by name.
     pub(super) facts: Vec<(String, String)>,
     pub(super) sections: Vec<Section>,
     pub(super) figures: Vec<Named>,
 }
 
-/// A figure as drawn into the page, for wide and for narrow screens: panel by panel, so that a printed page may end between two.
+/// A figure as drawn into the page, for wide and for narrow screens. It is divided into panels, so that a printed page
+/// may break between two of them.
 #[derive(Serialize)]
 struct Drawn {
     wide: Vec<String>,
@@ -39,7 +40,7 @@ struct Drawn {
 }
 
 impl Document {
-    /// Keeps a figure and gives the block that shows it.
+    /// Stores a figure and gives the block that shows it.
     pub(super) fn figure(&mut self, name: &str, figure: Figure, caption: &str) -> Block {
         let taken = self.figures.iter().filter(|other| other.name.split('-').next() == Some(name)).count();
         let name = if taken == 0 { name.to_owned() } else { format!("{name}-{}", taken + 1) };
@@ -82,7 +83,7 @@ impl Document {
             if value.abs() < NO_CORRELATION { "0.000".to_owned() } else { format!("{value:+.3}") }
         });
         environment.add_filter("tint", |value: f64| format!("{:.0}", MOST_TINT * value.abs()));
-        // Templates of this ending escape whatever is put into them.
+        // The template engine escapes all values in templates with this extension.
         environment.add_template("page.html", TEMPLATE).map_err(refused)?;
         let page = environment.get_template("page.html").map_err(refused)?;
         page.render(context! {

@@ -1,4 +1,4 @@
-//! A study over many seeds as a page.
+//! The page of a study over many seeds.
 
 use crate::block::{Block, Cell, Notice};
 use crate::marks::Interval;

@@ -1,4 +1,4 @@
-//! A prediction of a log as a page, and the parts of it that stand in pages of identifications.
+//! The page of a prediction of a log, and those of its parts that pages of identifications contain.
 
 use crate::block::{Block, Cell, Notice};
 use crate::forces::{self, AROUND, PANEL};
@@ -8,7 +8,7 @@ use tpm_report::{digits, number};
 use tpm_session::{CorrelationTest, LAGS, Validation};
 
 impl From<&Validation> for Document {
-    /// How well given parameters predict a log.
+    /// The page of the comparison between a log and its prediction with given parameters.
     fn from(found: &Validation) -> Self {
         let mut document = Document {
             title: found.model.clone(),
@@ -62,11 +62,12 @@ fn facts(found: &Validation) -> Vec<(String, String)> {
 }
 
 impl Document {
-    /// Measured against model, and residuals with their tests, of every log or run that is given.
+    /// Measured motion compared with the model's, and residuals with their tests, for every given log or run.
     pub(super) fn evidence(&mut self, all: &[Validation]) {
         let (mut against, mut tests) = (Vec::new(), Vec::new());
         for found in all {
             let named = |what: &str| if all.len() > 1 { format!("{}: {what}", found.log) } else { what.to_owned() };
+            // Predicted forces.
             against.push(row_table(
                 found,
                 &named("forces that the measured motion asks for, at the used harmonics or behind the low pass"),
@@ -88,6 +89,7 @@ impl Document {
                     &named("Amplitude of every harmonic of the force that is used, and what the model misses of it"),
                 ));
             }
+            // Simulated motion.
             let Some(simulation) = &found.simulation else {
                 against.extend(
                     found.not_simulated.iter().map(|why| Block::text(format!("The motion is not simulated: {why}."))),
@@ -117,6 +119,7 @@ impl Document {
                     leaving.stretch + 1
                 )));
             }
+            // Tests of the one-step errors.
             let table = tested(found, &named("tests of the one-step errors"));
             let any = table.is_some();
             tests.extend(table);

@@ -15,16 +15,13 @@ use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::DMatrix;
 use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::fourier::{analyse, synthesise, two_sided};
+use tpm_numerics::{Doubling, tolerance};
 
-/// Fewest and most points of a period at which the rows are evaluated.
-const GRID: (usize, usize) = (256, 8192);
-/// Harmonics that change by less than this share when the grid is doubled are taken for converged.
-const CONVERGED: f64 = 1e-12;
+/// Points of a period at which the rows are evaluated: doubled until no harmonic changes by more than a share of the largest.
+const GRID: Doubling = Doubling { least: 256, most: 8192, settled: 1e-12 };
 /// Step of the difference quotients as a share of a slot's own amplitude: with five points exact for terms up to the
-/// fourth degree, and otherwise good to `STEP^4`.
-const STEP: f64 = 1e-2;
-/// Pivots of the derivatives below this share of the largest are what rounding leaves of a motion that nothing holds.
-const SINGULAR: f64 = 1e-12;
+/// fourth degree, and otherwise good to `DIFFERENCE_STEP^4`.
+const DIFFERENCE_STEP: f64 = 1e-2;
 
 /// The rows of a model along a reference.
 #[derive(Clone, Debug)]
@@ -58,16 +55,16 @@ impl Along {
         harmonics: usize,
     ) -> Result<Self, EstimateError> {
         let least = (4 * (harmonics + 1)).max(8 * trajectory.highest_harmonic() as usize);
-        let mut points = least.next_power_of_two().clamp(GRID.0, GRID.1);
+        let mut points = GRID.clamp(least.next_power_of_two());
         loop {
             let sampled = Sampled::new(model, constants, trajectory, points)?;
             let (phi, known) = sampled.lines(model.dims(), 1, harmonics);
             let (coarse, coarse_known) = sampled.lines(model.dims(), 2, harmonics);
             let settled = phi.iter().zip(&coarse).chain(known.iter().zip(&coarse_known)).all(|(fine, coarse)| {
                 let peak = fine.iter().map(|z| z.norm()).fold(0.0, f64::max);
-                fine.iter().zip(coarse).all(|(a, b)| (a - b).norm() <= CONVERGED * peak)
+                fine.iter().zip(coarse).all(|(a, b)| (a - b).norm() <= GRID.settled * peak)
             });
-            if settled || points >= GRID.1 {
+            if settled || points >= GRID.most {
                 return sampled.finish(model, constants, trajectory.frequency, phi, known);
             }
             points *= 2;
@@ -85,7 +82,7 @@ impl Along {
         harmonics: usize,
     ) -> Result<RowLines, EstimateError> {
         let least = (8 * (harmonics + 1)).max(8 * trajectory.highest_harmonic() as usize);
-        let points = least.next_power_of_two().clamp(GRID.0, GRID.1);
+        let points = GRID.clamp(least.next_power_of_two());
         let (regressors, known) = Sampled::new(model, constants, trajectory, points)?.lines(model.dims(), 1, harmonics);
         Ok(RowLines { regressors, known })
     }
@@ -102,7 +99,7 @@ impl Along {
         free: &[usize],
     ) -> Result<Information, EstimateError> {
         let dims = model.dims();
-        let points = (8 * (harmonics + 1)).next_power_of_two().clamp(GRID.0, GRID.1);
+        let points = GRID.clamp((8 * (harmonics + 1)).next_power_of_two());
         let sampled = Sampled::new(model, constants, trajectory, points)?;
         let (phi, _) = sampled.lines(dims, 1, harmonics);
         // What equations show does not depend on their right-hand sides, which stay zero.
@@ -165,7 +162,7 @@ impl Along {
         }
         let factors = derivative.lu();
         let sizes = factors.u().diagonal().abs();
-        if sizes.min() <= SINGULAR * sizes.max() {
+        if sizes.min() <= tolerance::PIVOT * sizes.max() {
             return None;
         }
         let mut answer = factors.solve(&felt)?;
@@ -365,7 +362,7 @@ impl Sampled {
             let slot = d * dims.coordinates + c;
             let power: f64 = self.motion.chunks_exact(dims.motion_len()).map(|m| m[slot] * m[slot]).sum();
             let amplitude = (power / self.points as f64).sqrt();
-            let step = if amplitude > 0.0 { STEP * amplitude } else { STEP };
+            let step = if amplitude > 0.0 { DIFFERENCE_STEP * amplitude } else { DIFFERENCE_STEP };
             let mut values = vec![0.0; dims.rows * width * self.points];
             for i in 0..self.points {
                 now.copy_from_slice(&self.motion[i * dims.motion_len()..(i + 1) * dims.motion_len()]);

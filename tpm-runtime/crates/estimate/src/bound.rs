@@ -21,19 +21,16 @@ use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::DMatrix;
 use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::singular::Singular;
+use tpm_numerics::{alarm, tolerance};
 
 /// Least number of instants of a period at which rows with a jump are compared. Four times as many change the bound of a mass under
 /// Coulomb friction by 8 %.
-const INSTANTS: usize = 201;
+const LEAST_INSTANTS: usize = 201;
 /// A term jumps when it departs from a straight line by more than this share of its root mean square: jumps do so by about one,
 /// and smooth terms by the square of the noise's share of the motion.
-const JUMP: f64 = 0.1;
-/// Standard deviations by which a motion may stray: a chance of 95 %.
-const STRAYED: f64 = 2.0;
+const LEAST_BEND_OF_JUMP: f64 = 0.1;
 /// Least step of the difference quotients as a share of a slot's root mean square, far above rounding.
-const LEAST_STEP: f64 = 1e-6;
-/// Diagonal entries of a triangular factor below this share of the largest are what rounding leaves of dependent rows.
-const DEPENDENT: f64 = 1e-12;
+const LEAST_DIFFERENCE_STEP: f64 = 1e-6;
 
 /// The noise of a record over whole periods of a steady state.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +73,7 @@ pub fn information_root(
         }
     }
     let resolved = 2 * harmonics + 1;
-    let count = if jumps { resolved.max(INSTANTS) } else { resolved };
+    let count = if jumps { resolved.max(LEAST_INSTANTS) } else { resolved };
     let mut rows = Instants::new(model, constants, trajectory, noise.stray, count)?;
     if !jumps {
         // Instants this far apart make a bend look like a jump.
@@ -90,7 +87,7 @@ pub fn information_root(
 /// # Errors
 /// [`EvalError`] when the model refuses an evaluation.
 pub fn has_jumps(model: &dyn Model<f64>, constants: &[f64], trajectory: &Trajectory) -> Result<bool, EvalError> {
-    let instants = INSTANTS.max(8 * trajectory.highest_harmonic() as usize + 1);
+    let instants = LEAST_INSTANTS.max(8 * trajectory.highest_harmonic() as usize + 1);
     let stray = vec![0.0; model.dims().motion_len()];
     Ok(Instants::new(model, constants, trajectory, &stray, instants)?.left_out.contains(&true))
 }
@@ -164,8 +161,8 @@ impl Instants {
             let slot = d * dims.coordinates + c;
             let at = |i: usize| motions[(i % count) * length + slot];
             let size = ((0..count).map(|i| at(i) * at(i)).sum::<f64>() / count as f64).sqrt();
-            let least = if size > 0.0 { LEAST_STEP * size } else { LEAST_STEP };
-            let strayed = STRAYED * stray[slot];
+            let least = if size > 0.0 { LEAST_DIFFERENCE_STEP * size } else { LEAST_DIFFERENCE_STEP };
+            let strayed = alarm::MOTION_STRAYS * stray[slot];
             let next = |i: usize| (at(i + 1) - at(i)).abs().max((at(i) - at(i + count - 1)).abs());
             reach.push((0..count).map(|i| least.max(strayed).max(next(i))).collect::<Vec<f64>>());
         }
@@ -196,7 +193,8 @@ impl Instants {
                     terms.add(&moved, weight, &mut now)?;
                 }
                 for (row, (bent, squares)) in now.chunks_exact(width).zip(squares.chunks_exact(width)).enumerate() {
-                    let jumps = |(bent, square): (&f64, &f64)| bent.abs() > JUMP * square.sqrt() && *square > 0.0;
+                    let jumps =
+                        |(bent, square): (&f64, &f64)| bent.abs() > LEAST_BEND_OF_JUMP * square.sqrt() && *square > 0.0;
                     left_out[row * count + i] |= bent.iter().zip(squares).any(jumps);
                 }
             }
@@ -229,7 +227,7 @@ impl Instants {
                     let gain: f64 = own.iter().zip(factors()).map(|(rate, factor)| rate * factor).sum();
                     let size: f64 = here.iter().zip(factors()).map(|(value, factor)| (value * factor).abs()).sum();
                     // What rounding leaves of a slot that the row does not depend on must not hold a position.
-                    if (gain * step).abs() > DEPENDENT * size {
+                    if (gain * step).abs() > tolerance::PIVOT * size {
                         gains[row * self.count + i] = gain;
                     }
                 }
@@ -279,7 +277,7 @@ impl Instants {
         // Where nothing holds the position, a changed parameter lets the motion drift away at a constant rate, and where nothing
         // damps it either, at a constant acceleration. Over the record, the time has the variance duration^2/12, and what of half
         // its square is no straight line has the variance duration^4/720.
-        let free = Singular::new(&by(0), DEPENDENT).null();
+        let free = Singular::new(&by(0), tolerance::PIVOT).null();
         let duration = noise.periods as f64 * 2.0 * PI / self.frequency;
         let instants = (count as f64).sqrt();
         let rate = by(1) * &free * (12.0_f64.sqrt() / (duration * instants));
@@ -316,7 +314,7 @@ fn triangle(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
     let factor = matrix.qr().unpack_r();
     let sizes: Vec<f64> = (0..columns.min(factor.nrows())).map(|i| factor[(i, i)].abs()).collect();
     let largest = sizes.iter().copied().fold(0.0, f64::max);
-    let independent = sizes.len() == columns && sizes.iter().all(|size| *size > DEPENDENT * largest);
+    let independent = sizes.len() == columns && sizes.iter().all(|size| *size > tolerance::PIVOT * largest);
     independent.then_some(factor)
 }
 

@@ -13,13 +13,11 @@
 use crate::result::Estimate;
 use tpm_numerics::chance::deviation_by_residuals;
 use tpm_numerics::singular::complement;
-use tpm_numerics::{Cholesky, DMatrix, DVector};
+use tpm_numerics::{Cholesky, DMatrix, DVector, alarm};
 
-/// Quantile of the standard normal variable above which agreement is no longer chance: one run in a thousand.
-const CHANCE: f64 = 3.09;
 /// Smallest standard deviation of a run's estimate, as a share of the value. Integration steps of a simulation and the transient
 /// that is left in a spectrum bound what noise does not.
-const ACCURACY: f64 = 1e-6;
+const LEAST_RELATIVE_DEVIATION: f64 = 1e-6;
 
 /// A run that an estimate leaves out, since it contradicts the runs that are pooled.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -142,7 +140,7 @@ fn statements(own: &[(Estimate, usize)]) -> Vec<Statement> {
         let hidden: Vec<DVector<f64>> = untold.chain(directions).filter(|direction| direction.norm() > 0.0).collect();
         let shown = orthogonal_to(&hidden, p);
         let covariance = DMatrix::from_fn(p, p, |r, c| {
-            let floor = if r == c { (ACCURACY * estimate.values[r]).powi(2) } else { 0.0 };
+            let floor = if r == c { (LEAST_RELATIVE_DEVIATION * estimate.values[r]).powi(2) } else { 0.0 };
             let shown = if told[r] && told[c] { estimate.covariance[(r, c)] } else { 0.0 };
             (shown + floor) / (scale[r] * scale[c])
         });
@@ -223,7 +221,8 @@ impl Statement {
 impl Difference {
     /// Whether chance makes a difference of this size.
     fn is_chance(&self) -> bool {
-        deviation_by_residuals(self.square, self.freedom, self.residuals).is_none_or(|deviation| deviation <= CHANCE)
+        deviation_by_residuals(self.square, self.freedom, self.residuals)
+            .is_none_or(|deviation| deviation <= alarm::RUNS_CONTRADICT)
     }
 
     /// The parameter that differs most, and its difference in standard deviations.

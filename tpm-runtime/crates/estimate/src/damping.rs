@@ -8,7 +8,7 @@ use tpm_motion::Trial;
 use tpm_motion::trajectory::Trajectory;
 
 /// The smallest share of an update that is played.
-const LEAST_SHARE: f64 = 1.0 / 64.0;
+const LEAST_PLAYED_SHARE: f64 = 1.0 / 64.0;
 
 /// What is known of the runs on the present reference.
 pub(super) struct Damping {
@@ -56,7 +56,7 @@ impl Damping {
 
     /// Halves the step; says whether there is a run to go back to and a step left.
     pub(super) fn take_back(&mut self) -> bool {
-        let possible = self.best.is_some() && self.share > LEAST_SHARE;
+        let possible = self.best.is_some() && self.share > LEAST_PLAYED_SHARE;
         if possible {
             self.share *= 0.5;
         }
@@ -65,7 +65,7 @@ impl Damping {
 
     /// Whether the step cannot be halved again.
     pub(super) fn is_exhausted(&self) -> bool {
-        self.share <= LEAST_SHARE
+        self.share <= LEAST_PLAYED_SHARE
     }
 
     /// Whether the next run goes less than the whole update.

@@ -4,14 +4,9 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
-use crate::verdict::COMPONENT;
 use std::borrow::Cow;
 use tpm_numerics::singular::{Singular, complement, condition, largest_one, unit_columns};
-use tpm_numerics::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
-
-/// Singular values of the column-scaled factor below this share of the largest are taken for zero: they are what rounding
-/// leaves of an exact dependence once the columns come out of sums over a record.
-const RANK_TOLERANCE: f64 = 1e-10;
+use tpm_numerics::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, tolerance};
 
 /// Square-root information of a set of parameters.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,7 +130,7 @@ impl Scaled<'_> {
         let mut target = of.right().into_owned();
         target.gemv(-1.0, factor, &start, 1.0);
         let shown = beside(hidden, scale);
-        let singular = Singular::new(&self.in_terms_of(shown.as_ref()), RANK_TOLERANCE);
+        let singular = Singular::new(&self.in_terms_of(shown.as_ref()), tolerance::RANK);
         let mut step = DVector::zeros(n);
         let mut covariance = DMatrix::zeros(n, n);
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
@@ -208,7 +203,7 @@ impl Scaled<'_> {
     /// Ratio of the largest to the smallest singular value that counts, over what is orthogonal to the hidden directions; infinite
     /// when none counts.
     pub(super) fn condition(self, hidden: &[Vec<f64>]) -> f64 {
-        condition(&self.in_terms_of(beside(hidden, &self.scale).as_ref()), RANK_TOLERANCE)
+        condition(&self.in_terms_of(beside(hidden, &self.scale).as_ref()), tolerance::RANK)
     }
 
     /// What the equations feel of the prior's uncertainty along what is orthogonal to `shown`: a row for every independent deviation. All
@@ -252,7 +247,7 @@ pub(super) fn touched(directions: &[Vec<f64>], scale: &[f64]) -> Vec<bool> {
         let weighed = || direction.iter().zip(scale).map(|(d, s)| (d * s).abs());
         let peak = weighed().fold(0.0, f64::max);
         for (flag, part) in touched.iter_mut().zip(weighed()) {
-            *flag |= part > COMPONENT * peak;
+            *flag |= part > tolerance::HIDDEN_COMPONENT * peak;
         }
     }
     touched
@@ -300,7 +295,7 @@ fn eliminated(mut directions: Vec<Vec<f64>>, mut own: Vec<usize>) -> Vec<(usize,
             let share = other[column];
             for (entry, by) in other.iter_mut().zip(&pivot) {
                 *entry -= share * by;
-                if entry.abs() < RANK_TOLERANCE {
+                if entry.abs() < tolerance::RANK {
                     *entry = 0.0;
                 }
             }
@@ -319,7 +314,7 @@ fn inverse_of_full_rank(triangle: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let mut inverse = DMatrix::identity(n, n);
     let regular = triangle.solve_upper_triangular_mut(&mut inverse);
     // A comparison with a value that is not a number is false, and proves nothing.
-    (regular && inverse.norm() * triangle.norm() * RANK_TOLERANCE < 1.0).then_some(inverse)
+    (regular && inverse.norm() * triangle.norm() * tolerance::RANK < 1.0).then_some(inverse)
 }
 
 /// Directions of scaled parameters, which known directions do not span, as directions of the parameters themselves. Where a known

@@ -80,4 +80,4 @@ pub use time_domain::{
     estimate_time_domain, input_shift, predict_in_band,
 };
 pub use verdict::no_result;
-pub use verdict::{COMPONENT, Evidence, LARGE_RESIDUAL, POOR, POOR_PHYSICAL, Status};
+pub use verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, POOR_PHYSICAL_DEVIATION, Status};

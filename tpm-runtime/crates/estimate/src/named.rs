@@ -6,9 +6,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use tpm_core::model::Model;
 use tpm_numerics::DVector;
-
-/// Components of a direction below this size are rounding; its largest is one.
-const ROUNDING: f64 = 1e-9;
+use tpm_numerics::tolerance;
 
 /// One parameter of a result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -92,7 +90,7 @@ impl EstimateReport {
             })
             .collect();
         let named = |direction: &[f64]| -> BTreeMap<String, String> {
-            let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > ROUNDING);
+            let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > tolerance::COMPONENT);
             parts.map(|(j, part)| (model.parameter(j).name.to_string(), nine_digits(*part))).collect()
         };
         let unobservable = estimate.map_or_else(Vec::new, |e| e.unobservable.iter().map(|d| named(d)).collect());
@@ -100,7 +98,7 @@ impl EstimateReport {
         let combinations = shown.iter().map(|shown| CombinationReport {
             terms: named(&shown.weights),
             unit: model.parameter(shown.lead).unit.map(String::from),
-            prior: (shown.weights.iter().enumerate().filter(|(_, weight)| weight.abs() > ROUNDING))
+            prior: (shown.weights.iter().enumerate().filter(|(_, weight)| weight.abs() > tolerance::COMPONENT))
                 .map(|(j, weight)| Some(weight * stated(j)?))
                 .sum(),
             value: shown.value,

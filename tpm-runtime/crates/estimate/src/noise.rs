@@ -17,40 +17,38 @@ use crate::select::strongest;
 use num_complex::Complex;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
-use tpm_motion::{Spectra, alike, held, repeating};
+use tpm_motion::{Spectra, equal_rounding_runs, held, repeating_variance};
 use tpm_numerics::fourier::{coefficient, synthesise};
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, tolerance};
 
-/// An error, or noise, below this share of a signal's largest harmonic is rounding, not noise that could be weighed.
-pub(super) const ROUNDING: f64 = 1e-9;
 /// Points of a period at which second derivatives are averaged.
-const POINTS: usize = 128;
+const CURVATURE_POINTS: usize = 128;
 /// Step of second differences as a share of a slot's amplitude.
-const STEP: f64 = 1e-2;
+const DIFFERENCE_STEP: f64 = 1e-2;
 /// Fewest bins over which a level of white noise is averaged.
-const LEVEL_BINS: usize = 96;
+const LEAST_LEVEL_BINS: usize = 96;
 /// Fewest bins nearest to a line from which its noise besides the sensors' white noise is read.
-const NEAREST_BINS: usize = 16;
-/// Fewest periods of a record in which [`NEAREST_BINS`] bins lie beside their own line, and not beside the next ones.
+const LEAST_NEAREST_BINS: usize = 16;
+/// Fewest periods of a record in which [`LEAST_NEAREST_BINS`] bins lie beside their own line, and not beside the next ones.
 const LEAST_PERIODS: isize = 8;
 /// Fewest bins over which the noise of rounding to counts is averaged. It is not white, so that only bins near a line tell
 /// its level there.
-const COUNT_BINS: usize = 24;
+const LEAST_ROUNDING_BINS: usize = 24;
 /// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
-const REPEATING: f64 = 0.2;
+const MOST_WHITE_ROUNDING: f64 = 0.2;
 /// Share of its variance from which on a rounding error repeats; noise of the sensor lets a smaller share average out with itself.
-const UNDITHERED: f64 = 0.5;
+const LEAST_REPEATING_SHARE: f64 = 0.5;
 /// A line belongs to a motion when its power is this many times that of rounding.
-const CERTAIN: f64 = 9.0;
+const LEAST_POWER_OVER_ROUNDING: f64 = 9.0;
 /// Lines after which the sum of the motion between them is compared with what it was before.
-const BLOCK: usize = 16;
-/// The sum of the motion between the lines ends where a [`BLOCK`] adds less than this share.
-const NEGLIGIBLE: f64 = 1e-4;
+const LINES_PER_BLOCK: usize = 16;
+/// The sum of the motion between the lines ends where a [`LINES_PER_BLOCK`] adds less than this share.
+const LEAST_BLOCK_SHARE: f64 = 1e-4;
 /// Factor by which the correlation of neighbouring bins of a windowed spectrum raises the variance of the sum of their powers
 /// (Hann: 1 + 2 (2/3)^2 + 2 (1/6)^2).
 const BIN_CORRELATION: f64 = 1.94;
-/// Least standard deviation of a shift of a mean as a share of it.
-const SHIFT_UNCERTAINTY: f64 = 0.02;
+/// Lower bound on the relative standard deviation of the bias correction of a mean.
+const LEAST_SHIFT_DEVIATION: f64 = 0.02;
 
 /// What noise does to harmonic equations along a reference.
 pub(super) struct NoiseAlong {
@@ -79,7 +77,7 @@ pub(super) fn noise_along(
     let (dims, spectra) = (model.dims(), run.spectra);
     let Some(bins) = Bins::of(spectra, run.hold, dims) else { return Ok(None) };
     let sensors = bins.sensors(dims.coordinates);
-    let noisy = |(c, power): (usize, &f64)| *power > (ROUNDING * strongest(&spectra.lines[c])).powi(2);
+    let noisy = |(c, power): (usize, &f64)| *power > (tolerance::READING * strongest(&spectra.lines[c])).powi(2);
     if !sensors.white.iter().enumerate().any(noisy) {
         return Ok(None);
     }
@@ -166,7 +164,7 @@ impl<'a> Bins<'a> {
     fn counted(&self, white: &[f64]) -> bool {
         // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
-        let share = REPEATING * samples / self.spectra.window.bandwidth();
+        let share = MOST_WHITE_ROUNDING * samples / self.spectra.window.bandwidth();
         white.iter().zip(&self.spectra.steps).any(|(power, step)| step * step / 12.0 > share * power)
     }
 
@@ -177,7 +175,7 @@ impl<'a> Bins<'a> {
         let alike = self.alike(channel);
         let repeated = self.rounding(channel, alike);
         let rests = self.spectra.rests.get(channel).copied().unwrap_or(false);
-        (if alike < UNDITHERED && !rests { 0.0 } else { repeated }, repeated)
+        (if alike < LEAST_REPEATING_SHARE && !rests { 0.0 } else { repeated }, repeated)
     }
 
     /// The share of the error of counts that is the same in every period; zero without counts.
@@ -191,7 +189,7 @@ impl<'a> Bins<'a> {
             free.fold((0.0, 0.0), |(power, number), bin| (power + self.at(channel, bin).norm_sqr(), number + 1.0));
         let between = power / f64::max(number, 1.0) * samples / self.spectra.window.bandwidth();
         let own = between / (step * step) - 1.0 / 12.0;
-        repeating(own.max(0.0)) / repeating(0.0)
+        repeating_variance(own.max(0.0)) / repeating_variance(0.0)
     }
 
     /// Power that the error of counts gives every line of a sensor, of which this share is the same in every period; zero without counts.
@@ -203,11 +201,11 @@ impl<'a> Bins<'a> {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
         // The motion without the lines of its rounding.
-        let rounding = CERTAIN * step * step / 3.0 / per_period;
+        let rounding = LEAST_POWER_OVER_ROUNDING * step * step / 3.0 / per_period;
         let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };
         let lines: Vec<Complex<f64>> = self.spectra.lines[channel].iter().map(of_motion).collect();
         let motion = synthesise(&lines, 0, self.spectra.fundamental, lines.len(), per_period.round() as usize);
-        let squares: usize = alike(&motion, *step).iter().map(|length| length * length).sum();
+        let squares: usize = equal_rounding_runs(&motion, *step).iter().map(|length| length * length).sum();
         step * step / 12.0 * share * squares as f64 / (per_period * per_period)
     }
 
@@ -343,11 +341,11 @@ pub(super) fn row_variance(
             let pairs = bins.around(k, least).map(&mut pair);
             pairs.fold((0, 0.0, 0.0), |(count, found, expected), of| (count + 1, found + of.0, expected + of.1))
         };
-        let (_, found, expected) = sum(if *counted { COUNT_BINS } else { LEVEL_BINS });
+        let (_, found, expected) = sum(if *counted { LEAST_ROUNDING_BINS } else { LEAST_LEVEL_BINS });
         let level = if expected > 0.0 { found / expected } else { 0.0 };
         let mut apart = 0.0;
         if !*counted && bins.periods >= LEAST_PERIODS {
-            let (near, found, expected) = sum(NEAREST_BINS);
+            let (near, found, expected) = sum(LEAST_NEAREST_BINS);
             apart = ((found - level * expected) / f64::from(near.max(1))).max(0.0);
         }
         let scale = if k == 0 { 1.0 } else { 4.0 };
@@ -411,9 +409,9 @@ pub(super) fn true_motion(
     // The motion that the inputs explain in the bins around a line, coordinate by coordinate.
     let mut explained: Vec<Complex<f64>> = Vec::new();
     for k in 0..=spectra.highest() {
-        if k > 0 && k.is_multiple_of(BLOCK) {
+        if k > 0 && k.is_multiple_of(LINES_PER_BLOCK) {
             let now: Vec<f64> = states.iter().map(|&s| covariance[(s, s)]).collect();
-            if now.iter().zip(&checked).all(|(now, before)| now - before <= NEGLIGIBLE * now) {
+            if now.iter().zip(&checked).all(|(now, before)| now - before <= LEAST_BLOCK_SHARE * now) {
                 break;
             }
             checked = now;
@@ -463,7 +461,7 @@ pub(super) fn true_motion(
         let mean: f64 = covariance[(s, s)];
         if mean > 0.0 { (BIN_CORRELATION * square).sqrt() / mean } else { 0.0 }
     };
-    let uncertainty = squares.iter().zip(&states).map(share).fold(SHIFT_UNCERTAINTY, f64::max);
+    let uncertainty = squares.iter().zip(&states).map(share).fold(LEAST_SHIFT_DEVIATION, f64::max);
     covariance.iter().all(|x: &f64| x.is_finite()).then_some((covariance, uncertainty))
 }
 
@@ -477,14 +475,16 @@ pub(super) fn shifts(
     covariance: &DMatrix<f64>,
 ) -> Result<Vec<Vec<f64>>, EstimateError> {
     let dims = model.dims();
-    let harmonics = harmonics.min(POINTS / 2 - 1);
-    let waves: Vec<Vec<f64>> =
-        slots.iter().map(|&(c, d)| synthesise(&spectra.lines[c], d, spectra.fundamental, harmonics, POINTS)).collect();
+    let harmonics = harmonics.min(CURVATURE_POINTS / 2 - 1);
+    let waves: Vec<Vec<f64>> = slots
+        .iter()
+        .map(|&(c, d)| synthesise(&spectra.lines[c], d, spectra.fundamental, harmonics, CURVATURE_POINTS))
+        .collect();
     let steps: Vec<f64> = waves
         .iter()
         .map(|wave| {
-            let power = wave.iter().map(|x| x * x).sum::<f64>() / POINTS as f64;
-            if power > 0.0 { STEP * power.sqrt() } else { STEP }
+            let power = wave.iter().map(|x| x * x).sum::<f64>() / CURVATURE_POINTS as f64;
+            if power > 0.0 { DIFFERENCE_STEP * power.sqrt() } else { DIFFERENCE_STEP }
         })
         .collect();
     let width = dims.parameters + 1;
@@ -492,7 +492,7 @@ pub(super) fn shifts(
     let mut scratch = vec![0.0; model.workspace_len()];
     let (mut phi, mut known) = (vec![0.0; dims.regressor_len()], vec![0.0; dims.rows]);
     let mut motion = vec![0.0; dims.motion_len()];
-    for i in 0..POINTS {
+    for i in 0..CURVATURE_POINTS {
         for (&(c, d), wave) in slots.iter().zip(&waves) {
             motion[d * dims.coordinates + c] = wave[i];
         }
@@ -501,7 +501,7 @@ pub(super) fn shifts(
                 let (at_a, at_b) = (slot_index(slots[a], dims.coordinates), slot_index(slots[b], dims.coordinates));
                 // The covariance is symmetric: half of the sum over all pairs is half of the diagonal plus the lower triangle.
                 let share = if a == b { 0.5 } else { 1.0 };
-                let weight = share * covariance[(a, b)] / (4.0 * steps[a] * steps[b] * POINTS as f64);
+                let weight = share * covariance[(a, b)] / (4.0 * steps[a] * steps[b] * CURVATURE_POINTS as f64);
                 for (sign_a, sign_b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
                     let (before_a, before_b) = (motion[at_a], motion[at_b]);
                     motion[at_a] += sign_a * steps[a];

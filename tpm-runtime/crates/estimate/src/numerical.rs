@@ -23,7 +23,7 @@ use crate::error::EstimateError;
 use crate::estimator::Estimator;
 use crate::first_order::fed_back;
 use crate::information::reduced;
-use crate::noise::{ROUNDING, noise_along, rounding_shares};
+use crate::noise::{noise_along, rounding_shares};
 use crate::response::answer;
 use crate::result::Estimate;
 use crate::run::{Run, error_lines};
@@ -35,22 +35,18 @@ use std::sync::Arc;
 use tpm_core::model::Model;
 use tpm_motion::Trial;
 use tpm_motion::trajectory::Trajectory;
-use tpm_numerics::{Cholesky, DMatrix, DVector};
+use tpm_numerics::{Cholesky, DMatrix, DVector, alarm, tolerance};
 
 /// Largest change of a parameter in a perturbed run, as a share of its value, or of the value at which it makes the whole force.
-const PERTURBATION: f64 = 0.5;
+const MOST_PERTURBATION: f64 = 0.5;
 /// A perturbed run is to change the error by this many times its noise, if the largest change allows.
-const ABOVE_NOISE: f64 = 30.0;
+const PERTURBATION_OVER_NOISE: f64 = 30.0;
 /// A perturbed run is to change the error by this share of it, so that the difference is a derivative.
-const SMALL: f64 = 0.1;
+const PERTURBATION_OF_ERROR: f64 = 0.1;
 /// A matrix holds about a run when secants have carried that run no farther than this, in steps.
-const NEAR: f64 = 2.0;
+const MOST_SECANT_STEPS: f64 = 2.0;
 /// A secant is worth a run if it divides the power of the error by this much; otherwise the matrix is measured anew.
-const WORTH: f64 = 4.0;
-/// An entry of B Lambda below this share of its column's largest is rounding of zero.
-const ZERO: f64 = 1e-9;
-/// What a prediction misses is no noise when its power is this many times that of the noise.
-const CERTAIN: f64 = 9.0;
+const LEAST_POWER_DIVISOR: f64 = 4.0;
 
 /// Phasors per coordinate and harmonic.
 type Lines = Vec<Vec<Complex<f64>>>;
@@ -169,7 +165,7 @@ impl Base {
         let variance = with_rounding(run, &rounding, highest);
         let noise = variance.iter().flatten().sum::<f64>().sqrt();
         let size = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
-        let target = (SMALL * size).max(ABOVE_NOISE * noise);
+        let target = (PERTURBATION_OF_ERROR * size).max(PERTURBATION_OVER_NOISE * noise);
         // Square of the size of H^-1, row by row and harmonic by harmonic.
         let stiffness = |r: usize, k: usize| {
             let felt = along.response(r, &run.trial.parameters, k);
@@ -182,7 +178,7 @@ impl Base {
             let felt = (0..dims.rows).map(|r| power(along.regressor(r, j))).fold(0.0, f64::max).sqrt();
             let whole = if felt > 0.0 { force / felt } else { 1.0 };
             let value = run.trial.parameters[j].abs();
-            let most = PERTURBATION * if value > 0.1 * whole { value } else { whole };
+            let most = MOST_PERTURBATION * if value > 0.1 * whole { value } else { whole };
             let lines =
                 (0..dims.rows).flat_map(|r| along.regressor(r, j).iter().enumerate().map(move |line| (r, line)));
             let moved = |(r, (k, line)): (usize, (usize, &Complex<f64>))| match stiffness(r, k) {
@@ -194,7 +190,9 @@ impl Base {
         };
         let zero = |j: usize| {
             let largest = (0..dims.rows).flat_map(|r| along.regressor(r, j)).map(|z| z.norm()).fold(0.0, f64::max);
-            let line = |k: usize| (0..dims.rows).all(|r| along.regressor(r, j)[k].norm() <= ZERO * largest);
+            let line = |k: usize| {
+                (0..dims.rows).all(|r| along.regressor(r, j)[k].norm() <= tolerance::REGRESSOR_LINE * largest)
+            };
             (0..=highest).map(line).collect()
         };
         let (perturbed, dependent) = unknowns(settings, dims.parameters)?;
@@ -232,7 +230,7 @@ impl Base {
 
     /// Whether M was measured about the base.
     fn is_fresh(&self) -> bool {
-        squares(&self.moved) <= NEAR * NEAR
+        squares(&self.moved) <= MOST_SECANT_STEPS * MOST_SECANT_STEPS
     }
 
     /// The columns of all parameters.
@@ -301,7 +299,7 @@ fn variances(model: &dyn Model<f64>, run: &Run<'_>, highest: usize) -> Vec<Vec<f
 fn with_rounding(run: &Run<'_>, shares: &[(f64, f64)], highest: usize) -> Vec<Vec<f64>> {
     let of = |(c, (rounding, _)): (usize, &(f64, f64))| {
         let peak = run.spectra.lines[c].iter().map(|line| line.norm()).fold(0.0, f64::max);
-        let least = (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE;
+        let least = (tolerance::READING * peak).powi(2) + f64::MIN_POSITIVE;
         (0..=highest).map(|k| run.spectra.variance(c, k) * (1.0 + rounding) + least).collect()
     };
     shares.iter().enumerate().map(of).collect()
@@ -356,7 +354,7 @@ impl Numerical {
         let noise = |c: usize, k: usize| variance[c][k] + base.variance[c][k];
         let lines =
             missed.iter().enumerate().flat_map(|(c, lines)| lines.iter().enumerate().map(move |(k, z)| (c, k, z)));
-        let certain = lines.filter(|(c, k, line)| line.norm_sqr() > CERTAIN * noise(*c, *k));
+        let certain = lines.filter(|(c, k, line)| line.norm_sqr() > alarm::PREDICTION_MISSES * noise(*c, *k));
         let worst = certain.map(|(.., line)| line.norm_sqr()).fold(0.0, f64::max);
         if let Some(last) = self.updates.last_mut().filter(|_| length > 0.0) {
             last.curvature = Some(last.curvature.unwrap_or(0.0).max(worst / bent(length)));
@@ -608,8 +606,8 @@ impl Estimator for Numerical {
                 return Ok(());
             }
             let fresh = self.base.as_ref().is_some_and(Base::is_fresh);
-            let floor = size < WORTH * noise;
-            if !self.settings.numerical.secant || (floor && !fresh) || (!floor && WORTH * size > before) {
+            let floor = size < LEAST_POWER_DIVISOR * noise;
+            if !self.settings.numerical.secant || (floor && !fresh) || (!floor && LEAST_POWER_DIVISOR * size > before) {
                 return self.begin(model, run, error);
             }
             self.correct(model, run, error);

@@ -9,7 +9,7 @@ use crate::error::EstimateError;
 use crate::information::Information;
 use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
-use crate::verdict::{Evidence, POOR, Status, Verdict};
+use crate::verdict::{Evidence, POOR_DEVIATION, Status, Verdict};
 use tpm_numerics::singular::{complement, largest_one, unit_columns};
 use tpm_numerics::{DMatrix, DVector, Matrix};
 
@@ -104,7 +104,7 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
     let mut verdict = Verdict::new(&free, &touched, &values, &covariance, |_, _| f64::INFINITY);
     for (j, status) in verdict.status.iter_mut().enumerate() {
         if *status == Status::PoorlyDetermined && known(j) {
-            *status = Status::of(Evidence::Shown { value: values[j], std: verdict.std[j], felt: 0.0 }, POOR);
+            *status = Status::of(Evidence::Shown { value: values[j], std: verdict.std[j], felt: 0.0 }, POOR_DEVIATION);
         }
     }
     // Known directions stay as they were stated.

@@ -3,11 +3,7 @@
 use crate::result::Estimate;
 use crate::verdict::Status;
 use tpm_numerics::singular::{Singular, unit_columns};
-use tpm_numerics::{DMatrix, DVector};
-
-/// Components of a hidden direction below this share of its largest one are rounding. So are singular values of the matrix of the
-/// stated parameters' components in all hidden directions, below this share of the largest.
-const ROUNDING: f64 = 1e-9;
+use tpm_numerics::{DMatrix, DVector, tolerance};
 
 impl Estimate {
     /// Values of the parameters that the data do not show, where stated priors and the combinations that the data show determine
@@ -31,7 +27,7 @@ impl Estimate {
         let shares = DMatrix::from_fn(stated.len(), directions.len(), |r, c| directions[c][stated[r].0] / scale[r]);
         let missing = DVector::from_fn(stated.len(), |r, _| (stated[r].1 - self.values[stated[r].0]) / scale[r]);
         let (shares, lengths) = unit_columns(shares);
-        let singular = Singular::new(&shares, ROUNDING);
+        let singular = Singular::new(&shares, tolerance::COMPONENT);
         let solved = (singular.left.tr_mul(&missing)).component_div(&singular.values);
         let z = &singular.right * solved;
         let null = singular.null();
@@ -41,7 +37,7 @@ impl Estimate {
         let moves = |j: usize| {
             null.column_iter().any(|left| {
                 let of = |j: usize| along(&|c| left[c], j).abs();
-                of(j) > ROUNDING * (0..p).map(of).fold(0.0, f64::max)
+                of(j) > tolerance::COMPONENT * (0..p).map(of).fold(0.0, f64::max)
             })
         };
         let value = |j: usize| {
@@ -49,7 +45,7 @@ impl Estimate {
             // A prior that no combination contradicts is kept as it was stated.
             let kept = stated.iter().zip(&scale).find(|((own, _), _)| *own == j);
             match kept {
-                Some(((_, prior), size)) if (value - prior).abs() <= ROUNDING * size => *prior,
+                Some(((_, prior), size)) if (value - prior).abs() <= tolerance::COMPONENT * size => *prior,
                 _ => value,
             }
         };
@@ -59,7 +55,7 @@ impl Estimate {
     /// The size of a parameter whose prior is zero, from those of the stated parameters that share a hidden direction with it.
     fn size_beside(&self, stated: &[(usize, f64)], parameter: usize) -> f64 {
         let beside = self.unobservable.iter().flat_map(|direction| {
-            let others = stated.iter().filter(|(j, _)| direction[*j].abs() > ROUNDING);
+            let others = stated.iter().filter(|(j, _)| direction[*j].abs() > tolerance::COMPONENT);
             others.map(|(j, value)| (value * direction[parameter] / direction[*j]).abs())
         });
         let size = beside.fold(0.0, f64::max);

@@ -9,17 +9,9 @@
 
 use crate::information::{Information, beside_known, touched};
 use crate::result::{Estimate, ResidualOf};
-use crate::verdict::{Evidence, POOR, Status};
+use crate::verdict::{Evidence, POOR_DEVIATION, Status};
 use tpm_numerics::singular::{Singular, complement, unit_columns};
-use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix};
-
-/// Singular values of columns of length one below this share of the largest are rounding.
-const RANK_TOLERANCE: f64 = 1e-10;
-/// Components of directions of length one below this are what the nine digits of a stored result leave of nothing.
-const STORED: f64 = 1e-6;
-/// Least deviation of what is known, in forces: a share of their root mean square, so that exact values do not make the others vanish
-/// in rounding.
-const SHARPEST: f64 = 1e-6;
+use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, tolerance};
 
 /// What is known of parameters: combinations, with their values.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,7 +57,7 @@ impl Known {
 
     /// The pseudo-inverse of the weights.
     fn inverse(&self) -> DMatrix<f64> {
-        inverse(&Singular::new(&self.weights, RANK_TOLERANCE))
+        inverse(&Singular::new(&self.weights, tolerance::RANK))
     }
 }
 
@@ -111,7 +103,7 @@ impl Projector {
         let (unit, scale) = unit_columns(triangle.columns(0, p).into_owned());
         let from = triangle.columns(p, q).into_owned();
         let (_, from_scale) = unit_columns(from.clone());
-        let decomposed = Singular::new(&unit, RANK_TOLERANCE);
+        let decomposed = Singular::new(&unit, tolerance::RANK);
         let raw = |scaled: DMatrix<f64>| DMatrix::from_fn(p, scaled.ncols(), |r, c| scaled[(r, c)] / scale[r]);
         let inverse = inverse(&decomposed);
         let matrix = raw(&inverse * &from);
@@ -148,14 +140,14 @@ impl Projector {
             &passed * &own.covariance * passed.transpose()
         };
         // What the known ones leave open moves the nearest parameters where the motion feels it.
-        let open = unscaled(Singular::new(&own.weights, RANK_TOLERANCE).null());
-        let felt = Singular::new(&(&self.from * open), RANK_TOLERANCE);
-        let counted = felt.values.iter().filter(|value| **value > STORED).count();
+        let open = unscaled(Singular::new(&own.weights, tolerance::RANK).null());
+        let felt = Singular::new(&(&self.from * open), tolerance::RANK);
+        let counted = felt.values.iter().filter(|value| **value > tolerance::STORED).count();
         let images = self.decomposed.right.clone()
             * DMatrix::from_fn(self.decomposed.rank(), counted, |r, c| {
                 self.decomposed.left.column(r).dot(&felt.left.column(c)) / self.decomposed.values[r]
             });
-        let moved = Singular::new(&unit_columns(images).0, STORED).left;
+        let moved = Singular::new(&unit_columns(images).0, tolerance::STORED).left;
         let hidden = self.decomposed.null();
         let lost = hidden.column_iter().chain(moved.column_iter());
         let lost: Vec<Vec<f64>> = lost.map(|direction| direction.iter().copied().collect()).collect();
@@ -169,13 +161,14 @@ impl Projector {
         let own = known.scaled(&self.scale);
         // Combinations of the known ones that the motion shows too.
         let mut strange = &own.weights * self.decomposed.null();
-        strange.iter_mut().filter(|entry| entry.abs() <= STORED).for_each(|entry| *entry = 0.0);
-        let basis = complement(&Singular::new(&strange, STORED).left);
+        strange.iter_mut().filter(|entry| entry.abs() <= tolerance::STORED).for_each(|entry| *entry = 0.0);
+        let basis = complement(&Singular::new(&strange, tolerance::STORED).left);
         let shown = basis.tr_mul(&own.weights);
         // Deviations of equal forces: (S' S)+ in scaled parameters.
         let along = &shown * inverse(&self.decomposed);
         let equal = &along * along.transpose();
-        let covariance = basis.tr_mul(&own.covariance) * &basis + equal * (SHARPEST * SHARPEST);
+        let covariance =
+            basis.tr_mul(&own.covariance) * &basis + equal * (tolerance::EXACT_DEVIATION * tolerance::EXACT_DEVIATION);
         let scaled = |raw: DMatrix<f64>| DMatrix::from_fn(self.onto, raw.ncols(), |r, c| raw[(r, c)] * self.scale[r]);
         let offset = scaled(DMatrix::from_columns(std::slice::from_ref(&self.offset)));
         let right = basis.tr_mul(&own.values) - (&shown * offset).column(0);
@@ -204,7 +197,7 @@ impl Projector {
         let lengths: Vec<f64> = of_force.column_iter().map(|column| column.norm()).collect();
         let largest = lengths.iter().copied().fold(0.0, f64::max);
         // A column of rounding is not scaled up.
-        let counts = |c: usize| lengths[c] > STORED * largest;
+        let counts = |c: usize| lengths[c] > tolerance::STORED * largest;
         let scale: Vec<f64> = (0..lengths.len()).map(|c| if counts(c) { lengths[c] } else { 1.0 }).collect();
         let unit =
             DMatrix::from_fn(
@@ -214,7 +207,7 @@ impl Projector {
                     if counts(c) { of_force[(r, c)] / scale[c] } else { 0.0 }
                 },
             );
-        let null = Singular::new(&unit, STORED).null();
+        let null = Singular::new(&unit, tolerance::STORED).null();
         let lost = null.column_iter().map(|direction| direction.iter().copied().collect()).collect();
         let scale: Vec<f64> = scale.iter().zip(&self.from_scale).map(|(own, force)| own * force).collect();
         beside_known(&[], lost, &scale)
@@ -231,7 +224,7 @@ impl Projector {
         let deviation = |j: usize| covariance[(j, j)].max(0.0).sqrt();
         let status = |j: usize| {
             let shown = Evidence::Shown { value: values[j], std: deviation(j), felt: deviation(j) * scale[j] };
-            Status::of(if hidden[j] { Evidence::Hidden } else { shown }, POOR)
+            Status::of(if hidden[j] { Evidence::Hidden } else { shown }, POOR_DEVIATION)
         };
         let p = values.len();
         Estimate {

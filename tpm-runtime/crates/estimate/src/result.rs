@@ -1,7 +1,7 @@
 //! The result that every estimator gives.
 
 use crate::settings::Settings;
-use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR, Status};
+use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, Status};
 use tpm_numerics::Matrix;
 
 /// What a residual is a share of.
@@ -78,7 +78,7 @@ impl Estimate {
         for j in (0..values.len()).filter(|&j| self.status[j] != Status::Unobservable && !held(j)) {
             std[j] = covariance[(j, j)].max(0.0).sqrt();
             let evidence = Evidence::Shown { value: values[j], std: std[j], felt: felt(j, std[j]) };
-            status[j] = Status::of(evidence, POOR);
+            status[j] = Status::of(evidence, POOR_DEVIATION);
         }
         Estimate { values, std, covariance, status, ..self.clone() }
     }
@@ -86,7 +86,8 @@ impl Estimate {
     /// The estimate with values and covariance of all parameters that a simulation of the model gave. A parameter whose deviation was
     /// large beside its value, and which was nearly nothing and known to be, still is where its deviation has not grown.
     pub fn refined(&self, values: Vec<f64>, covariance: Matrix, settings: &Settings) -> Self {
-        let nothing = |j: usize| self.status[j] == Status::Identified && self.std[j] > POOR * self.values[j].abs();
+        let nothing =
+            |j: usize| self.status[j] == Status::Identified && self.std[j] > POOR_DEVIATION * self.values[j].abs();
         let felt = |j: usize, std: f64| if nothing(j) && std <= self.std[j] { 0.0 } else { f64::INFINITY };
         self.with_values(values, covariance, settings, felt)
     }

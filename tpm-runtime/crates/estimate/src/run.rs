@@ -8,9 +8,7 @@ use std::fmt::Debug;
 use tpm_core::harmonics::Hold;
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 use tpm_motion::{Spectra, Trial};
-
-/// A measured line belongs to the motion when its power is this many times that of its noise.
-const CERTAIN: f64 = 100.0;
+use tpm_numerics::alarm;
 
 /// One run as an estimator sees it.
 #[derive(Clone, Copy, Debug)]
@@ -60,8 +58,9 @@ impl Run<'_> {
         }
         let reach = reach(reference).max(1);
         let series = |c: usize| {
-            let certain =
-                |k: usize, z: &Complex<f64>| k <= reach && z.norm_sqr() > CERTAIN * self.spectra.noise[k][(c, c)].re;
+            let certain = |k: usize, z: &Complex<f64>| {
+                k <= reach && z.norm_sqr() > alarm::MEASURED_LINE * self.spectra.noise[k][(c, c)].re
+            };
             HarmonicSeries::from_phasors(&self.spectra.lines[c], certain)
         };
         let coordinates = (0..reference.coordinates.len()).map(series).collect();

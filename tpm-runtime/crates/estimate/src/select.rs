@@ -4,35 +4,28 @@
 //! model is known here (`DESIGN.md`, "Which harmonics are used?").
 
 use num_complex::Complex;
-
-/// A line counts when its power is this many times that of its noise. With noise from sixteen bins, pure noise passes
-/// once in four hundred thousand lines.
-pub(super) const VISIBLE: f64 = 20.0;
-
-/// A line far above all others counts when its power is this many times that of its noise. Over hundreds of campaigns one
-/// line of noise alone passes [`VISIBLE`], and everything below it would count as motion.
-pub(super) const ALONE: f64 = 400.0;
+use tpm_numerics::{alarm, tolerance};
 
 /// Lines of the tail are grouped by so many before their residuals are compared.
-const BLOCK: usize = 8;
+const LINES_PER_BLOCK: usize = 8;
 /// Fewest blocks for a comparison of the tail with the rest.
-const BLOCKS: usize = 5;
+const LEAST_BLOCKS: usize = 5;
 /// A block of the tail whose residual exceeds the median block so many times is not explained by the model.
-const UNEXPLAINED: f64 = 3.0;
+const MOST_OVER_MEDIAN: f64 = 3.0;
 /// A line stands alone when more than this many lines are missing below it.
-const GAP: usize = 16;
+const MOST_MISSING_LINES: usize = 16;
 
 /// Whether a line stands out of its noise, and out of the rounding of the strongest line of its signal.
 pub(super) fn visible(line: Complex<f64>, variance: f64, peak: f64) -> bool {
     let power = line.norm_sqr();
-    power > VISIBLE * variance && power > (1e-13 * peak).powi(2)
+    power > alarm::VISIBLE_LINE * variance && power > (tolerance::LINE * peak).powi(2)
 }
 
 /// Highest line of a signal that is visible and no straggler of noise; 0 when none is.
 pub(super) fn highest_visible(lines: &[Complex<f64>], variance: impl Fn(usize) -> f64, limit: usize) -> usize {
     let peak = strongest(lines);
     let found = (1..lines.len().min(limit + 1)).filter(|&k| visible(lines[k], variance(k), peak)).collect();
-    let found = without_stragglers(found, |k| lines[k].norm_sqr() > ALONE * variance(k));
+    let found = without_stragglers(found, |k| lines[k].norm_sqr() > alarm::LONE_LINE * variance(k));
     found.last().copied().unwrap_or(0)
 }
 
@@ -48,7 +41,7 @@ pub(super) fn without_stragglers(mut lines: Vec<usize>, substantial: impl Fn(usi
         if substantial(lines[i]) {
             break;
         }
-        if lines[i] - lines[i - 1] > GAP.max(lines[i - 1] / 8) {
+        if lines[i] - lines[i - 1] > MOST_MISSING_LINES.max(lines[i - 1] / 8) {
             keep = i;
         }
     }
@@ -62,9 +55,11 @@ pub(super) fn without_stragglers(mut lines: Vec<usize>, substantial: impl Fn(usi
 /// A model has an end of its band (an amplifier, a filter, a mode that it leaves out): beyond it residuals rise far above
 /// noise and above the rest of the spectrum. Only a tail is cut, never the middle, and never half of the lines.
 pub(super) fn unexplained_tail(harmonics: &[usize], residual: &[f64], noise: &[f64]) -> Option<usize> {
-    let blocks: Vec<f64> =
-        residual.chunks_exact(BLOCK).map(|b| (b.iter().map(|r| r * r).sum::<f64>() / BLOCK as f64).sqrt()).collect();
-    if blocks.len() < BLOCKS {
+    let blocks: Vec<f64> = residual
+        .chunks_exact(LINES_PER_BLOCK)
+        .map(|b| (b.iter().map(|r| r * r).sum::<f64>() / LINES_PER_BLOCK as f64).sqrt())
+        .collect();
+    if blocks.len() < LEAST_BLOCKS {
         return None;
     }
     let mut sorted = blocks.clone();
@@ -73,14 +68,15 @@ pub(super) fn unexplained_tail(harmonics: &[usize], residual: &[f64], noise: &[f
     let mut cut = blocks.len();
     while cut > blocks.len() / 2 {
         let i = cut - 1;
-        let of_noise = noise[i * BLOCK..(i + 1) * BLOCK].iter().map(|s| s * s).sum::<f64>() / BLOCK as f64;
-        if blocks[i] > UNEXPLAINED * median && blocks[i] > UNEXPLAINED * of_noise.sqrt() {
+        let of_noise = noise[i * LINES_PER_BLOCK..(i + 1) * LINES_PER_BLOCK].iter().map(|s| s * s).sum::<f64>()
+            / LINES_PER_BLOCK as f64;
+        if blocks[i] > MOST_OVER_MEDIAN * median && blocks[i] > MOST_OVER_MEDIAN * of_noise.sqrt() {
             cut -= 1;
         } else {
             break;
         }
     }
-    (cut < blocks.len()).then(|| harmonics[cut * BLOCK])
+    (cut < blocks.len()).then(|| harmonics[cut * LINES_PER_BLOCK])
 }
 
 #[cfg(test)]

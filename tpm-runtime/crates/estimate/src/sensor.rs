@@ -2,10 +2,7 @@
 
 use tpm_motion::step;
 use tpm_numerics::differences::white_noise;
-use tpm_numerics::root_mean_square;
-
-/// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
-const ROUNDING: f64 = 1e-9;
+use tpm_numerics::{root_mean_square, tolerance};
 
 /// A sensor, told from its readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,7 +26,7 @@ impl Sensor {
         let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
         let step = if step.is_finite() { step } else { 0.0 };
         let seen = (power / count).sqrt().max(step / 12.0_f64.sqrt());
-        let least = ROUNDING * size;
+        let least = tolerance::READING * size;
         Sensor { noise: seen.max(least), step, noisy: seen > least }
     }
 }

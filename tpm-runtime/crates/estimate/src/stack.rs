@@ -10,12 +10,10 @@ use crate::information::Information;
 use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
 use crate::verdict::Verdict;
-use tpm_numerics::Matrix;
+use tpm_numerics::{Iteration, Matrix};
 
-/// Most times that the equations are weighted anew at their own solution.
-const MOST_WEIGHTINGS: usize = 8;
-/// The weights have settled when no parameter moves by more than this share of its deviation.
-const SETTLED: f64 = 0.01;
+/// The equations are weighed anew at their own solution until no parameter moves by more than a share of its standard deviation.
+const REWEIGHTING: Iteration = Iteration { most: 8, settled: 0.01 };
 
 /// Solves equations whose weights depend on the parameters about which they are used, at their own solution. `equations` gives those
 /// of all runs at given parameters, the latest last; `current` has the parameters of the latest run's feed-forward.
@@ -28,9 +26,9 @@ pub(super) fn solve_reweighted(
     equations: impl Fn(&[f64]) -> Vec<Equations>,
 ) -> Result<Estimate, EstimateError> {
     let mut estimate = solve(&equations(current), settings, current)?;
-    for _ in 0..MOST_WEIGHTINGS {
+    for _ in 0..REWEIGHTING.most {
         let next = solve(&equations(&estimate.values), settings, current)?;
-        let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
+        let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > REWEIGHTING.settled * std;
         let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
         estimate = next;
         if settled {

@@ -7,15 +7,12 @@ use serde::Serialize;
 use tpm_numerics::DMatrix;
 
 /// A standard deviation above this share of the value makes a parameter poorly determined.
-pub const POOR: f64 = 0.25;
+pub const POOR_DEVIATION: f64 = 0.25;
 /// A standard deviation above this share of the value makes a physical parameter behind lumped ones poorly determined.
-pub const POOR_PHYSICAL: f64 = 0.5;
+pub const POOR_PHYSICAL_DEVIATION: f64 = 0.5;
 /// A parameter whose standard deviation changes a row by no more than this share of its force is not poorly determined:
 /// its value is nearly nothing, and known to be.
-const FELT: f64 = 0.01;
-/// A parameter belongs to an unobservable direction when its component, in scaled parameters, is above this share of the
-/// largest one.
-pub const COMPONENT: f64 = 1e-6;
+const MOST_UNFELT_FORCE: f64 = 0.01;
 /// A residual above this share of the force is flagged: what was fitted is no result.
 pub const LARGE_RESIDUAL: f64 = 0.2;
 
@@ -57,13 +54,15 @@ pub enum Evidence {
 }
 
 impl Status {
-    /// The status that follows from what is known of a parameter; `poor` is [`POOR`] or [`POOR_PHYSICAL`].
+    /// The status that follows from what is known of a parameter; `poor` is [`POOR_DEVIATION`] or [`POOR_PHYSICAL_DEVIATION`].
     pub fn of(evidence: Evidence, poor: f64) -> Self {
         match evidence {
             Evidence::Frozen => Status::Frozen,
             Evidence::Hidden => Status::Unobservable,
             Evidence::AtBound => Status::PoorlyDetermined,
-            Evidence::Shown { value, std, felt } if std > poor * value.abs() && felt > FELT => Status::PoorlyDetermined,
+            Evidence::Shown { value, std, felt } if std > poor * value.abs() && felt > MOST_UNFELT_FORCE => {
+                Status::PoorlyDetermined
+            }
             Evidence::Shown { .. } => Status::Identified,
         }
     }
@@ -106,7 +105,7 @@ impl Verdict {
         felt: impl Fn(usize, f64) -> f64,
     ) -> Self {
         let mut std = vec![0.0; values.len()];
-        let mut status = vec![Status::of(Evidence::Frozen, POOR); values.len()];
+        let mut status = vec![Status::of(Evidence::Frozen, POOR_DEVIATION); values.len()];
         for (&j, &hidden) in free.indices.iter().zip(hidden) {
             let evidence = if hidden {
                 std[j] = f64::INFINITY;
@@ -115,7 +114,7 @@ impl Verdict {
                 std[j] = covariance[(j, j)].max(0.0).sqrt();
                 Evidence::Shown { value: values[j], std: std[j], felt: felt(j, std[j]) }
             };
-            status[j] = Status::of(evidence, POOR);
+            status[j] = Status::of(evidence, POOR_DEVIATION);
         }
         Verdict { std, status }
     }
@@ -128,17 +127,17 @@ pub fn no_result(residual: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{Evidence, POOR, Status};
+    use super::{Evidence, POOR_DEVIATION, Status};
 
     #[test]
     fn a_status_follows_from_deviation_value_and_force() {
-        let shown = |value, std, felt| Status::of(Evidence::Shown { value, std, felt }, POOR);
+        let shown = |value, std, felt| Status::of(Evidence::Shown { value, std, felt }, POOR_DEVIATION);
         assert_eq!(shown(-4.0, 1.0, f64::INFINITY), Status::Identified);
         assert_eq!(shown(-4.0, 1.1, f64::INFINITY), Status::PoorlyDetermined);
         // A friction of nearly nothing is known when no force hangs on it.
         assert_eq!(shown(0.0, 1.1, 0.009), Status::Identified);
-        assert_eq!(Status::of(Evidence::AtBound, POOR), Status::PoorlyDetermined);
-        assert_eq!(Status::of(Evidence::Hidden, POOR), Status::Unobservable);
+        assert_eq!(Status::of(Evidence::AtBound, POOR_DEVIATION), Status::PoorlyDetermined);
+        assert_eq!(Status::of(Evidence::Hidden, POOR_DEVIATION), Status::Unobservable);
     }
 
     #[test]

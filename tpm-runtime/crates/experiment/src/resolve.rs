@@ -171,6 +171,7 @@ impl Experiment {
     /// evaluated.
     pub fn bench(&self, model: &dyn Model<f64>) -> Result<Rig, ExperimentError> {
         let coordinates = coordinates(model);
+        // Sensors, exact where the experiment states none.
         let mut sensors = vec![Sensor::default(); coordinates.names.len()];
         for (name, section) in &self.plant.sensors {
             let at = coordinates.index("plant.sensors", name)?;
@@ -204,6 +205,7 @@ impl Experiment {
                 rate_noise: section.rate_noise,
             };
         }
+        // Actuators: limits, quantisation and dynamics.
         let inputs = inputs(model);
         let limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
         let steps = inputs.fill("plant.input_steps", &self.plant.input_steps, 0.0)?;
@@ -219,6 +221,7 @@ impl Experiment {
         let must = "there must be at most 10,000 steps between two samples";
         let few = self.plant.sub_steps <= limits::MOST_SUB_STEPS;
         require(few, "plant.sub_steps".into(), self.plant.sub_steps as f64, must)?;
+        // True parameters and constants. The closed-loop arm has its own.
         let (parameters, constants) = if self.plant.closed_loop_arm.is_some() {
             for (place, given) in [("parameters", &self.plant.parameters), ("drift", &self.plant.drift)] {
                 if let Some(name) = given.keys().next() {
@@ -350,6 +353,7 @@ impl Experiment {
     ) -> Result<Setup, ExperimentError> {
         let (parameters, coordinates, inputs) = (parameters(model), coordinates(model), inputs(model));
         positive("control.sample_time", self.control.sample_time)?;
+        // The feedback: how rates are formed, filters and gains.
         let velocity = match (self.control.derivative_filter, self.control.smoothing) {
             (None, None) => Velocity::Measured,
             (None, Some(smoothing)) => {
@@ -385,6 +389,7 @@ impl Experiment {
                 derivative: path.kd,
             });
         }
+        // Scalar settings of limits and schedule.
         let share = self.limits.effort_share;
         require(share > 0.0 && share <= 1.0, "limits.effort_share".into(), share, "the value must lie in (0, 1]")?;
         let back_off = self.limits.back_off;
@@ -396,6 +401,7 @@ impl Experiment {
         require(measured >= 0.0, key(), measured, "the value must not be negative")?;
         let (points, most) = (self.stability.points, limits::MOST_POINTS);
         require(points <= most, "stability.points".into(), points as f64, "there must be at most 100,000 points")?;
+        // The stages, with their amplitudes, frequencies and strokes.
         let mut multiples = vec![1; coordinates.names.len()];
         set_multiples(&mut multiples, &coordinates, "schedule.multiples", &schedule.multiples)?;
         let mut stages = Vec::with_capacity(schedule.stages.len());
@@ -440,11 +446,13 @@ impl Experiment {
         if self.weights == Weights::Equal && self.estimator != Method::MeasuredMotion {
             return Err(ExperimentError::Weights);
         }
+        // The estimator's settings.
         let mut frozen = Vec::with_capacity(self.frozen.len());
         for (name, &value) in &self.frozen {
             frozen.push(Frozen { parameter: parameters.index("frozen", name)?, value });
         }
         let prior = parameters.fill("prior", &self.prior, 0.0)?;
+        // Every reference must keep within the bounds of the motion.
         let mut position_bounds = vec![(f64::NEG_INFINITY, f64::INFINITY); coordinates.names.len()];
         for (name, &[low, high]) in &self.limits.positions {
             let key = || format!("limits.positions.{name}");

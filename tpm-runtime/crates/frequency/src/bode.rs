@@ -9,9 +9,9 @@ use std::f64::consts::PI;
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 
 /// Number of points of a model's curve.
-const POINTS: usize = 600;
+const CURVE_POINTS: usize = 600;
 /// Probability that the band around a measured response covers.
-const CONFIDENCE: f64 = 0.95;
+const BAND_COVERAGE: f64 = 0.95;
 
 /// Title, unit and band of a Bode plot.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,7 +51,7 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
     // 2. Measured magnitudes and phases with their confidence bands.
     let branch = measured.first().copied();
     let hertz = |line: &&ResponseLine| line.hertz();
-    let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, CONFIDENCE)).collect();
+    let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, BAND_COVERAGE)).collect();
     let mut magnitude = Vec::new();
     let mut phase = Vec::new();
     let band = usable.iter().zip(&radius).map(|(line, r)| {
@@ -71,7 +71,8 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
     phase.push(Trace::new("", 0, Curve::Points(points.collect())));
     // 3. The models, at frequencies that are evenly spaced on the logarithmic axis, which has no place for zero.
     let first = if low > 0.0 { low } else { high * 1e-3 };
-    let frequencies: Vec<f64> = (0..=POINTS).map(|i| first * (high / first).powf(i as f64 / POINTS as f64)).collect();
+    let frequencies: Vec<f64> =
+        (0..=CURVE_POINTS).map(|i| first * (high / first).powf(i as f64 / CURVE_POINTS as f64)).collect();
     for (at, (name, model)) in models.iter().enumerate() {
         let values: Vec<Complex<f64>> = frequencies.iter().map(|f| model(2.0 * PI * f)).collect();
         let mut angles = unwrapped(values.iter().copied());

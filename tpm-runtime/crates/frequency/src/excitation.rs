@@ -11,7 +11,7 @@ use tpm_numerics::fourier::inverse;
 use tpm_numerics::root_mean_square;
 
 /// Largest distance of a hold from a whole number of samples, in samples.
-const WHOLE_TOLERANCE: f64 = 1e-6;
+const MOST_OFF_WHOLE_SAMPLES: f64 = 1e-6;
 
 /// Why an excitation cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -160,7 +160,7 @@ fn noise(samples: usize, sample_time: f64, std: f64, hold: f64, seed: u64) -> Re
     positive("standard deviation", std)?;
     positive("hold", hold)?;
     let held = (hold / sample_time).round();
-    if held < 1.0 || (hold / sample_time - held).abs() > WHOLE_TOLERANCE {
+    if held < 1.0 || (hold / sample_time - held).abs() > MOST_OFF_WHOLE_SAMPLES {
         return Err(ExcitationError::Hold { hold, sample_time });
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);

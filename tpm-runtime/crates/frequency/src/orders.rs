@@ -8,9 +8,7 @@
 use crate::points::Points;
 use crate::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
 use crate::response::{FrequencyResponse, ResponseError, Welch};
-
-/// Least difference of two prediction errors, in standard errors of the difference, that is significant.
-const SIGNIFICANT: f64 = 2.0;
+use tpm_numerics::alarm;
 
 /// Why orders cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -104,7 +102,7 @@ pub fn compare_orders(
         }
     }
     let recommended = (0..trials.len())
-        .filter(|&i| !trials[i].doubtful() && trials[i].worse_by.is_some_and(|by| by <= SIGNIFICANT))
+        .filter(|&i| !trials[i].doubtful() && trials[i].worse_by.is_some_and(|by| by <= alarm::MODELS_DIFFER))
         .min_by_key(|&i| trials[i].numerator + trials[i].denominator);
     Ok(OrderComparison { response, trials, recommended })
 }

@@ -6,12 +6,10 @@
 use crate::response::{FrequencyResponse, ResponseEstimator};
 use num_complex::Complex;
 use tpm_numerics::singular::{Singular, unit_columns};
-use tpm_numerics::{DMatrix, DVector, DVectorView};
+use tpm_numerics::{DMatrix, DVector, DVectorView, tolerance};
 
 /// Lower bound on the standard deviation of a line, as a share of |H|: a coherence of exactly one is rounding.
-const LEAST_ERROR: f64 = 1e-7;
-/// Singular values below this share of the largest one are zero.
-pub(super) const RANK: f64 = 1e-10;
+const LEAST_RELATIVE_DEVIATION: f64 = 1e-7;
 
 /// Points to fit.
 #[derive(Clone, Debug)]
@@ -45,7 +43,7 @@ impl Points {
             };
             points.frequency.push(line.frequency);
             points.response.push(h);
-            points.weight.push(1.0 / line.std.max(LEAST_ERROR * h.norm()));
+            points.weight.push(1.0 / line.std.max(LEAST_RELATIVE_DEVIATION * h.norm()));
         }
         points
     }
@@ -121,7 +119,7 @@ pub(super) fn information(jacobian: &DMatrix<f64>, variance: f64, tolerance: f64
 /// columns.
 pub(super) fn least_squares(matrix: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
     let (matrix, norms) = unit_columns(matrix);
-    let singular = Singular::new(&matrix, RANK);
+    let singular = Singular::new(&matrix, tolerance::RANK);
     let shares = singular.left.tr_mul(right).component_div(&singular.values);
     let mut solution = singular.right * shares;
     for (value, norm) in solution.iter_mut().zip(&norms) {

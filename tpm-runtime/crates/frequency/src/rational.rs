@@ -7,27 +7,25 @@
 //! frequencies; the denominator's leading coordinate is 1.
 
 use crate::basis::Basis;
-use crate::points::{Information, Points, RANK, information, least_squares};
+use crate::points::{Information, Points, information, least_squares};
 use crate::response::{FrequencyResponse, Gap, ResponseEstimator};
 use crate::transfer::{TransferFunction, derivative, polynomial, roots};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use num_complex::Complex;
 use tpm_motion::Window;
-use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
+use tpm_numerics::{DMatrix, DVector, Dyn, Iteration, Matrix, Owned, tolerance};
 
-/// Most rounds of the linear stage; where it converges, it does so within ten.
-const MOST_ROUNDS: usize = 30;
-/// Relative change of the cost in one round below which the linear stage has converged.
-const SETTLED: f64 = 1e-10;
-/// Relative change of cost or unknowns at which the minimisation has converged.
-const TOLERANCE: f64 = 1e-12;
+/// Rounds of the linear stage, until the cost changes by no more than a share of it; where it converges, it does so within ten.
+const LINEAR_STAGE: Iteration = Iteration { most: 30, settled: 1e-10 };
+/// The linear stage after which the costs of the delays that are tried are compared.
+const LINEAR_TRIAL: Iteration = Iteration { most: 4, ..LINEAR_STAGE };
+/// The minimisation of the cost: evaluations per unknown, and the relative change of cost or unknowns.
+const MINIMISATION: Iteration = Iteration { most: 60, settled: 1e-12 };
 /// Delays that are tried before one is fitted, in steps of [`DELAY_STEP`] from the start value.
-const DELAYS: std::ops::RangeInclusive<i32> = -4..=12;
+const DELAY_STEPS_TRIED: std::ops::RangeInclusive<i32> = -4..=12;
 /// Distance of the delays that are tried, as a phase at the highest frequency, rad: close enough for the minimisation to find the
 /// right turn.
 const DELAY_STEP: f64 = 0.5;
-/// Rounds of the linear stage after which the costs of the delays that are tried are compared.
-const TRIAL_ROUNDS: usize = 4;
 /// Least length of a segment, in time constants of a pole, at which the window widens the resonance by a few per cent at most.
 const RESOLVED_LENGTH: f64 = 15.0;
 /// Largest distance of a pole and a zero that cancel, in standard deviations.
@@ -36,7 +34,7 @@ const CANCELLING_DEVIATIONS: f64 = 3.0;
 /// deviations.
 const CANCELLING_DISTANCE: f64 = 1e-2;
 /// Standard deviation of a pole, as a share of its magnitude, beyond which the data do not determine the pole.
-const UNDETERMINED: f64 = 0.5;
+const MOST_RELATIVE_DEVIATION: f64 = 0.5;
 
 /// The delay between input and output: none, known or fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -321,7 +319,7 @@ pub fn fit_rational(response: &FrequencyResponse, settings: &RationalSettings) -
             let resonance = pole.value.im > pole.value.re.abs();
             resonance
                 && pole.value.re.abs() * segment < RESOLVED_LENGTH
-                && pole.radius() < UNDETERMINED * pole.value.norm()
+                && pole.radius() < MOST_RELATIVE_DEVIATION * pole.value.norm()
         };
         fit.warnings.extend(fit.poles.iter().filter(narrow).map(|&pole| FitWarning::Unresolved { pole, segment }));
     }
@@ -346,15 +344,19 @@ pub(super) fn fit_points(points: &Points, settings: &RationalSettings) -> Result
     })?;
     let diverged = FitError::NotFinite { numerator, denominator };
     let start = Problem::start(points, &basis, settings).ok_or(diverged)?;
-    let (problem, report) =
-        LevenbergMarquardt::new().with_ftol(TOLERANCE).with_xtol(TOLERANCE).with_patience(60).minimize(start);
+    let (problem, report) = minimiser(MINIMISATION).minimize(start);
     let squares = problem.residuals().map(|r| r.norm_squared()).filter(|s| s.is_finite()).ok_or(diverged)?;
     let misfit = points.misfit(squares, unknowns);
     let jacobian = problem.jacobian().ok_or(diverged)?;
-    let information = information(&jacobian, points.variance(misfit), RANK);
+    let information = information(&jacobian, points.variance(misfit), tolerance::RANK);
     // A sum of squares at the level of rounding cannot be reduced further, which is reported as a failure.
     let converged = report.termination.was_successful() || misfit < 1e-12;
     problem.finish(misfit, &information, converged)
+}
+
+/// The minimisation of a sum of squares by Levenberg and Marquardt.
+pub(super) fn minimiser(bounds: Iteration) -> LevenbergMarquardt<f64> {
+    LevenbergMarquardt::new().with_ftol(bounds.settled).with_xtol(bounds.settled).with_patience(bounds.most)
 }
 
 /// The unknowns: coordinates of the numerator, of the denominator without its leading one, the delay times the scale.
@@ -371,13 +373,13 @@ impl<'a> Problem<'a> {
         let delay = match settings.delay {
             Delay::None => 0.0,
             Delay::Fixed(delay) => delay,
-            Delay::Free(start) => DELAYS
+            Delay::Free(start) => DELAY_STEPS_TRIED
                 .map(|i| start + f64::from(i) * DELAY_STEP / basis.scale)
-                .filter_map(|delay| Some((Self::linear(points, basis, settings, delay, TRIAL_ROUNDS)?.0, delay)))
+                .filter_map(|delay| Some((Self::linear(points, basis, settings, delay, LINEAR_TRIAL)?.0, delay)))
                 .min_by(|a, b| a.0.total_cmp(&b.0))
                 .map_or(start, |(_, delay)| delay),
         };
-        Self::linear(points, basis, settings, delay, MOST_ROUNDS).map(|(_, problem)| problem)
+        Self::linear(points, basis, settings, delay, LINEAR_STAGE).map(|(_, problem)| problem)
     }
 
     /// Rounds of linear fits at one delay; the round with the least cost and that cost. `None` when no round stayed
@@ -387,14 +389,14 @@ impl<'a> Problem<'a> {
         basis: &'a Basis,
         settings: &'a RationalSettings,
         delay: f64,
-        rounds: usize,
+        rounds: Iteration,
     ) -> Option<(f64, Self)> {
         let linear = settings.numerator + 1 + settings.denominator;
         let n = points.len();
         let mut last: Vec<f64> = vec![1.0; n];
         let mut best: Option<(f64, Self)> = None;
         let mut cost = f64::INFINITY;
-        for _ in 0..rounds {
+        for _ in 0..rounds.most {
             let mut matrix = DMatrix::zeros(2 * n, linear);
             let mut right = DVector::zeros(2 * n);
             for k in 0..n {
@@ -427,7 +429,7 @@ impl<'a> Problem<'a> {
             if !now.is_finite() {
                 break;
             }
-            let settled = (cost - now).abs() <= SETTLED * now;
+            let settled = (cost - now).abs() <= rounds.settled * now;
             cost = now;
             if best.as_ref().is_none_or(|(least, _)| now < *least) {
                 best = Some((now, problem));
@@ -575,7 +577,7 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
             warnings.push(FitWarning::Unstable { pole: *pole });
         }
         // The standard deviation of a pole near zero is compared with the lowest frequency that was fitted.
-        if pole.radius() > UNDETERMINED * pole.value.norm().max(lowest) {
+        if pole.radius() > MOST_RELATIVE_DEVIATION * pole.value.norm().max(lowest) {
             warnings.push(FitWarning::Undetermined { pole: *pole });
             continue;
         }
@@ -587,7 +589,7 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
                 let distance = (zero.value - pole.value).norm();
                 let size = pole.value.norm().max(zero.value.norm());
                 // A zero with a large standard deviation does not count as lying on a pole.
-                let known = zero.radius() <= UNDETERMINED * pole.value.norm().max(lowest);
+                let known = zero.radius() <= MOST_RELATIVE_DEVIATION * pole.value.norm().max(lowest);
                 distance <= CANCELLING_DISTANCE * size
                     || (known && distance <= CANCELLING_DEVIATIONS * zero.radius().hypot(pole.radius()))
             });

@@ -21,18 +21,17 @@ use crate::transfer::polynomial;
 use num_complex::Complex;
 use std::f64::consts::PI;
 use tpm_numerics::fourier::forward;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, Iteration};
 
-/// Most rounds of estimating transient, coefficients and noise power in turn; they converge within five.
-const MOST_ROUNDS: usize = 20;
-/// Median relative change of the response in one round below which the rounds have converged.
-const SETTLED: f64 = 1e-7;
+/// Rounds of estimating transient, coefficients and noise power in turn, until the median relative change of the response is small; they
+/// converge within five.
+const ROUNDS: Iteration = Iteration { most: 20, settled: 1e-7 };
 /// Number of windows, side by side across the band, over each of which the power of the noise is averaged.
 const NOISE_WINDOWS: usize = 14;
 /// Least number of lines on either side over which the power of the noise is averaged.
-const NEIGHBOURS: usize = 20;
+const LEAST_LINES_PER_SIDE: usize = 20;
 /// Input power, as a share of the mean, below which a line is left out as not excited.
-const SILENT: f64 = 1e-12;
+const LEAST_INPUT_POWER: f64 = 1e-12;
 
 /// Why a record was not fitted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -73,7 +72,7 @@ pub fn fit_record(
     let mut model = lines.model(&fit);
     let mut settled = false;
     let mut power = lines.smoothed(&lines.residual(&model, &[]));
-    for _ in 0..MOST_ROUNDS {
+    for _ in 0..ROUNDS.most {
         let transient = lines.transient(&fit, &model, &power);
         power = lines.smoothed(&lines.residual(&model, &transient));
         fit = fit_points(&lines.points(&transient, &power), settings)?;
@@ -81,7 +80,7 @@ pub fn fit_record(
         let mut changes: Vec<f64> = next.iter().zip(&model).map(|(now, before)| (now / before - 1.0).norm()).collect();
         changes.sort_by(f64::total_cmp);
         model = next;
-        if changes[changes.len() / 2] <= SETTLED {
+        if changes[changes.len() / 2] <= ROUNDS.settled {
             settled = true;
             break;
         }
@@ -136,7 +135,10 @@ impl Lines {
         for (k, (u, y)) in of_input.iter().zip(&of_output).enumerate().skip(1) {
             let frequency = k as f64 * spacing;
             let nearest = response.lines.get((frequency / averaged).round() as usize);
-            if band.contains(&frequency) && nearest.is_some_and(|line| line.usable) && u.norm_sqr() > SILENT * mean {
+            if band.contains(&frequency)
+                && nearest.is_some_and(|line| line.usable)
+                && u.norm_sqr() > LEAST_INPUT_POWER * mean
+            {
                 lines.frequency.push(frequency);
                 lines.input.push(u * hold_of(frequency, sample_time, response.welch.hold));
                 lines.output.push(*y);
@@ -161,7 +163,7 @@ impl Lines {
 
     /// Power of the residual at every line, averaged over neighbouring lines.
     fn smoothed(&self, residual: &[Complex<f64>]) -> Vec<f64> {
-        let reach = (residual.len() / (2 * NOISE_WINDOWS)).max(NEIGHBOURS);
+        let reach = (residual.len() / (2 * NOISE_WINDOWS)).max(LEAST_LINES_PER_SIDE);
         let mut sums = Vec::with_capacity(residual.len() + 1);
         let mut sum = 0.0;
         sums.push(sum);

@@ -18,18 +18,14 @@ use std::f64::consts::PI;
 use tpm_core::harmonics::Hold;
 use tpm_motion::{Window, held};
 use tpm_numerics::fourier::forward;
+use tpm_numerics::{alarm, tolerance};
 
 /// Shortest segment: fewer samples leave no line that the window resolves.
-const SHORTEST: usize = 16;
-/// Standard normal quantile of the significance level of the coherence: lines whose output is unrelated to the input
-/// pass once in a thousand times.
-const CHANCE_QUANTILE: f64 = 3.09;
+const SHORTEST_SEGMENT: usize = 16;
 /// Number of lines on either side over which the coherence of a line is averaged.
-const NEIGHBOURS: usize = 20;
+const LINES_PER_SIDE: usize = 20;
 /// Largest ratio of the input powers of two lines whose coherences are averaged together.
-const ALIKE_RATIO: f64 = 30.0;
-/// Input power, as a share of the strongest line's, up to which a line holds only rounding.
-const ROUNDING: f64 = 1e-24;
+const MOST_POWER_RATIO: f64 = 30.0;
 
 /// How the record is averaged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,7 +99,7 @@ pub enum ResponseError {
         sample_time: f64,
     },
     /// The segment is too short to resolve anything.
-    #[error("segments of {segment} samples resolve no line; {SHORTEST} samples are the least")]
+    #[error("segments of {segment} samples resolve no line; {SHORTEST_SEGMENT} samples are the least")]
     Segment {
         /// Samples in a segment.
         segment: usize,
@@ -329,7 +325,7 @@ fn check(input: &[f64], output: &[f64], sample_time: f64, welch: &Welch) -> Resu
     if !(sample_time.is_finite() && sample_time > 0.0) {
         return Err(ResponseError::SampleTime { sample_time });
     }
-    if segment < SHORTEST {
+    if segment < SHORTEST_SEGMENT {
         return Err(ResponseError::Segment { segment });
     }
     if !(0.0..1.0).contains(&overlap) {
@@ -423,7 +419,7 @@ impl Power {
         let chance = Chance {
             averages,
             correlation: welch.line_correlation(),
-            rounding: ROUNDING * self.input.iter().copied().fold(0.0, f64::max),
+            rounding: tolerance::POWER * self.input.iter().copied().fold(0.0, f64::max),
         };
         (0..self.input.len())
             .map(|k| {
@@ -467,10 +463,10 @@ impl Power {
         if power <= rounding {
             return false;
         }
-        let (from, to) = (k.saturating_sub(NEIGHBOURS).max(1), (k + NEIGHBOURS + 1).min(coherence.len()));
+        let (from, to) = (k.saturating_sub(LINES_PER_SIDE).max(1), (k + LINES_PER_SIDE + 1).min(coherence.len()));
         let (mut sum, mut count) = (0.0, 0.0);
         for (present, input) in coherence[from..to].iter().zip(&self.input[from..to]) {
-            if (power / ALIKE_RATIO..=power * ALIKE_RATIO).contains(input) {
+            if (power / MOST_POWER_RATIO..=power * MOST_POWER_RATIO).contains(input) {
                 sum += present;
                 count += 1.0;
             }
@@ -479,8 +475,8 @@ impl Power {
         let free = averages - 1.0;
         let deviation = (free / (free + 2.0)).sqrt() / averages;
         let skewness = 2.0 * (free - 1.0) * (free + 2.0).sqrt() / ((free + 3.0) * free.sqrt());
-        let quantile =
-            CHANCE_QUANTILE + (CHANCE_QUANTILE * CHANCE_QUANTILE - 1.0) / 6.0 * skewness.max(0.0) / independent.sqrt();
+        let quantile = alarm::COHERENT_LINE
+            + (alarm::COHERENT_LINE * alarm::COHERENT_LINE - 1.0) / 6.0 * skewness.max(0.0) / independent.sqrt();
         sum / count > 1.0 / averages + quantile * deviation / independent.sqrt()
     }
 }

@@ -5,21 +5,19 @@
 //! that the data do not determine have an infinite standard deviation, and the unobservable directions are returned.
 
 use crate::points::{Points, information};
-use crate::rational::{FitError, FittedValue};
+use crate::rational::{FitError, FittedValue, minimiser};
 use crate::response::{FrequencyResponse, Gap, ResponseEstimator};
-use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use levenberg_marquardt::LeastSquaresProblem;
 use num_complex::Complex;
-use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
+use tpm_numerics::{DMatrix, DVector, Dyn, Iteration, Matrix, Owned, tolerance};
 
 /// Relative step of the central differences, the cube root of the rounding error.
-const STEP: f64 = 6e-6;
-/// Relative change of cost or unknowns at which the minimisation has converged; the error of the differences allows no
-/// smaller one.
-const TOLERANCE: f64 = 1e-10;
-/// Singular values below this share of the largest count as zero; the error of the differences is smaller.
-const DETERMINED: f64 = 1e-8;
+const DIFFERENCE_STEP: f64 = 6e-6;
+/// The minimisation of the cost: evaluations per unknown, and the relative change of cost or unknowns; the error of the differences
+/// allows no smaller one.
+const MINIMISATION: Iteration = Iteration { most: 60, settled: 1e-10 };
 /// Largest share of a parameter in an unobservable direction with which the parameter still counts as observable.
-const SHARE: f64 = 1e-4;
+const MOST_HIDDEN_SHARE: f64 = 1e-4;
 
 /// A model whose response depends on parameters.
 pub trait ResponseModel {
@@ -121,8 +119,7 @@ pub fn fit_structured(
     let (problem, report) = if problem.free.is_empty() {
         (problem, None)
     } else {
-        let (problem, report) =
-            LevenbergMarquardt::new().with_ftol(TOLERANCE).with_xtol(TOLERANCE).with_patience(60).minimize(problem);
+        let (problem, report) = minimiser(MINIMISATION).minimize(problem);
         (problem, Some(report))
     };
     let squares = problem.residuals().map_or(f64::INFINITY, |r| r.norm_squared());
@@ -165,7 +162,7 @@ impl Problem<'_> {
         };
         (fit.median_error, fit.largest_error) = self.points.relative_errors(self.responses(&self.parameters));
         let Some(jacobian) = self.jacobian().filter(|j| j.ncols() > 0) else { return fit };
-        let found = information(&jacobian, self.points.variance(misfit), DETERMINED);
+        let found = information(&jacobian, self.points.variance(misfit), tolerance::DIFFERENCED_RANK);
         let mut covariance = DMatrix::zeros(size, size);
         fit.rank = found.rank;
         fit.condition = found.condition;
@@ -173,7 +170,7 @@ impl Problem<'_> {
             for (b, &j) in self.free.iter().enumerate() {
                 covariance[(i, j)] = found.covariance[(a, b)] * self.scale[i] * self.scale[j];
             }
-            let lost = found.null.iter().any(|direction| direction[a].abs() > SHARE);
+            let lost = found.null.iter().any(|direction| direction[a].abs() > MOST_HIDDEN_SHARE);
             fit.parameters[i].std = if lost { f64::INFINITY } else { covariance[(i, i)].max(0.0).sqrt() };
         }
         fit.covariance = Matrix::of(covariance);
@@ -213,7 +210,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         let mut jacobian = DMatrix::zeros(2 * n, self.free.len());
         let mut moved = self.parameters.clone();
         for (a, &i) in self.free.iter().enumerate() {
-            let step = STEP * self.unknowns[a].abs().max(1e-3) * self.scale[i];
+            let step = DIFFERENCE_STEP * self.unknowns[a].abs().max(1e-3) * self.scale[i];
             moved[i] = self.parameters[i] + step;
             let above = self.responses(&moved);
             moved[i] = self.parameters[i] - step;

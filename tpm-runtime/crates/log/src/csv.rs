@@ -9,15 +9,15 @@ use std::io::Read;
 use std::ops::Range;
 
 /// Bytes at the beginning of a file from which its dialect is found.
-pub(super) const HEAD: usize = 1 << 16;
+pub(super) const HEAD_BYTES: usize = 1 << 16;
 /// Bytes that are read at a time.
-const BLOCK: usize = 1 << 18;
+const BLOCK_BYTES: usize = 1 << 18;
 /// Longest line of a table, bytes.
-const LONGEST: usize = 1 << 24;
+const LONGEST_LINE_BYTES: usize = 1 << 24;
 /// Fewest lines from which a dialect is found, where the file has so many.
-const FEWEST: usize = 8;
+const FEWEST_HEAD_LINES: usize = 8;
 /// The byte order mark of UTF-8.
-const MARK: &[u8] = b"\xef\xbb\xbf";
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Bytes of a reader, line by line.
 pub(super) struct Lines<R> {
@@ -33,7 +33,7 @@ pub(super) struct Lines<R> {
 impl<R: Read> Lines<R> {
     /// Lines of a reader from which nothing was read yet.
     pub(super) fn new(input: R) -> Self {
-        Self { input, buffer: vec![0; BLOCK], start: 0, end: 0, ended: false, terminator: b'\n' }
+        Self { input, buffer: vec![0; BLOCK_BYTES], start: 0, end: 0, ended: false, terminator: b'\n' }
     }
 
     /// Reads until the buffer holds so many bytes, or the input ends.
@@ -84,7 +84,7 @@ impl<R: Read> Lines<R> {
                 None if self.ended && self.start == self.end => return Ok(None),
                 None if self.ended => (self.start..self.end, true),
                 None => {
-                    if self.end - self.start > LONGEST {
+                    if self.end - self.start > LONGEST_LINE_BYTES {
                         return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, too_long()));
                     }
                     let length = self.end - self.start;
@@ -102,7 +102,7 @@ impl<R: Read> Lines<R> {
 
 /// The fault of a line that never ends.
 fn too_long() -> String {
-    format!("a line is longer than {LONGEST} bytes; this is no table of text, is it the right file?")
+    format!("a line is longer than {LONGEST_LINE_BYTES} bytes; this is no table of text, is it the right file?")
 }
 
 /// A table of text.
@@ -129,10 +129,10 @@ impl<R: Read> Csv<R> {
     /// [`LogError`] when the text cannot be read.
     pub(super) fn new(path: &str, mut lines: Lines<R>) -> Result<Self, LogError> {
         let io = |source| LogError::Io { path: path.into(), source };
-        if lines.fill(HEAD).map_err(io)?.starts_with(MARK) {
-            lines.start += MARK.len();
+        if lines.fill(HEAD_BYTES).map_err(io)?.starts_with(BYTE_ORDER_MARK) {
+            lines.start += BYTE_ORDER_MARK.len();
         }
-        let mut wanted = HEAD;
+        let mut wanted = HEAD_BYTES;
         // Wide tables have long lines, so that more bytes may be needed for enough lines.
         loop {
             let head = lines.fill(wanted).map_err(io)?;
@@ -141,10 +141,10 @@ impl<R: Read> Csv<R> {
             let terminator = if feeds == 0 && returns > 0 { b'\r' } else { b'\n' };
             let (held, found) = (head.len(), feeds.max(returns));
             lines.terminator = terminator;
-            if found == 0 && held > LONGEST {
+            if found == 0 && held > LONGEST_LINE_BYTES {
                 return Err(LogError::Csv { path: path.into(), line: 1, message: too_long() });
             }
-            if found >= FEWEST || lines.ended || held > LONGEST {
+            if found >= FEWEST_HEAD_LINES || lines.ended || held > LONGEST_LINE_BYTES {
                 break;
             }
             wanted *= 2;

@@ -5,9 +5,9 @@ use crate::columns::ColumnName;
 use crate::unit::unit_of;
 
 /// Most lines of numbers from which separator and decimal sign are found.
-const JUDGED: usize = 64;
+const MOST_JUDGED_LINES: usize = 64;
 /// Words for a missing reading, besides the spellings of NaN and infinity that Rust parses.
-const MISSING: [&str; 12] =
+const MISSING_WORDS: [&str; 12] =
     ["", "na", "n/a", "#n/a", "null", "none", "-", "--", "1.#qnan", "-1.#ind", "1.#inf", "-1.#inf"];
 
 /// The dialect of a table of text.
@@ -111,7 +111,7 @@ pub(super) fn number(field: &[u8], decimal: u8) -> Option<f64> {
         _ if decimal == b',' && field.contains(&b'.') => None,
         _ => text.parse::<f64>().ok(),
     };
-    parsed.or_else(|| MISSING.iter().any(|word| word.eq_ignore_ascii_case(text)).then_some(f64::NAN))
+    parsed.or_else(|| MISSING_WORDS.iter().any(|word| word.eq_ignore_ascii_case(text)).then_some(f64::NAN))
 }
 
 /// Fields of a line, and how many of them are numbers.
@@ -159,7 +159,7 @@ fn spelling(lines: &[Line<'_>]) -> Option<(Separator, u8, usize)> {
         let counted: Vec<Counted> =
             lines.iter().map(|(_, line)| Counted::of(line, separator, decimal, &mut places)).collect();
         let data: Vec<&Counted> =
-            counted.iter().filter(|line| line.is_data() && line.fields > 1).take(JUDGED).collect();
+            counted.iter().filter(|line| line.is_data() && line.fields > 1).take(MOST_JUDGED_LINES).collect();
         let alike = |fields: usize| data.iter().filter(|line| line.fields == fields).count();
         let Some(fields) = data.iter().map(|line| line.fields).max_by_key(|fields| alike(*fields)) else { continue };
         // A row with a field that is no number has a low score: the field may be two numbers with another separator
@@ -284,7 +284,7 @@ impl Dialect {
             places.iter().any(|&(from, to)| line[from as usize..to as usize].contains(&sign))
         };
         let decided = separator == Separator::Comma && sign == b'.'
-            || text[data_at..].iter().take(JUDGED).map(|(_, line)| *line).any(fraction);
+            || text[data_at..].iter().take(MOST_JUDGED_LINES).map(|(_, line)| *line).any(fraction);
         if sign == b',' && decided {
             assumptions.push(Assumption::DecimalComma);
         }

@@ -4,7 +4,7 @@ use std::fmt;
 use tpm_report::Remedy;
 
 /// Most columns that a message lists.
-const LISTED: usize = 60;
+const MOST_LISTED_COLUMNS: usize = 60;
 /// Most characters of a name in that list.
 const LONGEST_NAME: usize = 80;
 
@@ -300,7 +300,7 @@ fn columns(available: &[String]) -> String {
         return "the file has no columns, is it the right one?".into();
     }
     let mut shown: Vec<String> =
-        available.iter().take(LISTED).map(|name| name.chars().take(LONGEST_NAME).collect()).collect();
+        available.iter().take(MOST_LISTED_COLUMNS).map(|name| name.chars().take(LONGEST_NAME).collect()).collect();
     if available.len() > shown.len() {
         shown.push(format!("and {} more", available.len() - shown.len()));
     }

@@ -3,15 +3,15 @@
 use std::io::{self, Read};
 
 /// Offset basis of FNV-1a, 64 bits: the hash of no bytes.
-const EMPTY: u64 = 0xcbf2_9ce4_8422_2325;
+const HASH_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
 /// The factor of FNV-1a, 64 bits.
-const PRIME: u64 = 0x0100_0000_01b3;
+const HASH_PRIME: u64 = 0x0100_0000_01b3;
 
 /// Fingerprint of a file's bytes (FNV-1a, 64 bits), in 16 hexadecimal digits: it tells files apart, it is no protection against
 /// forgery.
 #[must_use]
 pub fn fingerprint(bytes: &[u8]) -> String {
-    digits(extended(EMPTY, bytes))
+    digits(extended(HASH_OF_NOTHING, bytes))
 }
 
 /// A reader that takes the [`fingerprint`] of the bytes that are read through it.
@@ -24,7 +24,7 @@ pub(crate) struct FingerprintReader<R> {
 impl<R> FingerprintReader<R> {
     /// A reader from which nothing was read yet.
     pub(crate) const fn new(inner: R) -> Self {
-        Self { inner, hash: EMPTY }
+        Self { inner, hash: HASH_OF_NOTHING }
     }
 
     /// Fingerprint of the bytes that were read so far.
@@ -43,7 +43,7 @@ impl<R: Read> Read for FingerprintReader<R> {
 
 /// The [`fingerprint`] of bytes that come one by one.
 pub(super) fn fingerprint_of(bytes: impl Iterator<Item = u8>) -> String {
-    digits(bytes.fold(EMPTY, with_byte))
+    digits(bytes.fold(HASH_OF_NOTHING, with_byte))
 }
 
 fn extended(hash: u64, bytes: &[u8]) -> u64 {
@@ -51,7 +51,7 @@ fn extended(hash: u64, bytes: &[u8]) -> u64 {
 }
 
 const fn with_byte(hash: u64, byte: u8) -> u64 {
-    (hash ^ byte as u64).wrapping_mul(PRIME)
+    (hash ^ byte as u64).wrapping_mul(HASH_PRIME)
 }
 
 fn digits(hash: u64) -> String {

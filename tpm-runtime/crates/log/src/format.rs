@@ -1,7 +1,7 @@
 //! Formats of logs, recognised by the first bytes of a file.
 
 use crate::columns::Columns;
-use crate::csv::{Csv, HEAD, Lines};
+use crate::csv::{Csv, HEAD_BYTES, Lines};
 use crate::error::LogError;
 #[cfg(not(all(feature = "mat73", feature = "mcap", feature = "parquet")))]
 use std::fs::File;
@@ -9,7 +9,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// Share of control characters beyond which bytes are no text.
-const CONTROLS: f64 = 0.05;
+const MOST_CONTROL_CHARACTERS: f64 = 0.05;
 
 /// The format of a file, by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,7 +61,7 @@ impl Format {
         }
         let control = |byte: &&u8| byte.is_ascii_control() && !byte.is_ascii_whitespace();
         let controls = head.iter().filter(control).count();
-        if head.contains(&0) || controls as f64 > CONTROLS * head.len() as f64 {
+        if head.contains(&0) || controls as f64 > MOST_CONTROL_CHARACTERS * head.len() as f64 {
             return Format::Other("the file is no text, and of no format that is read here", SAVE);
         }
         Format::Text
@@ -79,7 +79,7 @@ pub(super) fn open_file(path: &Path) -> Result<File, LogError> {
 /// [`LogError`] when the file cannot be read, or is of a format that is not read.
 pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<dyn Columns + 'a>, LogError> {
     let mut lines = Lines::new(input);
-    let head = lines.fill(HEAD).map_err(|source| LogError::Io { path: path.into(), source })?;
+    let head = lines.fill(HEAD_BYTES).map_err(|source| LogError::Io { path: path.into(), source })?;
     let fault =
         |what: &str, remedy: &str| LogError::Format { path: path.into(), what: what.into(), remedy: remedy.into() };
     match Format::of(head) {

@@ -14,17 +14,17 @@
 use tpm_numerics::differences::deviation_of;
 
 /// Detection threshold of e_k, in standard deviations of the second differences: far beyond noise.
-const FAR: f64 = 12.0;
+const NOISE_THRESHOLD: f64 = 12.0;
 /// Detection threshold of e_k, in least steps of the readings: the rounding errors of five readings together are
 /// smaller.
-const STEPS: f64 = 4.0;
-/// Detection threshold of e_k, in multiples of the value that one sample in [`RARE`] exceeds: a motion in steps jumps
+const STEP_THRESHOLD: f64 = 4.0;
+/// Detection threshold of e_k, in multiples of the value that one sample in [`SAMPLES_PER_JOIN`] exceeds: a motion in steps jumps
 /// now and then.
-const BEYOND: f64 = 5.0;
+const RARE_THRESHOLD: f64 = 5.0;
 /// Number of samples per join at least; where more samples jump, the jumps belong to the motion.
-const RARE: usize = 200;
+const SAMPLES_PER_JOIN: usize = 200;
 /// Most samples from which the thresholds are computed; of a longer signal equally spaced samples are used.
-const USUAL_OF: usize = 1 << 18;
+const MOST_THRESHOLD_SAMPLES: usize = 1 << 18;
 
 /// Samples at which another recording begins, each with its jump beyond the motion's own change, signed, in the
 /// signal's unit.
@@ -43,17 +43,17 @@ pub(super) fn joins(signal: &[f64]) -> Vec<(usize, f64)> {
         (far, far.abs() - (high - median).max(median - low))
     };
     let inner = 2..signal.len() - 3;
-    let stride = (inner.len() / USUAL_OF).max(1);
+    let stride = (inner.len() / MOST_THRESHOLD_SAMPLES).max(1);
     let usual = deviation_of(inner.clone().step_by(stride).map(|k| (moved(k) - moved(k - 1)).abs()));
     let mut sizes: Vec<f64> = inner.clone().step_by(stride).map(|k| beyond(k).1.max(0.0)).collect();
-    let rare = sizes.len() - 1 - sizes.len() / RARE;
+    let rare = sizes.len() - 1 - sizes.len() / SAMPLES_PER_JOIN;
     let rare = *sizes.select_nth_unstable_by(rare, f64::total_cmp).1;
     let least_step = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
     let least_step = if least_step.is_finite() { least_step } else { 0.0 };
-    let far = (FAR * usual).max(STEPS * least_step).max(BEYOND * rare);
+    let far = (NOISE_THRESHOLD * usual).max(STEP_THRESHOLD * least_step).max(RARE_THRESHOLD * rare);
     let found: Vec<(usize, f64)> =
         inner.map(|k| (k, beyond(k))).filter(|(_, (_, more))| *more > far).map(|(k, (by, _))| (k + 1, by)).collect();
-    if found.len() * RARE > signal.len() { Vec::new() } else { found }
+    if found.len() * SAMPLES_PER_JOIN > signal.len() { Vec::new() } else { found }
 }
 
 #[cfg(test)]

@@ -15,12 +15,12 @@ use tpm_numerics::differences::deviation_of;
 /// Weights of the neighbours in the cubic: of the two outer ones, then of the two inner ones.
 const WEIGHTS: [f64; 2] = [-1.0 / 6.0, 4.0 / 6.0];
 /// Detection threshold of |d_k|, in standard deviations of d over the signal: far beyond noise.
-const FAR: f64 = 12.0;
+const NOISE_THRESHOLD: f64 = 12.0;
 /// Detection threshold of |d_k|, in least steps of the readings: the rounding errors of five readings together are
 /// smaller.
-const STEPS: f64 = 4.0;
+const STEP_THRESHOLD: f64 = 4.0;
 /// Tolerance on the pattern of d at the four neighbours, as a share of the detection threshold.
-const ALIKE: f64 = 1.0 / 3.0;
+const MOST_OFF_PATTERN: f64 = 1.0 / 3.0;
 
 /// Indices of the outliers, each with the value interpolated from its four neighbours, in the signal's unit.
 pub fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
@@ -32,10 +32,10 @@ pub fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     let apart = |k: usize| signal[k] - by_neighbours(k);
     let usual = deviation_of((2..signal.len() - 2).map(|k| apart(k).abs()));
     let least_step = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
-    let far = (FAR * usual).max(if least_step.is_finite() { STEPS * least_step } else { 0.0 });
+    let far = (NOISE_THRESHOLD * usual).max(if least_step.is_finite() { STEP_THRESHOLD * least_step } else { 0.0 });
     let alone = |k: usize| {
         let size = apart(k);
-        let near = |at: usize, weight: f64| (apart(at) + weight * size).abs() <= ALIKE * far;
+        let near = |at: usize, weight: f64| (apart(at) + weight * size).abs() <= MOST_OFF_PATTERN * far;
         // A reading that was recorded twice is late by a sample, which is no fault of one reading.
         let twice = signal[k].to_bits() == signal[k - 1].to_bits() || signal[k].to_bits() == signal[k + 1].to_bits();
         size.abs() > far

@@ -11,13 +11,13 @@ use flate2::read::ZlibDecoder;
 use std::io::Read;
 
 /// Length of the header, and place in it of the mark of the byte order.
-const HEADER: usize = 128;
-const ORDER: usize = 126;
+const HEADER_BYTES: usize = 128;
+const BYTE_ORDER_AT: usize = 126;
 /// Types of elements.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 /// Most columns of one variable.
-const WIDEST: usize = 4096;
+const MOST_COLUMNS: usize = 4096;
 /// Classes of arrays of real numbers: double, single, and the integers.
 const NUMERIC: std::ops::RangeInclusive<u32> = 6..=15;
 /// Flag of an array with an imaginary part.
@@ -122,7 +122,7 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
 /// setting, no signal.
 pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn<'static>> {
     let (length, width) = (rows.max(columns), rows.min(columns));
-    if length < 2 || width == 0 || width > WIDEST {
+    if length < 2 || width == 0 || width > MOST_COLUMNS {
         return Vec::new();
     }
     let column = |k: usize| StoredColumn {
@@ -150,8 +150,8 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
     };
     let cut = || fault("the MAT-file is cut short or damaged".to_string());
     let mut header = Vec::new();
-    input.by_ref().take(HEADER as u64).read_to_end(&mut header).map_err(io)?;
-    let order = match header.get(ORDER..HEADER) {
+    input.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut header).map_err(io)?;
+    let order = match header.get(BYTE_ORDER_AT..HEADER_BYTES) {
         Some(b"IM") => Order::Little,
         Some(b"MI") => Order::Big,
         _ => return Err(cut()),

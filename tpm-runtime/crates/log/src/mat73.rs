@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Largest ratio of unpacked bytes to the bytes of the file: deflate unpacks one byte to 1032 at most. A damaged header
 /// may state more than the memory holds.
-const DENSEST: usize = 1100;
+const MOST_UNPACKING: usize = 1100;
 /// Classes of MATLAB that are no signals, although they are stored as numbers.
 const NO_SIGNALS: [&str; 3] = ["char", "logical", "cell"];
 
@@ -44,7 +44,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
 
 /// The columns of all numeric datasets at the root, and the names of everything else there.
 fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn<'static>>, Vec<String>), hdf5_reader::error::Error> {
-    let most = bytes.len().saturating_mul(DENSEST);
+    let most = bytes.len().saturating_mul(MOST_UNPACKING);
     let options = OpenOptions::default().with_max_read_bytes(most).with_max_chunk_bytes(most);
     let file = Hdf5File::from_vec_with_options(bytes, options)?;
     let (groups, mut datasets) = file.root_group()?.members()?;

@@ -18,7 +18,7 @@ use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Rows that are decoded at a time.
-const BATCH: usize = 1 << 16;
+const BATCH_ROWS: usize = 1 << 16;
 
 /// A Parquet file.
 pub(super) struct Parquet {
@@ -69,7 +69,7 @@ fn numbers<T: DataType>(
     let mut column = Vec::new();
     loop {
         let (mut levels, mut values) = (Vec::new(), Vec::new());
-        let (records, ..) = reader.read_records(BATCH, (deepest > 0).then_some(&mut levels), None, &mut values)?;
+        let (records, ..) = reader.read_records(BATCH_ROWS, (deepest > 0).then_some(&mut levels), None, &mut values)?;
         if records == 0 {
             return Ok(column);
         }

@@ -5,37 +5,35 @@
 
 use rayon::prelude::*;
 use std::f64::consts::PI;
+use tpm_numerics::alarm;
 use tpm_numerics::differences::{WHITE_NOISE_SPREAD, white_noise};
 
 /// Most samples on which the period is searched; longer logs are averaged in blocks first.
-const COARSE: usize = 8192;
+const MOST_SEARCHED: usize = 8192;
 /// Most samples of a period that are compared to find its length to a sample; of a longer one equally spaced samples are.
-const COMPARED: usize = 32_768;
+const MOST_COMPARED: usize = 32_768;
 /// Divisor of a record's length: a period is searched in the last part of this length when the blocks of the whole
 /// record are too long to show one.
-const TAIL: usize = 16;
+const TAIL_DIVISOR: usize = 16;
 /// Largest root-mean-square difference between successive periods of a periodic log, as a share of the motion.
-const NOT_PERIODIC: f64 = 0.1;
+const MOST_MISMATCH: f64 = 0.1;
 /// Least variance of the two compared periods, as a share of the variance of the record, since a machine at rest
 /// repeats trivially.
-const MOVING: f64 = 0.25;
+const LEAST_MOVING_VARIANCE: f64 = 0.25;
 /// Number of blocks in a period, in each of which settling is judged.
-const BLOCKS: usize = 32;
+const BLOCKS_PER_PERIOD: usize = 32;
 /// Smallest transient that is detected, as a share of the signal's standard deviation.
-const NEGLIGIBLE: f64 = 1e-8;
+const LEAST_TRANSIENT: f64 = 1e-8;
 /// Largest error that is expected of a refined period, samples.
-const SLIP: f64 = 1e-3;
+const MOST_PERIOD_ERROR: f64 = 1e-3;
 /// Largest difference of a settled block from the last period, as a multiple of the difference between the last two
 /// periods.
-const TOLERANCE: f64 = 3.0;
+const MOST_OVER_LAST: f64 = 3.0;
 /// Most harmonics with which the period is refined.
-const REFINED: usize = 64;
-/// Bound on chance: standard deviations by which the mean square difference between two periods of pure noise may
-/// exceed its expectation.
-const CHANCE: f64 = 4.0;
+const MOST_HARMONICS: usize = 64;
 /// A period is rounded to a whole number of samples when its deviation from that, summed over all periods of the
 /// record, is at most this many samples.
-const WHOLE: f64 = 0.02;
+const MOST_OFF_WHOLE_SAMPLES: f64 = 0.02;
 
 /// The periodic part of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,10 +67,10 @@ impl Mismatch {
         let moving: Vec<Difference<'_>> =
             motion.iter().filter_map(|signal| Difference::at(&signal[..end], length)).collect();
         let share = moving.iter().map(|own| own.square.sqrt()).fold(0.0, f64::max);
-        let mut noise = (share > NOT_PERIODIC).then_some(0.0_f64);
+        let mut noise = (share > MOST_MISMATCH).then_some(0.0_f64);
         for own in &moving {
             let Some(most) = noise else { break };
-            let white = own.explained_above(NOT_PERIODIC);
+            let white = own.explained_above(MOST_MISMATCH);
             noise = white.map(|white| most.max((white / variance(own.signal)).sqrt().min(1.0)));
         }
         Mismatch { share, noise }
@@ -106,7 +104,8 @@ impl<'a> Difference<'a> {
     /// share `share` of the signal.
     fn explained_above(&self, share: f64) -> Option<f64> {
         let white = white_noise(self.signal).powi(2);
-        let chance = 1.0 + CHANCE * (2.0 / self.last as f64 + WHITE_NOISE_SPREAD / self.signal.len() as f64).sqrt();
+        let chance = 1.0
+            + alarm::PERIODS_DIFFER * (2.0 / self.last as f64 + WHITE_NOISE_SPREAD / self.signal.len() as f64).sqrt();
         (self.square <= share.powi(2) + chance * white / self.scale).then_some(white)
     }
 }
@@ -175,7 +174,7 @@ pub fn find_periodic(
     };
     // 2. Successive periods must agree.
     let mismatch = Mismatch::at(&motion, end, length);
-    if mismatch.share > NOT_PERIODIC && (period.is_none() || mismatch.noise.is_none()) {
+    if mismatch.share > MOST_MISMATCH && (period.is_none() || mismatch.noise.is_none()) {
         return Err(PeriodicFault::Mismatch { period: length, mismatch });
     }
     // 3. The end of settling, in all channels.
@@ -188,7 +187,8 @@ pub fn find_periodic(
     if period.is_none() {
         // The whole steady part determines the period better than two periods do.
         let refined = refine(&motion, first, end, length);
-        let whole_samples = (refined - refined.round()).abs() * ((end - first) as f64 / refined) <= WHOLE;
+        let whole_samples =
+            (refined - refined.round()).abs() * ((end - first) as f64 / refined) <= MOST_OFF_WHOLE_SAMPLES;
         length = if whole_samples { refined.round() } else { refined };
         first = settle(length);
     }
@@ -226,8 +226,8 @@ fn search(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
             }
         }
         Err(fault) => {
-            let last = samples / TAIL;
-            if block_length(samples) == 1 || last < COARSE {
+            let last = samples / TAIL_DIVISOR;
+            if block_length(samples) == 1 || last < MOST_SEARCHED {
                 return Err(fault);
             }
             match search(&part(samples - last, samples)) {
@@ -238,9 +238,9 @@ fn search(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
     }
 }
 
-/// Samples of a block, so that so many samples make no more than [`COARSE`] blocks.
+/// Samples of a block, so that so many samples make no more than [`MOST_SEARCHED`] blocks.
 fn block_length(samples: usize) -> usize {
-    samples.div_ceil(COARSE).max(1)
+    samples.div_ceil(MOST_SEARCHED).max(1)
 }
 
 /// The shortest lag at which the motion, averaged in blocks of samples, repeats best, and the sample at which the
@@ -273,7 +273,7 @@ fn search_blocks(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
         }
         let refined = refine(motion, full - 2 * near, full, near as f64);
         let mismatch = Mismatch::at(motion, full, refined);
-        if mismatch.share <= NOT_PERIODIC {
+        if mismatch.share <= MOST_MISMATCH {
             return Ok((refined, full));
         }
         if fault == PeriodicFault::None {
@@ -315,7 +315,7 @@ fn best_lags(motion: &[&[f64]], end: usize) -> Option<(usize, usize)> {
             if lag < 2 {
                 return f64::INFINITY;
             }
-            if !sums.iter().zip(&whole).any(|(s, whole)| s.variance(2 * lag) > MOVING * whole) {
+            if !sums.iter().zip(&whole).any(|(s, whole)| s.variance(2 * lag) > LEAST_MOVING_VARIANCE * whole) {
                 return f64::INFINITY;
             }
             motion
@@ -387,7 +387,7 @@ fn gap(signal: &[f64], end: usize, lag: usize) -> f64 {
 
 /// Distance, in samples, of those samples of a period that are compared with the next period.
 fn compared_every(lag: usize) -> usize {
-    lag.div_ceil(COMPARED).max(1)
+    lag.div_ceil(MOST_COMPARED).max(1)
 }
 
 /// Sums over the last samples of a signal, from which the variance of a tail of any length follows in one step.
@@ -459,7 +459,7 @@ fn settled(signal: &[f64], length: f64) -> usize {
             signal[i] - value_at(signal, (i as f64 + periods * length).min((end - 1) as f64))
         })
         .collect();
-    let size = (last / BLOCKS).max(4);
+    let size = (last / BLOCKS_PER_PERIOD).max(4);
     let power = |block: &[f64]| block.iter().map(|e| e * e).sum::<f64>() / block.len().max(1) as f64;
     let previous = &error[end - judged..end - last];
     let typical = previous.chunks(size).map(power).fold(0.0, f64::max).sqrt();
@@ -468,15 +468,16 @@ fn settled(signal: &[f64], length: f64) -> usize {
     let count = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
     let count = if count.is_finite() { count } else { 0.0 };
     let steepest = signal.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
-    let rounding = NEGLIGIBLE * variance(signal).sqrt();
-    let limit = TOLERANCE * typical + rounding + count;
-    let sample_limit = TOLERANCE * peak + 4.0 * rounding + 1.5 * count;
+    let rounding = LEAST_TRANSIENT * variance(signal).sqrt();
+    let limit = MOST_OVER_LAST * typical + rounding + count;
+    let sample_limit = MOST_OVER_LAST * peak + 4.0 * rounding + 1.5 * count;
     let mut first = end - judged;
     while first > 0 {
         let from = first.saturating_sub(size);
         let block = &error[from..first];
         // The remaining error of a fractional period adds up from period to period.
-        let slip = if length.fract() == 0.0 { 0.0 } else { SLIP * steepest * (end - from) as f64 / length };
+        let slip =
+            if length.fract() == 0.0 { 0.0 } else { MOST_PERIOD_ERROR * steepest * (end - from) as f64 / length };
         let (limit, sample_limit) = (limit + slip, sample_limit + slip);
         if power(block).sqrt() > limit || block.iter().any(|e| e.abs() > sample_limit) {
             // Within the block, settling ends at the last sample that exceeds the limit.
@@ -491,7 +492,7 @@ fn settled(signal: &[f64], length: f64) -> usize {
 /// The period to a fraction of a sample, from the phase that the harmonics advance between the first and the last period.
 fn refine(motion: &[&[f64]], first: usize, end: usize, length: f64) -> f64 {
     let mut refined = length;
-    let highest = (((length - 1.0) / 2.0).floor() as usize).clamp(1, REFINED);
+    let highest = (((length - 1.0) / 2.0).floor() as usize).clamp(1, MOST_HARMONICS);
     // Windows one period apart come first, so that no phase is off by a turn; then windows as far apart as the record
     // allows.
     let whole = (((end - first) as f64 / length).floor()).max(2.0) - 1.0;

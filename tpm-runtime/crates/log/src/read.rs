@@ -19,7 +19,7 @@ use std::path::Path;
 use tpm_core::model::{Label, Model};
 
 /// Fewest samples of a log.
-pub(super) const LEAST: usize = 16;
+pub(super) const LEAST_SAMPLES: usize = 16;
 
 /// Measured rates by coordinate, nothing for a coordinate whose rate is not measured; an empty list where none is.
 pub type Rates = Vec<Option<Vec<f64>>>;
@@ -71,8 +71,8 @@ impl Log {
                 });
             }
         }
-        if samples < LEAST {
-            return Err(LogError::TooShort { path: name.into(), line: samples as u64, samples, needed: LEAST });
+        if samples < LEAST_SAMPLES {
+            return Err(LogError::TooShort { path: name.into(), line: samples as u64, samples, needed: LEAST_SAMPLES });
         }
         let lines = (1..=samples as u64).collect();
         Ok(Log { sample_time, ..Log::unchecked(name, channels, Rates::new(), lines) })
@@ -218,12 +218,12 @@ fn whole(
         return Err(missing);
     }
     let last_line = table.lines.last().copied().unwrap_or(table.header_line);
-    if table.time.len() < LEAST {
+    if table.time.len() < LEAST_SAMPLES {
         return Err(LogError::TooShort {
             path: name.into(),
             line: last_line,
             samples: table.time.len(),
-            needed: LEAST,
+            needed: LEAST_SAMPLES,
         });
     }
     let sample_time = table.stamps().even_step().map_err(|uneven| jitter(&table, uneven))? * table.factor;

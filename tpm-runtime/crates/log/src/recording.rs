@@ -11,12 +11,12 @@ use crate::format::{open_columns, open_file};
 use crate::joins::joins;
 use crate::names::Signal;
 use crate::options::ReadingSettings;
-use crate::read::{LEAST, Log, jitter, rate_signals, signals};
+use crate::read::{LEAST_SAMPLES, Log, jitter, rate_signals, signals};
 use crate::repeated::{repeated_readings, without_repeats};
 use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why};
 use crate::resample::{InterpolationError, interpolation_error, on_grid, readings_before, rougher_at_stamps};
 use crate::source::LogSource;
-use crate::stamps::{DRIFT, Stamps, Uneven};
+use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
 use crate::table::{Hole, Table};
 use std::io::Read;
 use std::ops::Range;
@@ -153,16 +153,16 @@ impl Recording {
         check: impl FnOnce(&Table) -> Result<(), LogError>,
     ) -> Result<Self, LogError> {
         let rows = table.time.len() + table.holes.iter().map(|hole| hole.rows).sum::<usize>();
-        if table.holes.is_empty() && table.time.len() < LEAST {
+        if table.holes.is_empty() && table.time.len() < LEAST_SAMPLES {
             return Err(LogError::TooShort {
                 path: table.path,
                 line: table.lines.last().copied().unwrap_or(table.header_line),
                 samples: table.time.len(),
-                needed: LEAST,
+                needed: LEAST_SAMPLES,
             });
         }
         let usual = table.stamps().usual_step();
-        if usual <= 0.0 && table.time.len() >= LEAST {
+        if usual <= 0.0 && table.time.len() >= LEAST_SAMPLES {
             let sample = (1..table.time.len()).find(|&i| table.time[i] <= table.time[i - 1]).unwrap_or(1);
             let step = table.time[sample] - table.time[sample - 1];
             return Err(jitter(&table, Uneven::Step { sample, step, expected: usual }));
@@ -170,7 +170,8 @@ impl Recording {
         // 1. The cuts, and the stretches between them that are long enough.
         let cuts = cuts(&table, coordinates, usual);
         let pieces = pieces(&cuts, table.time.len());
-        let good: Vec<&(Range<usize>, Option<Cut>)> = pieces.iter().filter(|(piece, _)| piece.len() >= LEAST).collect();
+        let good: Vec<&(Range<usize>, Option<Cut>)> =
+            pieces.iter().filter(|(piece, _)| piece.len() >= LEAST_SAMPLES).collect();
         if good.is_empty() {
             return Err(no_segment(&table, rows, &pieces));
         }
@@ -270,12 +271,13 @@ fn left_out(table: &Table, pieces: &[(Range<usize>, Option<Cut>)]) -> Vec<LeftOu
         rows: hole.rows,
         why: Why::Missing { column: table.columns[hole.column].clone() },
     };
-    let short = pieces.iter().filter(|(piece, _)| !piece.is_empty() && piece.len() < LEAST).map(|(piece, _)| LeftOut {
-        from_line: table.lines[piece.start],
-        to_line: table.lines[piece.end - 1],
-        rows: piece.len(),
-        why: Why::Short,
-    });
+    let short =
+        pieces.iter().filter(|(piece, _)| !piece.is_empty() && piece.len() < LEAST_SAMPLES).map(|(piece, _)| LeftOut {
+            from_line: table.lines[piece.start],
+            to_line: table.lines[piece.end - 1],
+            rows: piece.len(),
+            why: Why::Short,
+        });
     let mut left_out: Vec<LeftOut> = table.holes.iter().map(missing).chain(short).collect();
     left_out.sort_by_key(|part| part.from_line);
     left_out
@@ -302,7 +304,7 @@ fn no_segment(table: &Table, rows: usize, pieces: &[(Range<usize>, Option<Cut>)]
         from: table.lines.first().copied().or(hole.map(|hole| hole.from_line)).unwrap_or(table.header_line),
         to: table.lines.last().copied().max(table.holes.last().map(|hole| hole.to_line)).unwrap_or(table.header_line),
         rows,
-        needed: LEAST,
+        needed: LEAST_SAMPLES,
         longest: pieces.iter().map(|(piece, _)| piece.len()).max().unwrap_or(0),
         cut: line,
         why,
@@ -330,7 +332,7 @@ impl Grid {
             stamps
                 .part(range.start, range.end)
                 .even_step()
-                .is_ok_and(|own| apart(own) <= DRIFT * step || apart(own) <= digit)
+                .is_ok_and(|own| apart(own) <= MOST_DRIFT * step || apart(own) <= digit)
         };
         if segments.iter().all(even) {
             return Grid { step, uneven: None, resampled: false };
@@ -340,7 +342,9 @@ impl Grid {
             let t = &table.time[range.clone()];
             let middle = (t.len() - 1) as f64 / 2.0;
             let mean = t.iter().map(|x| x - t[0]).sum::<f64>() / t.len() as f64;
-            t.iter().enumerate().all(|(i, x)| (x - t[0] - mean - (i as f64 - middle) * fitted).abs() <= DRIFT * fitted)
+            t.iter()
+                .enumerate()
+                .all(|(i, x)| (x - t[0] - mean - (i as f64 - middle) * fitted).abs() <= MOST_DRIFT * fitted)
         });
         let rougher: f64 = segments
             .iter()

@@ -15,15 +15,16 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 /// Most successive readings that repeat; a channel that is constant for longer rests, or is recorded at a lower rate.
-const LONGEST: usize = 3;
+const MOST_IN_A_ROW: usize = 3;
 /// Largest share of repeated readings; a channel with more is recorded at a lower rate than the others, which
 /// interpolation cannot mend.
-const MOST: f64 = 0.2;
+const MOST_REPEATED_SHARE: f64 = 0.2;
 /// Least change of the signal across equal readings that rounding does not explain, in least differences per reading.
-const CHANGES: f64 = 4.0;
-/// Margin by which the number of equal readings must exceed the number expected from rounding: standard deviations of
-/// that number, and a least count.
-const BEYOND: (f64, f64) = (5.0, 8.0);
+const LEAST_CHANGE: f64 = 4.0;
+/// Standard deviations of the number of equal readings that rounding makes (a Poisson variable) by which the number found must exceed it.
+const MARGIN_DEVIATIONS: f64 = 5.0;
+/// Least number of equal readings, and by which it must exceed that of rounding beside [`MARGIN_DEVIATIONS`].
+const MARGIN_COUNT: f64 = 8.0;
 
 /// Indices of the readings that repeat the reading before, each with the value interpolated from the fresh readings
 /// around it.
@@ -39,19 +40,19 @@ pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     let changes = |from: usize, to: usize| {
         from > 0
             && to < signal.len()
-            && (signal[to] - signal[from - 1]).abs() > CHANGES * least * (to - from + 1) as f64
+            && (signal[to] - signal[from - 1]).abs() > LEAST_CHANGE * least * (to - from + 1) as f64
     };
     let mut runs: Vec<Range<usize>> = Vec::new();
     let mut from = 0;
     while from < signal.len() {
         let to = from + signal[from..].iter().take_while(|value| **value == signal[from]).count().max(1);
-        if (2..=LONGEST + 1).contains(&(to - from)) && changes(from, to) {
+        if (2..=MOST_IN_A_ROW + 1).contains(&(to - from)) && changes(from, to) {
             runs.push(from + 1..to);
         }
         from = to;
     }
     let found: usize = runs.iter().map(Range::len).sum();
-    if (found as f64) < BEYOND.1 || found as f64 > MOST * signal.len() as f64 {
+    if (found as f64) < MARGIN_COUNT || found as f64 > MOST_REPEATED_SHARE * signal.len() as f64 {
         return Vec::new();
     }
     // Rounding makes differences by one or two steps, up or down, four times as often as it makes equal readings, so
@@ -61,7 +62,7 @@ pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
         steps > 0.0 && steps < 2.5 && changes(*k - 1, *k + 1)
     };
     let chance = (2..signal.len() - 1).filter(close).count() as f64;
-    if found as f64 <= chance + BEYOND.0 * chance.sqrt() + BEYOND.1 {
+    if found as f64 <= chance + MARGIN_DEVIATIONS * chance.sqrt() + MARGIN_COUNT {
         return Vec::new();
     }
     let mut fresh = vec![true; signal.len()];

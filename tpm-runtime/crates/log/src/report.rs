@@ -8,7 +8,7 @@ use std::fmt;
 use tpm_report::number;
 
 /// Most parts of one kind that are listed one by one.
-const LISTED: usize = 4;
+const MOST_LISTED: usize = 4;
 
 /// Why a record is split.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -220,18 +220,18 @@ impl ReadingReport {
         remarks.extend(self.uneven.iter().map(|uneven| uneven.to_string()));
         let missing: Vec<&LeftOut> = self.left_out.iter().filter(|part| part.why != Why::Short).collect();
         let short: Vec<&LeftOut> = self.left_out.iter().filter(|part| part.why == Why::Short).collect();
-        for part in missing.iter().take(LISTED) {
+        for part in missing.iter().take(MOST_LISTED) {
             if let Why::Missing { column } = &part.why {
                 let fields = if part.rows == 1 { "is no number" } else { "are no numbers" };
                 remarks.push(format!("column `{column}`: in {} {fields}, which is left out", lines(part)));
             }
         }
-        for part in short.iter().take(LISTED) {
+        for part in short.iter().take(MOST_LISTED) {
             remarks.push(format!("{} are left out: {} samples between two gaps are too few", lines(part), part.rows));
         }
         for (parts, of) in [(missing, "of missing readings"), (short, "that are too short")] {
-            if let Some(more) = parts.len().checked_sub(LISTED).filter(|more| *more > 0) {
-                let rows: usize = parts[LISTED..].iter().map(|part| part.rows).sum();
+            if let Some(more) = parts.len().checked_sub(MOST_LISTED).filter(|more| *more > 0) {
+                let rows: usize = parts[MOST_LISTED..].iter().map(|part| part.rows).sum();
                 remarks.push(format!("{more} more stretches {of} are left out, {rows} rows"));
             }
         }
@@ -243,7 +243,7 @@ impl ReadingReport {
                     None => place,
                 }
             };
-            let mut parts: Vec<String> = self.segments.iter().take(2 * LISTED).map(part).collect();
+            let mut parts: Vec<String> = self.segments.iter().take(2 * MOST_LISTED).map(part).collect();
             if self.segments.len() > parts.len() {
                 parts.push(format!("{} more", self.segments.len() - parts.len()));
             }

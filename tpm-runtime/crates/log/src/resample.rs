@@ -8,9 +8,9 @@ use serde::Serialize;
 use tpm_numerics::differences::deviation_of;
 
 /// Most readings on which a residual is taken.
-const JUDGED: usize = 200_000;
+const MOST_JUDGED: usize = 200_000;
 /// Order of the error of a cubic in the step.
-const ORDER: f64 = 4.0;
+const CUBIC_ERROR_ORDER: f64 = 4.0;
 
 /// The error that interpolation makes in a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,7 +47,7 @@ fn residuals<'a>(
     near: usize,
     far: usize,
 ) -> impl Iterator<Item = f64> + 'a {
-    let skip = (signal.len() / JUDGED).max(1);
+    let skip = (signal.len() / MOST_JUDGED).max(1);
     (far..signal.len().saturating_sub(far)).step_by(skip).map(move |k| {
         let nodes = [k - far, k - near, k + near, k + far];
         // Times relative to the reading keep the digits of stamps that count from 1970.
@@ -110,7 +110,11 @@ pub(super) fn interpolation_error(stamps: &[f64], signal: &[f64]) -> f64 {
     };
     // These cubics have two and four times the step of the record.
     let (second, fourth) = (rms(1, 3), rms(2, 6));
-    if second > 0.0 && fourth > 0.0 { second * (-(fourth / second).log2().clamp(0.0, ORDER)).exp2() } else { second }
+    if second > 0.0 && fourth > 0.0 {
+        second * (-(fourth / second).log2().clamp(0.0, CUBIC_ERROR_ORDER)).exp2()
+    } else {
+        second
+    }
 }
 
 #[cfg(test)]

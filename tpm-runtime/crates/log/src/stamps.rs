@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 /// Largest deviation of a time step from the sample time, as a share of the sample time.
-pub(super) const JITTER: f64 = 0.01;
+pub(super) const MOST_JITTER: f64 = 0.01;
 /// Largest deviation of a time stamp from the even grid, as a share of the sample time.
-pub(super) const DRIFT: f64 = 0.5;
+pub(super) const MOST_DRIFT: f64 = 0.5;
 /// A step longer than this multiple of the usual one is a gap.
-const GAP: f64 = 1.5;
+const LEAST_GAP: f64 = 1.5;
 /// Fewest steps that differ from the usual one for stamps to count as rounded so coarsely that their steps alternate.
-const ALTERNATING: usize = 8;
+const LEAST_ALTERNATING: usize = 8;
 /// Most steps whose median is the usual step; of more steps, equally spaced ones are used.
-const MEDIAN_OF: usize = 1 << 20;
+const MOST_MEDIAN_STEPS: usize = 1 << 20;
 
 /// Value of one unit in the last digit to which stamps are printed, by the power of ten below the stamp.
 ///
@@ -111,7 +111,7 @@ impl Stamps<'_> {
 
     /// Median of the steps; zero for less than two stamps.
     pub(super) fn usual_step(&self) -> f64 {
-        let stride = (self.time.len() / MEDIAN_OF).max(1);
+        let stride = (self.time.len() / MOST_MEDIAN_STEPS).max(1);
         let mut steps: Vec<f64> = self.time.windows(2).step_by(stride).map(|pair| pair[1] - pair[0]).collect();
         if steps.is_empty() {
             return 0.0;
@@ -131,7 +131,7 @@ impl Stamps<'_> {
     pub(super) fn jumps(&self, usual: f64) -> impl Iterator<Item = usize> + '_ {
         (1..self.time.len()).filter(move |&sample| {
             let step = self.time[sample] - self.time[sample - 1];
-            step <= 0.0 || step > GAP * usual && step - usual > 1.01 * self.rounding(sample, usual)
+            step <= 0.0 || step > LEAST_GAP * usual && step - usual > 1.01 * self.rounding(sample, usual)
         })
     }
 
@@ -148,7 +148,7 @@ impl Stamps<'_> {
         let usual = self.usual_step();
         let odd = self.time.windows(2).filter(|pair| (pair[1] - pair[0] - usual).abs() > 0.5 * digit).count();
         let near = |(i, t): (usize, &f64)| (t - first - i as f64 * step).abs() <= 1.01 * digit;
-        odd >= ALTERNATING && self.time.is_sorted() && self.time.iter().enumerate().all(near)
+        odd >= LEAST_ALTERNATING && self.time.is_sorted() && self.time.iter().enumerate().all(near)
     }
 
     /// The sample time of an even grid. A stamp that is printed with few digits may be off by one in its last digit.
@@ -165,13 +165,13 @@ impl Stamps<'_> {
         for sample in 1..self.time.len() {
             let step = self.time[sample] - self.time[sample - 1];
             let off = (step - usual).abs();
-            if step <= 0.0 || off > JITTER * usual.abs() && off > 1.01 * self.rounding(sample, usual) {
+            if step <= 0.0 || off > MOST_JITTER * usual.abs() && off > 1.01 * self.rounding(sample, usual) {
                 return Err(Uneven::Step { sample, step, expected: usual });
             }
         }
         for (sample, t) in self.time.iter().enumerate() {
             let deviation = t - first - sample as f64 * step;
-            if deviation.abs() > DRIFT * step && deviation.abs() > self.resolution.at(*t) {
+            if deviation.abs() > MOST_DRIFT * step && deviation.abs() > self.resolution.at(*t) {
                 return Err(Uneven::Drift { sample, deviation, expected: step });
             }
         }

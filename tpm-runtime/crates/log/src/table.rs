@@ -16,11 +16,11 @@ const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (
 const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
 
 /// Largest magnitude of a reading, in the model's unit. Products of squares of larger readings would overflow.
-const LARGEST: f64 = 1e100;
+const LARGEST_READING: f64 = 1e100;
 
 /// Whether a value in the model's unit can be the reading of a machine.
 fn is_reading(value: f64) -> bool {
-    value.abs() <= LARGEST
+    value.abs() <= LARGEST_READING
 }
 
 /// Rows in which a needed reading is missing.

@@ -13,33 +13,25 @@
 //! is exact enough for a reference, since the parameters are identified from the measured motion.
 
 use crate::driven::Driven;
-use crate::dry::Sides;
+use crate::dry::FrictionJump;
 use crate::trajectory::{HarmonicSeries, Line, Trajectory};
 use num_complex::Complex;
 use tpm_core::Real;
 use tpm_core::model::{EvalError, Model};
 use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::fourier::forward;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, Doubling, Iteration};
 
-/// Fewest and most harmonics that an open coordinate is given.
-const HARMONICS: (usize, usize) = (8, 128);
-/// Most Newton steps before the iteration counts as not converging.
-const MOST_STEPS: usize = 40;
-/// Newton's iteration has converged when the largest change of a Fourier coefficient is at most this share of the
-/// largest one.
-const CONVERGED: f64 = 1e-13;
-/// Convergence bound of Newton's iteration where a jump of dry friction is smoothed, as a share of the largest
-/// coefficient.
-const CONVERGED_BESIDE_JUMP: f64 = 1e-8;
-/// The series is long enough when the lines of the upper quarter of its harmonics are at most this share of the largest
-/// line.
-const NEGLIGIBLE: f64 = 1e-12;
-/// Bound on the lines of the upper quarter of the harmonics, as a share of the largest line, where a jump of dry
-/// friction is smoothed.
-const NEGLIGIBLE_BESIDE_JUMP: f64 = 1e-4;
+/// Harmonics that an open coordinate is given: doubled until the lines of the upper quarter are a small share of the largest line.
+const HARMONICS: Doubling = Doubling { least: 8, most: 128, settled: 1e-12 };
+/// The same where a jump of dry friction is smoothed.
+const HARMONICS_BESIDE_JUMP: Doubling = Doubling { settled: 1e-4, ..HARMONICS };
+/// Newton's iteration: it has converged when the largest change of a Fourier coefficient is a small share of the largest one.
+const NEWTON: Iteration = Iteration { most: 40, settled: 1e-13 };
+/// The same where a jump of dry friction is smoothed.
+const NEWTON_BESIDE_JUMP: Iteration = Iteration { settled: 1e-8, ..NEWTON };
 /// Successive widths over which a jump is smoothed, as shares of the coordinate's largest velocity without friction.
-const SPREADS: [f64; 6] = [1.0, 0.5, 0.25, 0.12, 0.06, 0.03];
+const SMOOTHING_WIDTHS: [f64; 6] = [1.0, 0.5, 0.25, 0.12, 0.06, 0.03];
 /// Step of the difference quotients, as a share of the largest magnitude in a slot of the motion. The five-point rule
 /// is exact up to the fourth degree.
 const DIFFERENCE_STEP: f64 = 1e-3;
@@ -59,24 +51,24 @@ pub fn complete(
     if open.is_empty() {
         return Ok(());
     }
-    let mut harmonics = HARMONICS.0.max(2 * trajectory.highest_harmonic() as usize).min(HARMONICS.1);
+    let mut harmonics = HARMONICS.least.max(2 * trajectory.highest_harmonic() as usize).min(HARMONICS.most);
     loop {
         let balance = Balance::new(model, trajectory, open, parameters, constants, harmonics)?;
         if balance.rows.len() != open.len() {
             return Err(OpenReason::Rows { free: balance.rows.len(), open: open.len() }.into());
         }
         let solution = balance.solve(trajectory)?;
-        let negligible = if balance.dry.is_empty() { NEGLIGIBLE } else { NEGLIGIBLE_BESIDE_JUMP };
-        if solution.iter().all(|lines| is_short(lines, negligible)) {
+        let enough = if balance.dry.is_empty() { HARMONICS } else { HARMONICS_BESIDE_JUMP };
+        if solution.iter().all(|lines| is_short(lines, enough.settled)) {
             for (&c, lines) in open.iter().zip(solution) {
                 trajectory.coordinates[c] = series(&lines);
             }
             return Ok(());
         }
-        if harmonics == HARMONICS.1 {
-            return Err(OpenReason::Harmonics { most: HARMONICS.1 }.into());
+        if harmonics == HARMONICS.most {
+            return Err(OpenReason::Harmonics { most: HARMONICS.most }.into());
         }
-        harmonics = (2 * harmonics).min(HARMONICS.1);
+        harmonics = (2 * harmonics).min(HARMONICS.most);
     }
 }
 
@@ -162,12 +154,12 @@ impl<'a> Balance<'a> {
         let points = (8 * (harmonics + 1)).next_power_of_two();
         let mut driven = Driven::new(model);
         let mut motion = vec![0.0; dims.motion_len()];
-        let mut sides = Sides::new(model);
+        let mut friction_jump = FrictionJump::new(model);
         let mut jumps = vec![false; open.len()];
         for n in 0..points {
             trajectory.motion_at(n, points, 0.0, &mut motion);
             for (jumps, &c) in jumps.iter_mut().zip(open) {
-                *jumps = *jumps || sides.is_dry(model, &mut motion, c, parameters, constants)?;
+                *jumps = *jumps || friction_jump.is_dry(model, &mut motion, c, parameters, constants)?;
             }
             driven.see(model, &motion, constants)?;
         }
@@ -184,14 +176,14 @@ impl<'a> Balance<'a> {
         let mut widths = vec![f64::INFINITY; self.dry.len()];
         let mut now = self.newton(trajectory, &widths, &mut unknown)?;
         let largest: Vec<f64> = self.dry.iter().map(|&c| self.largest_velocity(&now, c)).collect();
-        for spread in SPREADS.into_iter().filter(|_| largest.iter().any(|largest| *largest > 0.0)) {
+        for spread in SMOOTHING_WIDTHS.into_iter().filter(|_| largest.iter().any(|largest| *largest > 0.0)) {
             for (width, largest) in widths.iter_mut().zip(&largest).filter(|(_, largest)| **largest > 0.0) {
                 *width = spread * largest;
             }
             let before = unknown.clone();
             match self.newton(&now, &widths, &mut unknown) {
                 Ok(next) => now = next,
-                Err(fault) if spread == SPREADS[0] => return Err(fault),
+                Err(fault) if spread == SMOOTHING_WIDTHS[0] => return Err(fault),
                 // The motion with the wider smoothing serves as the reference.
                 Err(_) => {
                     unknown = before;
@@ -227,7 +219,8 @@ impl<'a> Balance<'a> {
                 now.coordinates[c] = series(lines);
             }
         };
-        for _ in 0..MOST_STEPS {
+        let bounds = if self.dry.is_empty() { NEWTON } else { NEWTON_BESIDE_JUMP };
+        for _ in 0..bounds.most {
             place(unknown, &mut now);
             let (residual, jacobian) = self.linearise(&now, widths)?;
             if jacobian.iter().chain(&residual).all(|x| *x == 0.0) {
@@ -247,8 +240,7 @@ impl<'a> Balance<'a> {
                 return Err(OpenReason::Singular.into());
             };
             *unknown += &step;
-            let converged = if self.dry.is_empty() { CONVERGED } else { CONVERGED_BESIDE_JUMP };
-            if step.amax() <= converged * unknown.amax() {
+            if step.amax() <= bounds.settled * unknown.amax() {
                 place(unknown, &mut now);
                 return Ok(now);
             }
@@ -316,13 +308,13 @@ impl<'a> Balance<'a> {
         }
         let mut scratch = vec![0.0; self.model.inverse_workspace_len()];
         let mut force = vec![0.0; dims.rows];
-        let mut sides = Sides::new(self.model);
+        let mut friction_jump = FrictionJump::new(self.model);
         let mut evaluate = |motion: &mut [f64], force: &mut [f64]| {
             self.model.inverse_dynamics(motion, self.parameters, self.constants, &mut scratch, force)?;
             for (&c, width) in self.dry.iter().zip(widths) {
                 let velocity = motion[dims.coordinates + c];
                 let spread = (velocity / width).tanh() - Real::sign(velocity);
-                let jump = sides.half_jump(self.model, motion, c, self.parameters, self.constants)?;
+                let jump = friction_jump.half_jump(self.model, motion, c, self.parameters, self.constants)?;
                 for (force, half) in force.iter_mut().zip(jump) {
                     *force += spread * half;
                 }

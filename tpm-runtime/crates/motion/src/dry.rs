@@ -13,16 +13,20 @@ const LEAST_JUMP: f64 = 1e-100;
 
 /// Workspace for evaluating a model's rows on both sides of rest.
 #[derive(Clone, Debug)]
-pub struct Sides {
+pub struct FrictionJump {
     scratch: Vec<f64>,
     forward: Vec<f64>,
     backward: Vec<f64>,
 }
 
-impl Sides {
+impl FrictionJump {
     pub(crate) fn new(model: &dyn Model<f64>) -> Self {
         let rows = model.dims().rows;
-        Sides { scratch: vec![0.0; model.inverse_workspace_len()], forward: vec![0.0; rows], backward: vec![0.0; rows] }
+        FrictionJump {
+            scratch: vec![0.0; model.inverse_workspace_len()],
+            forward: vec![0.0; rows],
+            backward: vec![0.0; rows],
+        }
     }
 
     /// Half the jump of every row where the velocity of `coordinate` passes through zero with the rest of the motion as it is: the
@@ -69,21 +73,21 @@ impl Sides {
 
 #[cfg(test)]
 mod tests {
-    use super::Sides;
+    use super::FrictionJump;
     use tpm_test_support::models::{MassSpringDrag, RubbingSpring};
 
     #[test]
     fn only_dry_friction_jumps() {
         let (rubbing, smooth) = ([2.0, 0.3, 8.0, 0.7], [2.0, 8.0, 0.7]);
         let mut motion = [0.1, 3.0, 0.5];
-        let mut sides = Sides::new(&RubbingSpring);
+        let mut friction_jump = FrictionJump::new(&RubbingSpring);
         let jump: Vec<f64> =
-            sides.half_jump(&RubbingSpring, &mut motion, 0, &rubbing, &[]).expect("lengths fit").collect();
+            friction_jump.half_jump(&RubbingSpring, &mut motion, 0, &rubbing, &[]).expect("lengths fit").collect();
         assert!((jump[0] - 0.7).abs() < 1e-15 && motion == [0.1, 3.0, 0.5]);
-        assert_eq!(sides.is_dry(&RubbingSpring, &mut [0.0; 3], 0, &rubbing, &[]), Ok(true));
-        let mut sides = Sides::new(&MassSpringDrag);
+        assert_eq!(friction_jump.is_dry(&RubbingSpring, &mut [0.0; 3], 0, &rubbing, &[]), Ok(true));
+        let mut friction_jump = FrictionJump::new(&MassSpringDrag);
         for mut motion in [[0.0; 3], motion] {
-            assert_eq!(sides.is_dry(&MassSpringDrag, &mut motion, 0, &smooth, &[]), Ok(false));
+            assert_eq!(friction_jump.is_dry(&MassSpringDrag, &mut motion, 0, &smooth, &[]), Ok(false));
         }
     }
 }

@@ -13,7 +13,7 @@ use tpm_core::model::Model;
 use tpm_numerics::fourier;
 
 /// Largest factor by which a harmonic is amplified to make up for an actuator that attenuates it.
-const MOST_AMPLIFIED: f64 = 10.0;
+const MOST_AMPLIFICATION: f64 = 10.0;
 
 /// What is done about the zero-order hold in the feed-forward.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -89,7 +89,7 @@ pub(super) fn undo_drive(samples: &mut [f64], inputs: usize, sample_time: f64, a
                 let actuator = actuators.get(i).copied().unwrap_or_default();
                 if !actuator.is_ideal() {
                     let response = actuator.response(angle / sample_time);
-                    *line *= response.conj() / response.norm_sqr().max(MOST_AMPLIFIED.powi(-2));
+                    *line *= response.conj() / response.norm_sqr().max(MOST_AMPLIFICATION.powi(-2));
                 }
             }
             *line /= count as f64;

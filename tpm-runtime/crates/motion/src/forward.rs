@@ -7,18 +7,18 @@
 
 use crate::friction::{Forces, Friction};
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_numerics::Iteration;
 
 /// Magnitude of a state beyond which the terms of a model are taken to overflow.
-const OVERFLOWING: f64 = 1e50;
+const LARGEST_STATE: f64 = 1e50;
 /// Most divisions of a step at instants at which a coordinate with dry friction comes to rest. The rest of the step is
 /// then taken undivided.
 const MOST_RESTS: usize = 16;
-/// Most iterations of the search for the instant at which a velocity passes through zero.
-const MOST_TRIALS: usize = 12;
-/// The search for a velocity's zero ends at this share of the larger velocity at the ends of its interval.
-const AT_REST: f64 = 1e-9;
+/// The search for the instant at which a velocity passes through zero, until it is a small share of the larger velocity at the ends of its
+/// interval.
+const REST_SEARCH: Iteration = Iteration { most: 12, settled: 1e-9 };
 /// Shortest part of a step, as a share of it, that is integrated on its own.
-const SHORTEST: f64 = 1e-9;
+const SHORTEST_PART: f64 = 1e-9;
 
 /// Why a plant could not be advanced.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -191,7 +191,7 @@ impl<'m> Plant<'m> {
             if let Err(fault) = one(self, step) {
                 // A motion that overflows in a product shows first as a mass matrix that is not finite.
                 return Err(
-                    match self.state.iter().position(|value| !value.is_finite() || value.abs() > OVERFLOWING) {
+                    match self.state.iter().position(|value| !value.is_finite() || value.abs() > LARGEST_STATE) {
                         Some(at) => PlantError::Diverged {
                             time: self.time + duration,
                             coordinate: self.slots[at] % self.coordinates,
@@ -238,12 +238,12 @@ impl<'m> Plant<'m> {
             let Some((state, share)) = self.first_rest() else { return Ok(()) };
             let (mut low, mut high) = ((from, self.start[state]), (1.0, self.state[state]));
             let mut to = from + share * (1.0 - from);
-            if to - from < SHORTEST {
+            if to - from < SHORTEST_PART {
                 self.state[state] = 0.0;
                 return Ok(());
             }
-            let wanted = AT_REST * low.1.abs().max(high.1.abs());
-            for _ in 0..MOST_TRIALS {
+            let wanted = REST_SEARCH.settled * low.1.abs().max(high.1.abs());
+            for _ in 0..REST_SEARCH.most {
                 self.state.copy_from_slice(&self.start);
                 self.part(inputs, own, h, from, to)?;
                 let velocity = self.state[state];
@@ -262,7 +262,7 @@ impl<'m> Plant<'m> {
             }
             self.state[state] = 0.0;
             from = to;
-            if 1.0 - from < SHORTEST {
+            if 1.0 - from < SHORTEST_PART {
                 return Ok(());
             }
         }

@@ -12,7 +12,7 @@
 //! A coordinate whose x leaves this range slides, forwards beyond 1 and backwards below 0. Invariant: while a coordinate slides,
 //! rows are evaluated on the side of its direction, even where a step of the integration overshoots its rest.
 
-use crate::{CREEP, Sides};
+use crate::{CREEP, FrictionJump};
 use tpm_core::linear::solve_in_place;
 use tpm_core::model::{EvalError, Model};
 
@@ -62,7 +62,7 @@ impl Friction {
     pub(super) fn new(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64]) -> Result<Self, EvalError> {
         let dims = model.dims();
         let n = dims.coordinates;
-        let mut sides = Sides::new(model);
+        let mut friction_jump = FrictionJump::new(model);
         let mut motion = vec![0.0; dims.motion_len()];
         let mut dry = Vec::new();
         for elsewhere in [false, true] {
@@ -73,7 +73,7 @@ impl Friction {
             }
             for c in 0..n {
                 let moves = model.coordinate_order(c) == 2 && !dry.contains(&c);
-                if moves && sides.is_dry(model, &mut motion, c, parameters, constants)? {
+                if moves && friction_jump.is_dry(model, &mut motion, c, parameters, constants)? {
                     dry.push(c);
                 }
             }

@@ -2,9 +2,7 @@
 
 use crate::trial::Trial;
 use serde::{Deserialize, Serialize};
-
-/// Largest relative difference of sample times that counts as rounding of a log's time column.
-const SAME_RATE: f64 = 1e-6;
+use tpm_numerics::tolerance;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -205,7 +203,7 @@ impl Record {
     ) -> Result<Self, RecordError> {
         let needed = trial.control.sample_time;
         let off = (sample_time / needed - 1.0).abs();
-        if off.is_nan() || off > SAME_RATE {
+        if off.is_nan() || off > tolerance::TIME_STAMP {
             return Err(RecordError::SampleTime { needed, given: sample_time });
         }
         let mut record =

@@ -5,27 +5,23 @@
 //! normal equations of the fit, a Hermitian Toeplitz matrix with a condition near one, are solved. The noise of a line is
 //! estimated from the bins of the same windowed transform between the lines, where a periodic signal vanishes.
 
-use crate::{mean_error, noise_within};
+use crate::{mean_error, noise_variance};
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use tpm_numerics::fourier::{analyse, forward, synthesise};
-use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn, Iteration, alarm};
 
 /// Highest harmonic that is fitted when the period is not a whole number of samples; it bounds the size of the linear system.
-const MAX_FITTED: usize = 256;
+const HIGHEST_FITTED: usize = 256;
 /// Tolerance on a grid: largest distance of a difference of two values from a whole number of steps, as a share of a
 /// step.
-const GRID_TOLERANCE: f64 = 1e-3;
+const MOST_OFF_GRID: f64 = 1e-3;
 /// Least noise variance, in counts squared, that dithers the quantiser: from it on the mean rounding error is less
 /// steep than the motion, since its slope 2 exp(-2 pi^2 s^2) is below one.
-const DITHER: f64 = std::f64::consts::LN_2 / (2.0 * PI * PI);
-/// A line belongs to the motion when its power exceeds this multiple of its noise variance.
-const CERTAIN: f64 = 9.0;
-/// Most fixed-point iterations between a motion and its mean rounding error.
-const MOST_PASSES: usize = 50;
-/// The fixed-point iteration has converged when the motion changes by no more than this, in counts.
-const SETTLED: f64 = 1e-6;
+const LEAST_DITHER: f64 = std::f64::consts::LN_2 / (2.0 * PI * PI);
+/// The fixed-point iteration between a motion and its mean rounding error; the largest change of the motion is in counts.
+const ROUNDING_ITERATION: Iteration = Iteration { most: 50, settled: 1e-6 };
 /// Least number of bins between the lines that one noise estimate averages.
 const LEAST_NOISE_BINS: usize = 16;
 
@@ -185,7 +181,7 @@ impl Spectra {
         let window = Window::for_periods(periods);
         let weights: Vec<f64> = (0..used).map(|i| window.weight(i, used)).collect();
         let transform = forward(used);
-        let highest = if whole { resolved } else { resolved.min(MAX_FITTED) };
+        let highest = if whole { resolved } else { resolved.min(HIGHEST_FITTED) };
         let fit = if whole {
             None
         } else {
@@ -267,13 +263,14 @@ impl Spectra {
         // dithers the quantiser just as sensor noise does.
         let samples = self.samples_per_period * self.periods as f64;
         let power = (1..=highest).map(|k| self.variance(channel, k)).sum::<f64>() / highest as f64;
-        let noise = noise_within(power * samples / (4.0 * self.window.bandwidth() * step * step));
-        if noise < DITHER {
+        let noise = noise_variance(power * samples / (4.0 * self.window.bandwidth() * step * step));
+        if noise < LEAST_DITHER {
             return None;
         }
         let measured = &self.lines[channel];
-        let stands_out =
-            |(k, line): (usize, &Complex<f64>)| k == 0 || line.norm_sqr() > CERTAIN * self.variance(channel, k);
+        let stands_out = |(k, line): (usize, &Complex<f64>)| {
+            k == 0 || line.norm_sqr() > alarm::LINE_OF_MOTION * self.variance(channel, k)
+        };
         let certain: Vec<bool> = measured.iter().enumerate().map(stands_out).collect();
         let motion = |lines: &[Complex<f64>]| {
             let of = |(line, certain): (&Complex<f64>, &bool)| if *certain { *line } else { Complex::new(0.0, 0.0) };
@@ -281,13 +278,13 @@ impl Spectra {
             synthesise(&lines, 0, self.fundamental, highest, points)
         };
         let mut before = motion(measured);
-        for _ in 0..MOST_PASSES {
+        for _ in 0..ROUNDING_ITERATION.most {
             let error: Vec<f64> = before.iter().map(|x| step * mean_error((x - reading) / step, noise)).collect();
             let of_error = analyse(&error, 0, 1, highest);
             let lines: Vec<Complex<f64>> = measured.iter().zip(&of_error).map(|(line, error)| line - error).collect();
             let now = motion(&lines);
             let moved = now.iter().zip(&before).map(|(now, before)| (now - before).abs()).fold(0.0, f64::max);
-            if moved <= SETTLED * step {
+            if moved <= ROUNDING_ITERATION.settled * step {
                 return Some(error);
             }
             before = now;
@@ -356,7 +353,7 @@ pub fn step(values: &[f64]) -> f64 {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let fits = |difference: f64| {
         let steps = difference / least;
-        (steps - steps.round()).abs() < GRID_TOLERANCE
+        (steps - steps.round()).abs() < MOST_OFF_GRID
     };
     let counted = least.is_finite() && (high - low) / least < values.len() as f64 && apart().all(fits);
     if counted { least } else { 0.0 }
@@ -410,7 +407,7 @@ fn line_noise(
 /// Number of successive samples whose harmonics are computed side by side.
 const LANES: usize = 8;
 /// Number of groups of [`LANES`] samples that one thread takes at a time.
-const PART: usize = 4096;
+const GROUPS_PER_TASK: usize = 4096;
 
 /// Weighted least-squares fit of harmonics whose period is not a whole number of samples.
 struct LineFit {
@@ -446,9 +443,9 @@ impl LineFit {
     fn residual(&self, signal: &[f64], lines: &[Complex<f64>]) -> Vec<f64> {
         let mean = lines.first().map_or(0.0, |mean| mean.re);
         let mut residual = signal.to_vec();
-        residual.par_chunks_mut(LANES * PART).enumerate().for_each(|(part, residual)| {
+        residual.par_chunks_mut(LANES * GROUPS_PER_TASK).enumerate().for_each(|(part, residual)| {
             for (group, residual) in residual.chunks_mut(LANES).enumerate() {
-                let (cos, sin) = turns(self.angle, (part * PART + group) * LANES);
+                let (cos, sin) = turns(self.angle, (part * GROUPS_PER_TASK + group) * LANES);
                 // Horner's rule in e^{j w t}.
                 let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
                 for line in lines.iter().skip(1).rev() {
@@ -480,7 +477,7 @@ fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
     let part = |(part, signal): (usize, &[f64])| {
         let mut sums = vec![Complex::new(0.0, 0.0); count];
         for (group, signal) in signal.chunks(LANES).enumerate() {
-            let (cos, sin) = turns(angle, (part * PART + group) * LANES);
+            let (cos, sin) = turns(angle, (part * GROUPS_PER_TASK + group) * LANES);
             let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
             re[..signal.len()].copy_from_slice(signal);
             for sum in &mut sums {
@@ -495,7 +492,7 @@ fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
         sums
     };
     // Parts are added in their order, so that the sums do not depend on the number of threads.
-    let parts: Vec<Vec<Complex<f64>>> = signal.par_chunks(LANES * PART).enumerate().map(part).collect();
+    let parts: Vec<Vec<Complex<f64>>> = signal.par_chunks(LANES * GROUPS_PER_TASK).enumerate().map(part).collect();
     out.fill(Complex::new(0.0, 0.0));
     for sums in parts {
         out.iter_mut().zip(sums).for_each(|(out, sum)| *out += sum);

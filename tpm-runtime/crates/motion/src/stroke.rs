@@ -11,22 +11,17 @@
 use crate::trajectory::{HarmonicSeries, Line, Trajectory};
 use std::f64::consts::TAU;
 use tpm_numerics::fourier::analyse;
+use tpm_numerics::tolerance;
 
 /// Samples of a period from which the series is computed. The series decays so fast that aliases are far below the
 /// truncation error.
-const SAMPLES: usize = 1 << 14;
+const SERIES_SAMPLES: usize = 1 << 14;
 /// Truncation bound: root mean square of the omitted acceleration, as a share of that of the whole acceleration.
-const LEFT_OUT: f64 = 2e-4;
+const MOST_OMITTED: f64 = 2e-4;
 /// Highest harmonic of the series.
-const HIGHEST: usize = 512;
-/// Smallest acceleration harmonic that is kept, as a share of the root of the sum of squares of all. Smaller ones are
-/// rounding.
-const ROUNDING: f64 = 1e-12;
+const HIGHEST_HARMONIC: usize = 512;
 /// Smallest amplitude of a substantial harmonic, as a share of the largest amplitude of its coordinate.
-const SUBSTANTIAL: f64 = 1e-4;
-/// Largest jump of position, velocity or acceleration between two strokes that is rounding, as a share of the bound on
-/// that derivative along all strokes.
-const JUMP: f64 = 1e-6;
+const LEAST_SUBSTANTIAL: f64 = 1e-4;
 
 /// A part of a trajectory, and the rest after it.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +73,8 @@ pub fn first_break(strokes: &[Stroke]) -> Option<Break> {
     };
     for order in 0..=2 {
         for c in 0..coordinates {
-            let allowed = JUMP * strokes.iter().map(|stroke| bound(stroke, c, order)).fold(0.0, f64::max);
+            let allowed =
+                tolerance::JUNCTION * strokes.iter().map(|stroke| bound(stroke, c, order)).fold(0.0, f64::max);
             for (i, stroke) in strokes.iter().enumerate() {
                 let next = &strokes[(i + 1) % strokes.len()];
                 let ends = value(stroke, c, stroke.phases.1, order);
@@ -107,10 +103,10 @@ pub fn first_break(strokes: &[Stroke]) -> Option<Break> {
 pub fn repeated(strokes: &[Stroke]) -> Trajectory {
     let total: f64 = strokes.iter().map(|stroke| stroke.moving() + stroke.dwell).sum();
     let coordinates = strokes.first().map_or(0, |stroke| stroke.trajectory.coordinates.len());
-    let mut positions = vec![0.0; SAMPLES * coordinates];
+    let mut positions = vec![0.0; SERIES_SAMPLES * coordinates];
     let mut at = (0, 0.0);
     for (n, position) in positions.chunks_exact_mut(coordinates.max(1)).enumerate() {
-        let time = n as f64 / SAMPLES as f64 * total;
+        let time = n as f64 / SERIES_SAMPLES as f64 * total;
         while at.0 + 1 < strokes.len() && time >= at.1 + strokes[at.0].moving() + strokes[at.0].dwell {
             at = (at.0 + 1, at.1 + strokes[at.0].moving() + strokes[at.0].dwell);
         }
@@ -129,7 +125,7 @@ pub fn substantial_harmonic(strokes: &Trajectory) -> u32 {
     let of = |series: &HarmonicSeries| {
         let size = |line: &Line| line.cos.hypot(line.sin);
         let largest = series.lines.iter().map(size).fold(0.0, f64::max);
-        let above = series.lines.iter().filter(|line| size(line) > SUBSTANTIAL * largest);
+        let above = series.lines.iter().filter(|line| size(line) > LEAST_SUBSTANTIAL * largest);
         above.map(|line| line.harmonic).max().unwrap_or(0)
     };
     strokes.coordinates.iter().map(of).max().unwrap_or(0)
@@ -137,19 +133,21 @@ pub fn substantial_harmonic(strokes: &Trajectory) -> u32 {
 
 /// The series of coordinate `c`, truncated where the omitted accelerations are negligible.
 fn cut(positions: &[f64], c: usize, coordinates: usize) -> HarmonicSeries {
-    let lines = analyse(positions, c, coordinates, SAMPLES / 4);
+    let lines = analyse(positions, c, coordinates, SERIES_SAMPLES / 4);
     let square = |(k, line): (usize, &num_complex::Complex<f64>)| line.norm_sqr() * (k as f64).powi(4);
     let whole: f64 = lines.iter().enumerate().map(square).sum();
     let mut left = whole;
     let mut highest = 0;
-    for (k, line) in lines.iter().enumerate().take(HIGHEST + 1) {
+    for (k, line) in lines.iter().enumerate().take(HIGHEST_HARMONIC + 1) {
         left -= square((k, line));
         highest = k;
-        if left <= LEFT_OUT * LEFT_OUT * whole {
+        if left <= MOST_OMITTED * MOST_OMITTED * whole {
             break;
         }
     }
-    HarmonicSeries::from_phasors(&lines[..=highest], |k, line| square((k, line)) > ROUNDING * ROUNDING * whole)
+    HarmonicSeries::from_phasors(&lines[..=highest], |k, line| {
+        square((k, line)) > tolerance::SERIES * tolerance::SERIES * whole
+    })
 }
 
 #[cfg(test)]

@@ -7,15 +7,14 @@
 //! what is returned solves the equation to rounding and stabilises; both are tested.
 
 use crate::DMatrix;
+use crate::Iteration;
 use crate::eigenvalues::eigenvalues;
-use crate::riccati::{Riccati, RiccatiError, SOLVED, weighted};
+use crate::riccati::{MOST_RESIDUAL, Riccati, RiccatiError, weighted};
 
-/// Most steps of the iteration; a dozen are usual.
-const STEPS: usize = 100;
-/// Relative change of the sign matrix in one step below which the iteration has converged.
-const SETTLED: f64 = 1e-13;
+/// Newton's iteration, until the sign matrix changes by no more than a share of it; a dozen steps are usual.
+const NEWTON: Iteration = Iteration { most: 100, settled: 1e-13 };
 /// Relative change below which a step that is no smaller than the step before is rounding: the iteration has converged.
-const NEARLY: f64 = 1e-6;
+const MOST_ROUNDING_CHANGE: f64 = 1e-6;
 
 /// Solves `A' P + P A - P B R^-1 B' P + Q = 0`; the poles are those of A - B K, rad/s.
 ///
@@ -38,7 +37,7 @@ pub fn continuous_riccati(
     sign.view_mut((n, n), (n, n)).copy_from(&-a.transpose());
     // 2. Newton's iteration for its sign.
     let mut last = f64::INFINITY;
-    for _ in 0..STEPS {
+    for _ in 0..NEWTON.most {
         let factors = sign.clone().lu();
         let inverse = factors.try_inverse().ok_or(RiccatiError::NotStabilisable)?;
         // The inverse geometric mean of the eigenvalues' magnitudes, estimated by the norms of the matrix and of its
@@ -50,7 +49,7 @@ pub fn continuous_riccati(
         if !change.is_finite() {
             return Err(RiccatiError::NotStabilisable);
         }
-        if change <= SETTLED || (change < NEARLY && change >= last) {
+        if change <= NEWTON.settled || (change < MOST_ROUNDING_CHANGE && change >= last) {
             break;
         }
         last = change;
@@ -73,7 +72,7 @@ pub fn continuous_riccati(
     let largest = terms.iter().map(DMatrix::amax).fold(0.0, f64::max);
     let left = (&terms[0] + &terms[1] - &terms[2] + &terms[3]).amax();
     let residual = if largest > 0.0 { left / largest } else { 0.0 };
-    if residual.is_nan() || residual > SOLVED || !poles.iter().all(|s| s.re < 0.0) {
+    if residual.is_nan() || residual > MOST_RESIDUAL || !poles.iter().all(|s| s.re < 0.0) {
         return Err(RiccatiError::NotStabilisable);
     }
     Ok(Riccati { solution, gain, poles, residual })

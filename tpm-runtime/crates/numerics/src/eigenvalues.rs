@@ -10,9 +10,9 @@ use nalgebra::linalg::Schur;
 use num_complex::Complex;
 
 /// Most QR sweeps per row; a few are usual.
-const SWEEPS: usize = 60;
+const MOST_SWEEPS_PER_ROW: usize = 60;
 /// Most attempts: the matrix as it is, then reflections of it.
-const ATTEMPTS: usize = 8;
+const MOST_ATTEMPTS: usize = 8;
 
 /// The eigenvalues of a square matrix; NaN when an entry is not finite, or no attempt ends.
 pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
@@ -23,11 +23,11 @@ pub fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     }
     let attempt = |attempt| {
         let similar = if attempt == 0 { matrix.clone() } else { reflected(matrix, attempt) };
-        let schur = Schur::try_new(similar, f64::EPSILON, SWEEPS * n)?;
+        let schur = Schur::try_new(similar, f64::EPSILON, MOST_SWEEPS_PER_ROW * n)?;
         let found: Vec<Complex<f64>> = schur.complex_eigenvalues().iter().copied().collect();
         found.iter().all(|z| z.re.is_finite() && z.im.is_finite()).then_some(found)
     };
-    (0..ATTEMPTS).find_map(attempt).unwrap_or_else(none)
+    (0..MOST_ATTEMPTS).find_map(attempt).unwrap_or_else(none)
 }
 
 /// `Q A Q` with the reflection `Q = 1 - 2 v v'/v'v`.
@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn reflections_keep_the_eigenvalues() {
         let matrix = DMatrix::from_fn(6, 6, |r, c| ((r * 7 + c * c * 3 + r * c) as f64).sin());
-        for attempt in 1..super::ATTEMPTS {
+        for attempt in 1..super::MOST_ATTEMPTS {
             check(&matrix, &eigenvalues(&reflected(&matrix, attempt)));
         }
         check(&matrix, &eigenvalues(&matrix));

@@ -5,18 +5,22 @@
 //!
 //! `DESIGN.md` (Why nalgebra and what does it get wrong? Why no second linear algebra crate?) has what was measured.
 
+pub mod alarm;
 pub mod chance;
 mod continuous_riccati;
 pub mod differences;
 pub mod eigenvalues;
 pub mod fourier;
 pub mod independent;
+mod iteration;
 mod matrix;
 mod riccati;
 pub mod singular;
 pub mod tail;
+pub mod tolerance;
 
 pub use continuous_riccati::continuous_riccati;
+pub use iteration::{Doubling, Iteration};
 pub use matrix::Matrix;
 pub use nalgebra::storage::Owned;
 pub use nalgebra::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, RowDVector};

@@ -12,17 +12,13 @@
 
 use crate::DMatrix;
 use crate::eigenvalues::eigenvalues;
+use crate::{Iteration, tolerance};
 use num_complex::Complex;
 
-/// Most rounds of doubling: 2^60 samples are longer than any machine runs.
-const ROUNDS: usize = 60;
-/// Relative change of the solution in one round below which the doubling has converged.
-const SETTLED: f64 = 1e-14;
+/// Rounds of doubling, until the solution changes by no more than a share of it: 2^60 samples are longer than any machine runs.
+const DOUBLING: Iteration = Iteration { most: 60, settled: 1e-14 };
 /// Largest residual of the equation, as a share of its terms, that still counts as solved.
-pub(super) const SOLVED: f64 = 1e-8;
-/// Tolerance for rounding in the weights Q and R: share of a weight's largest entry by which it may be asymmetric or
-/// negative.
-const ROUNDING: f64 = 1e-12;
+pub(super) const MOST_RESIDUAL: f64 = 1e-8;
 
 /// Why there is no regulator.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -82,7 +78,7 @@ pub fn riccati(
     let (mut transition, mut reach, mut solution) = (a.clone(), b * weighted(a, b, q, r)?, q.clone());
     // 1. The doubling iteration, until the solution no longer changes.
     let mut settled = false;
-    for _ in 0..ROUNDS {
+    for _ in 0..DOUBLING.most {
         let inverse = (DMatrix::identity(n, n) + &reach * &solution).lu();
         let (Some(of_a), Some(of_g)) = (inverse.solve(&transition), inverse.solve(&reach)) else {
             return Err(RiccatiError::NotStabilisable);
@@ -98,7 +94,7 @@ pub fn riccati(
         if !(step.is_finite() && solution.iter().chain(reach.iter()).all(|x| x.is_finite())) {
             return Err(RiccatiError::NotStabilisable);
         }
-        if step <= SETTLED * size {
+        if step <= DOUBLING.settled * size {
             settled = true;
             break;
         }
@@ -116,7 +112,7 @@ pub fn riccati(
     let largest = terms.iter().map(DMatrix::amax).fold(0.0, f64::max);
     let left = (&terms[0] + &terms[1] - &terms[2] - &terms[3]).amax();
     let residual = if largest > 0.0 { left / largest } else { 0.0 };
-    if residual > SOLVED || !poles.iter().all(|z| z.norm() < 1.0) {
+    if residual > MOST_RESIDUAL || !poles.iter().all(|z| z.norm() < 1.0) {
         return Err(RiccatiError::NotStabilisable);
     }
     Ok(Riccati { solution, gain, poles, residual })
@@ -140,10 +136,10 @@ pub(super) fn weighted(
     if [a, b, q, r].iter().any(|matrix| matrix.iter().any(|x| !x.is_finite())) {
         return Err(RiccatiError::NotFinite);
     }
-    let symmetric = |x: &DMatrix<f64>| (x - x.transpose()).amax() <= ROUNDING * x.amax();
+    let symmetric = |x: &DMatrix<f64>| (x - x.transpose()).amax() <= tolerance::WEIGHT * x.amax();
     let factor = r.clone().cholesky().filter(|_| symmetric(r)).ok_or(RiccatiError::InputWeight)?;
     let least = q.clone().symmetric_eigenvalues().min();
-    if !symmetric(q) || least < -ROUNDING * q.amax() {
+    if !symmetric(q) || least < -tolerance::WEIGHT * q.amax() {
         return Err(RiccatiError::StateWeight);
     }
     Ok(factor.solve(&b.transpose()))

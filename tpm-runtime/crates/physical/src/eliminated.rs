@@ -11,7 +11,7 @@ use crate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
 use std::sync::Arc;
 use tpm_core::model::Model;
 use tpm_estimate::{
-    Estimate, EstimateError, Estimator, Evidence, Fitted, Information, MeasuredMotion, POOR, PhysicalRemark,
+    Estimate, EstimateError, Estimator, Evidence, Fitted, Information, MeasuredMotion, POOR_DEVIATION, PhysicalRemark,
     ResidualOf, Run, Settings, Status, Structure, estimate_structured, refine_last,
 };
 use tpm_interpret::Interpreted;
@@ -228,7 +228,7 @@ impl Eliminated {
             status[j] = match physical.status[i] {
                 // Wider standard deviations change no status other than "identified".
                 Status::Identified => {
-                    Status::of(Evidence::Shown { value: values[j], std: std[j], felt: f64::INFINITY }, POOR)
+                    Status::of(Evidence::Shown { value: values[j], std: std[j], felt: f64::INFINITY }, POOR_DEVIATION)
                 }
                 settled => settled,
             };

@@ -1,8 +1,9 @@
-//! A declared model with numbers: rows with values of their parameters, inputs with the coordinates that they drive, and a
-//! pattern whose amplitudes and frequency are still open.
+//! A declared model with numerical values of its parameters: rows, the coordinates that every input drives, and a
+//! pattern whose amplitudes and frequency remain free.
 //!
-//! Invariant: no coordinate is eliminated, since a motor may turn with any of them; a coordinate that the model asks to eliminate
-//! moves as its reconstruction says, x1 = x2 + m2/k3 x2'' and the like, sampled finely enough for every harmonic of a polynomial.
+//! Invariant: the model keeps all coordinates, since a motor may turn with any of them. A coordinate that the model
+//! asks to eliminate moves as its reconstruction states, for example x1 = x2 + m2/k3 x2''. It is sampled finely enough
+//! for every harmonic of a polynomial.
 
 use std::collections::BTreeMap;
 use tpm_core::model::Model as _;
@@ -19,7 +20,7 @@ use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
 
 /// Samples of a period from which the Fourier series of a reconstructed coordinate is computed.
-const SAMPLES: usize = 1024;
+const SERIES_SAMPLES: usize = 1024;
 
 /// Why a model has no numeric form.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -28,7 +29,7 @@ pub enum MotorizedMachineError {
     /// The equations have no regressor form.
     #[error(transparent)]
     Prepare(#[from] PrepareError),
-    /// The pattern cannot be played.
+    /// The pattern has no numerical form.
     #[error(transparent)]
     Pattern(#[from] PatternError),
     /// Quantities without a value.
@@ -39,7 +40,7 @@ pub enum MotorizedMachineError {
     },
 }
 
-/// A declared model with numbers, ready for motors on its inputs.
+/// A declared model with numerical values, to which motors can be attached.
 #[derive(Debug)]
 pub struct MotorizedMachine {
     model: Interpreted,
@@ -48,15 +49,15 @@ pub struct MotorizedMachine {
     driven: Vec<Vec<usize>>,
     pattern: ReferencePattern,
     graph: Graph,
-    /// Coordinate, in the order of the rows, with its value in terms of the others.
+    /// Index of each reconstructed coordinate in the order of the rows, with its expression in the other coordinates.
     reconstructed: Vec<(usize, ExprId)>,
-    /// Order of the rows' coordinates in the model's declaration.
+    /// Index in the model's declaration of every coordinate of the rows.
     declared: Vec<u32>,
     values: BTreeMap<Symbol, f64>,
 }
 
 impl MotorizedMachine {
-    /// The model of a split under a pattern of it; `value` gives parameters and run-time constants.
+    /// The model of a split, with one of its patterns; `value` gives the values of parameters and run-time constants.
     ///
     /// # Errors
     /// [`MotorizedMachineError`] when a value is missing, the equations have no regressor form, or the pattern leaves a
@@ -67,6 +68,7 @@ impl MotorizedMachine {
         value: impl Fn(Symbol) -> Option<f64>,
     ) -> Result<Self, MotorizedMachineError> {
         let mut model = split.model.clone();
+        // Every parameter and constant needs a value.
         let mut values = BTreeMap::new();
         let mut names = Vec::new();
         for symbol in model.parameters().chain(model.run_time_constants()) {
@@ -85,6 +87,7 @@ impl MotorizedMachine {
                 values.insert(Symbol(index), to_f64(value));
             }
         }
+        // Eliminated coordinates are kept in the model, and reconstructed from the others.
         let mut pattern = pattern.clone();
         let mut solutions = Vec::new();
         if !model.eliminations.is_empty() {
@@ -96,6 +99,7 @@ impl MotorizedMachine {
             model = eliminated.model;
             model.eliminations.clear();
         }
+        // Evaluate the exact forms with the values.
         let prepared = prepare(model)?;
         let of = |symbol: Symbol| values.get(&symbol).copied().unwrap_or(f64::NAN);
         let parameters = ParameterMap::new(&prepared).evaluate(of);
@@ -103,6 +107,7 @@ impl MotorizedMachine {
         let pattern = tpm_interpret::pattern::of_model(&pattern, &prepared.model, constant)?;
         let interpreted = Interpreted::new(&prepared.model, &prepared.form);
         let dims = interpreted.dims();
+        // Relate the coordinates of the rows to those of the declaration.
         let declared: Vec<u32> = (0..dims.coordinates)
             .filter_map(|c| {
                 let name = interpreted.coordinate(c).name;
@@ -131,13 +136,13 @@ impl MotorizedMachine {
         })
     }
 
-    /// The model, all its coordinates in place.
+    /// The model with all its coordinates.
     #[must_use]
     pub fn model(&self) -> &Interpreted {
         &self.model
     }
 
-    /// Values of the parameters in which its rows are linear.
+    /// Values of the parameters in which the rows are linear.
     #[must_use]
     pub fn parameters(&self) -> &[f64] {
         &self.parameters
@@ -149,14 +154,14 @@ impl MotorizedMachine {
         &self.driven
     }
 
-    /// The demand of motions on its inputs.
+    /// The map from motions to the inputs that they need.
     #[must_use]
     pub fn demand(&self) -> Demand<'_> {
         Demand::new(&self.model, &self.parameters, &self.constants, &self.driven)
     }
 
-    /// The highest derivative of a coordinate that an input depends on. It is the order of the rows where no coordinate is
-    /// reconstructed from derivatives of others.
+    /// The highest derivative of a coordinate that an input depends on. It equals the order of the rows where no
+    /// coordinate is reconstructed from derivatives of others.
     #[must_use]
     pub fn highest_derivative(&self) -> usize {
         let leaves = self.reconstructed.iter().flat_map(|(_, expr)| self.graph.leaves(*expr));
@@ -171,7 +176,7 @@ impl MotorizedMachine {
     #[must_use]
     pub fn trajectory(&self, amplitudes: &[f64], frequency: f64) -> Trajectory {
         let declared = self.pattern.trajectory(amplitudes, frequency);
-        // The pattern lists the coordinates as declared, the rows those that they use.
+        // The pattern lists the coordinates as declared; the rows list only those that they use.
         let coordinates =
             self.declared.iter().map(|&c| declared.coordinates.get(c as usize).cloned().unwrap_or_default()).collect();
         let mut trajectory = Trajectory { frequency, coordinates };
@@ -182,9 +187,9 @@ impl MotorizedMachine {
     }
 
     fn reconstruct(&self, motion: &Trajectory, expr: ExprId) -> HarmonicSeries {
-        let mut wave: Vec<f64> = (0..SAMPLES)
+        let mut wave: Vec<f64> = (0..SERIES_SAMPLES)
             .map(|k| {
-                let phase = std::f64::consts::TAU * k as f64 / SAMPLES as f64;
+                let phase = std::f64::consts::TAU * k as f64 / SERIES_SAMPLES as f64;
                 self.graph.evaluate(expr, |leaf| match leaf {
                     Node::Derivative(c, order) => motion
                         .coordinates
@@ -195,16 +200,16 @@ impl MotorizedMachine {
                 })
             })
             .collect();
-        let forward = fourier::forward(SAMPLES);
-        let mut spectrum = vec![realfft::num_complex::Complex::default(); SAMPLES / 2 + 1];
+        let forward = fourier::forward(SERIES_SAMPLES);
+        let mut spectrum = vec![realfft::num_complex::Complex::default(); SERIES_SAMPLES / 2 + 1];
         forward.process(&mut wave, &mut spectrum).expect("invariant: buffers of this length");
         let largest = spectrum.iter().map(|line| line.norm()).fold(0.0, f64::max);
-        let scale = 2.0 / SAMPLES as f64;
+        let scale = 2.0 / SERIES_SAMPLES as f64;
         let lines = (1u32..)
-            .zip(spectrum.iter().skip(1).take(SAMPLES / 4))
+            .zip(spectrum.iter().skip(1).take(SERIES_SAMPLES / 4))
             .filter(|(_, line)| line.norm() > 1e-13 * largest)
             .map(|(harmonic, line)| Line { harmonic, cos: scale * line.re, sin: -scale * line.im })
             .collect();
-        HarmonicSeries { mean: spectrum[0].re / SAMPLES as f64, lines }
+        HarmonicSeries { mean: spectrum[0].re / SERIES_SAMPLES as f64, lines }
     }
 }

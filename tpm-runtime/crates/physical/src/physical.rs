@@ -1,28 +1,27 @@
-//! Physical parameters from the lumped ones that a model is linear in.
+//! Physical parameters computed from the lumped parameters in which a model is linear.
 //!
-//! The lumped parameters are c(p). With an estimate of c and its covariance S the physical parameters minimise
-//! `(c(p) - c)' S^-1 (c(p) - c)` within their bounds (Gauss-Newton with the exact Jacobian, by Levenberg and Marquardt).
-//! There are usually more c than p: what the minimum leaves measures whether the c belong to a machine of this structure at
-//! all (two carts: c4 = c3^2/(3 c7), c5 = c3^3/(27 c7^2); after Feng, Eqns 4.35-4.41).
+//! The lumped parameters are c(p). With an estimate of c and its covariance S the physical parameters minimise `(c(p) -
+//! c)' S^-1 (c(p) - c)` within their bounds (Gauss-Newton with the exact Jacobian, by Levenberg and Marquardt). There
+//! are usually more c than p. The residual at the minimum then tests whether the c belong to a machine of this
+//! structure at all (two carts: c4 = c3^2/(3 c7), c5 = c3^3/(27 c7^2); after Feng, Eqns 4.35-4.41).
 //!
-//! Deviations are those of the solution when the estimate is moved by one deviation along each of its combinations, up and down. A
-//! linear map gives the same by its Jacobian; here a quotient of two estimates, one of which may vanish, or a bound within reach, makes
-//! them larger, and never smaller than the Jacobian says. Nor are they smaller than a point from which the search starts says: where it
-//! lies `d` away and the sum of squares there is larger by `D`, the variance is at least `d^2 / D`, with equality for a linear map along
-//! the worst direction.
+//! Standard deviations come from perturbed solutions: the estimate is moved by one standard deviation along each of its
+//! combinations, up and down, and the shifts of p are added in squares. For a linear map the result equals that of the
+//! Jacobian. Where p is a quotient of two estimates, one of which may vanish, or where a bound is near, the result is
+//! larger. It is never smaller than the Jacobian's. It is also bounded below by the points from which the search
+//! starts: where such a point lies at the distance `d` from the minimum, and its sum of squares is larger by `D`, the
+//! variance is at least `d^2 / D`. Equality holds for a linear map along the worst direction.
 //!
-//! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
-//! the others. Directions that the data do not show have no row.
+//! Invariant: rows of `Weighted` are combinations of the c that the data determine, each of variance one and
+//! uncorrelated with the others. Directions that the data do not determine have no row.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
 use tpm_core::model::Model;
-use tpm_estimate::{
-    COMPONENT, Estimate, Evidence, Information, POOR_PHYSICAL, ParameterReport, PhysicalRemark, Status,
-};
+use tpm_estimate::{Estimate, Evidence, Information, POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Status};
 use tpm_numerics::chance::deviation;
 use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
-use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
+use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned, alarm, tolerance};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::mechanics::unit::Unit;
@@ -30,53 +29,46 @@ use tpm_symbolic::regressor::inverse::Inverse;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// A combination of variance below this share of the largest, after scaling, is taken for rounding.
-const ROUNDING: f64 = 1e-14;
-/// Least relative standard deviation of a lumped parameter, and that of frozen ones.
-const SHARPEST: f64 = 1e-12;
-/// Singular values of the weighted, scaled Jacobian below this share of the largest show nothing.
-const RANK_TOLERANCE: f64 = 1e-9;
-/// Deviation of the consistency test, in standard deviations of a normal variable, that is flagged (one in a thousand).
-const INCONSISTENT: f64 = 3.09;
-/// A value below minus so many standard deviations is negative beyond doubt.
-const SURELY_NEGATIVE: f64 = 2.0;
+/// Smallest relative standard deviation that is assumed of a lumped parameter; frozen ones have it.
+const LEAST_RELATIVE_DEVIATION: f64 = 1e-12;
 
-/// What is known about the physical parameters beforehand, by name.
+/// Prior knowledge about the physical parameters, by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PhysicalSettings {
-    /// A start of the search beside the closed inverse; unobservable parameters keep these values.
+    /// A starting point of the search in addition to the closed inverse; unobservable parameters keep these values.
     pub prior: BTreeMap<String, f64>,
-    /// Values that are held.
+    /// Values of the parameters that are held constant.
     pub frozen: BTreeMap<String, f64>,
-    /// Least and largest values, infinite for none. A mass or a moment of inertia is not negative unless its bounds say so.
+    /// Lower and upper bounds, infinite for none. A mass or a moment of inertia has the lower bound zero unless its
+    /// bounds are stated.
     pub bounds: BTreeMap<String, (f64, f64)>,
     /// Values of the constants that are known at run time.
     pub constants: BTreeMap<String, f64>,
 }
 
-/// Physical parameters, and whether the lumped ones are consistent with any.
+/// Physical parameters, and a test of whether the lumped ones are consistent with them.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Physical {
     /// Every physical parameter with its standard deviation.
     pub parameters: Vec<ParameterReport>,
-    /// What may be said of every physical parameter.
+    /// Status of every physical parameter.
     pub status: Vec<Status>,
     /// Values of the physical parameters; the prior where the lumped ones do not determine them.
     pub values: Vec<f64>,
-    /// The lumped parameters that follow from the physical ones.
+    /// The lumped parameters computed from the physical ones.
     pub lumped: Vec<f64>,
-    /// Covariance, in the order of `parameters`; zero for what is frozen or at a bound.
+    /// Covariance, in the order of `parameters`; zero for parameters that are frozen or at a bound.
     pub covariance: Matrix,
-    /// Directions that the lumped parameters do not determine, the largest component of each being one.
+    /// Directions that the lumped parameters do not determine, each scaled so that its largest component is one.
     pub unobservable: Vec<Vec<f64>>,
-    /// Ratio of the largest to the smallest singular value that counts of the weighted Jacobian after column scaling.
+    /// Ratio of the largest to the smallest nonzero singular value of the weighted Jacobian after column scaling.
     pub condition: f64,
-    /// Independent combinations of the physical parameters that the lumped ones determine.
+    /// Number of independent combinations of the physical parameters that the lumped ones determine.
     pub rank: usize,
-    /// Weighted sum of squares that the best physical parameters leave.
+    /// Weighted sum of squares of the residuals at the best physical parameters.
     pub misfit: f64,
-    /// Relations among the lumped parameters that the misfit tests.
+    /// Number of relations among the lumped parameters that the misfit tests, which are its degrees of freedom.
     pub freedom: usize,
     /// What the user should know.
     pub remarks: Vec<PhysicalRemark>,
@@ -94,7 +86,7 @@ pub enum PhysicalError {
         /// Names of the model's physical parameters.
         known: String,
     },
-    /// The bounds of a parameter hold no value.
+    /// The bounds of a parameter exclude every value.
     #[error("the bounds of `{name}` hold no value: {low} to {high}")]
     EmptyBounds {
         /// The parameter.
@@ -112,13 +104,13 @@ pub enum PhysicalError {
     },
 }
 
-/// Whether a model's parameters were lumped, so that there are physical ones beside them.
+/// Whether a model's parameters were lumped, so that physical parameters are to be computed from them.
 #[must_use]
 pub fn is_lumped(prepared: &Prepared) -> bool {
     prepared.form.columns.iter().any(|column| column.parameter.is_none())
 }
 
-/// The physical parameters that explain an estimate of the lumped ones best.
+/// The physical parameters that fit an estimate of the lumped ones best.
 ///
 /// # Errors
 /// [`PhysicalError`] when the settings name an unknown parameter, have empty bounds, or lack the value of a constant.
@@ -130,7 +122,7 @@ pub fn physical(
     Ok(PhysicalFit::new(prepared, settings)?.of_estimate(estimate))
 }
 
-/// The map from physical to lumped parameters, worked out once for many estimates.
+/// The map from physical to lumped parameters, derived once for many estimates.
 #[derive(Clone, Debug)]
 pub struct PhysicalFit {
     map: ParameterMap,
@@ -140,7 +132,7 @@ pub struct PhysicalFit {
 }
 
 impl PhysicalFit {
-    /// Works out the map and checks the settings against it.
+    /// Derives the map and checks the settings against it.
     ///
     /// # Errors
     /// [`PhysicalError`] when the settings name an unknown parameter, have empty bounds, or lack the value of a constant.
@@ -156,13 +148,13 @@ impl PhysicalFit {
         self.map.parameters().iter().map(|&symbol| self.map.name(symbol))
     }
 
-    /// The lumped parameters of given physical ones.
+    /// The lumped parameters that belong to given physical ones.
     #[must_use]
     pub fn lumped(&self, values: &[f64]) -> Vec<f64> {
         self.map.evaluate(self.fixed.lookup(&self.map, values))
     }
 
-    /// The physical parameters that explain an estimate of the lumped ones best.
+    /// The physical parameters that fit an estimate of the lumped ones best.
     #[must_use]
     pub fn of_estimate(&self, estimate: &Estimate) -> Physical {
         let weighted = Weighted::new(estimate);
@@ -172,7 +164,7 @@ impl PhysicalFit {
         self.fixed.report(&self.units, &self.map, &weighted, &solution, &spread)
     }
 
-    /// The closed inverse, where there is one, of lumped parameters that need not be consistent.
+    /// The closed inverse, where it exists, of lumped parameters that need not be consistent.
     fn closed(&self, lumped: &[f64]) -> Vec<f64> {
         let mut closed = vec![f64::NAN; self.map.parameters().len()];
         for (symbol, value) in
@@ -185,8 +177,9 @@ impl PhysicalFit {
         closed
     }
 
-    /// The physical parameters that explain equations in the lumped ones best. Equations also hold what is too small for a
-    /// covariance. `gradient` is added to the right of their normal equations; `start` is a further start of the search.
+    /// The physical parameters that satisfy equations in the lumped ones best. Unlike a covariance, the equations also
+    /// hold combinations of very small information. `gradient` is added to the right-hand side of their normal
+    /// equations; `start` is an additional starting point of the search.
     pub(super) fn of_information(
         &self,
         information: &Information,
@@ -199,7 +192,8 @@ impl PhysicalFit {
         self.fixed.report(&self.units, &self.map, &weighted, &solution, &vec![0.0; solution.values.len()])
     }
 
-    /// The best minimum from several starts; values that are not finite are replaced by the prior or one.
+    /// The solution of smallest misfit over several starts; start values that are not finite are replaced by the prior
+    /// or one.
     fn best(&self, weighted: &Weighted, starts: &[Vec<f64>]) -> Solution {
         let best = self.fixed.starts(starts).into_iter().map(|start| self.fixed.minimise(&self.map, weighted, start));
         let best = best.fold(None, |best: Option<Solution>, next| match best {
@@ -211,8 +205,8 @@ impl PhysicalFit {
     }
 }
 
-/// Whether the matrix of accelerations is that of some machine, symmetric and positive definite, with given parameters at rest at
-/// a position. A coupling of inertias may then be negative.
+/// Whether the matrix of accelerations with given parameters, at rest at a position, is that of some machine: symmetric
+/// and positive definite. Off-diagonal inertias may be negative.
 #[must_use]
 pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64], position: &[f64]) -> bool {
     let dims = model.dims();
@@ -242,23 +236,24 @@ pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64]
     symmetric && matrix.iter().all(|x| x.is_finite()) && matrix.symmetric_eigenvalues().iter().all(|m| *m > 0.0)
 }
 
-/// Masses and moments of inertia that are negative beyond doubt, by name with their values: a fit that no machine has.
+/// Masses and moments of inertia that are certainly negative, which no machine has, by name with their values.
 #[must_use]
 pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {
     let inertias = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass));
     let known = inertias.filter_map(|p| Some((p, p.value?, p.std?)));
     known
-        .filter(|(_, value, std)| *value < -SURELY_NEGATIVE * std)
+        .filter(|(_, value, std)| *value < -alarm::SURELY_NEGATIVE * std)
         .map(|(p, value, _)| (p.name.clone(), value))
         .collect()
 }
 
-/// Whether a quantity in this unit is a mass or a moment of inertia.
+/// Whether the unit is that of a mass or a moment of inertia.
 fn is_mass(unit: &str) -> bool {
     matches!(unit, "kg" | "kg*m^2" | "g" | "t")
 }
 
-/// Combinations of the lumped parameters that the data show: `rows c - right` has the identity as covariance.
+/// Combinations of the lumped parameters that the data determine: `rows c - right` has the identity matrix as its
+/// covariance.
 struct Weighted {
     rows: DMatrix<f64>,
     right: DVector<f64>,
@@ -269,17 +264,17 @@ impl Weighted {
         let n = estimate.values.len();
         let scale: Vec<f64> = (0..n)
             .map(|j| {
-                let floor = (SHARPEST * estimate.values[j].abs()).max(f64::MIN_POSITIVE.sqrt());
+                let floor = (LEAST_RELATIVE_DEVIATION * estimate.values[j].abs()).max(f64::MIN_POSITIVE.sqrt());
                 let std = estimate.covariance[(j, j)].max(0.0).sqrt();
                 std.max(floor)
             })
             .collect();
-        // Combinations, in scaled parameters, that vanish along the unobservable directions.
+        // Directions in scaled parameters that the data do not determine; the rows vanish along them.
         let hidden = DMatrix::from_fn(n, estimate.unobservable.len(), |r, c| estimate.unobservable[c][r] / scale[r]);
         let shown = complement(&hidden);
         let covariance = DMatrix::from_fn(n, n, |r, c| {
             let entry = estimate.covariance[(r, c)] / (scale[r] * scale[c]);
-            // A frozen value has no variance; it weighs as much as the sharpest value may.
+            // A frozen value has no variance. It gets the variance of the smallest permitted standard deviation.
             if r == c && estimate.std[r] == 0.0 { 1.0 } else { entry }
         });
         let reduced = shown.transpose() * covariance * &shown;
@@ -287,7 +282,7 @@ impl Weighted {
         let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
         let turned = &shown * &eigen.eigenvectors;
         let rows = DMatrix::from_fn(turned.ncols(), n, |i, j| {
-            let variance = eigen.eigenvalues[i].max(ROUNDING * largest);
+            let variance = eigen.eigenvalues[i].max(tolerance::VARIANCE * largest);
             turned[(j, i)] / (scale[j] * variance.sqrt())
         });
         let right = &rows * DVector::from_column_slice(&estimate.values);
@@ -307,7 +302,7 @@ impl Weighted {
     }
 }
 
-/// What the settings fix before the search begins.
+/// Values that the settings prescribe to the search.
 #[derive(Clone, Debug)]
 struct Fixed {
     constants: BTreeMap<Symbol, f64>,
@@ -316,7 +311,7 @@ struct Fixed {
     prior: Vec<Option<f64>>,
 }
 
-/// Where a minimisation ended.
+/// The end point of a minimisation.
 struct Solution {
     values: Vec<f64>,
     /// Parameters held at a bound.
@@ -353,7 +348,8 @@ impl Fixed {
                 }
             }
         }
-        // Sums of parameters ask for no search, and a bound that is reached along what the data do not show would pass for a value.
+        // Linear maps need no search. With them a bound that is reached along an undetermined direction would be
+        // mistaken for a value.
         let sums = map.is_linear();
         let mut bounds = Vec::with_capacity(names.len());
         for &symbol in map.parameters() {
@@ -389,7 +385,7 @@ impl Fixed {
         for start in &mut starts {
             for (i, value) in start.iter_mut().enumerate() {
                 let (low, high) = self.bounds[i];
-                // Strictly within the bounds, so that nothing is divided by a mass of zero.
+                // A start lies strictly within the bounds, so that no expression is divided by a mass of zero.
                 if *value <= low {
                     *value = if high.is_finite() { f64::midpoint(low, high) } else { low + value.abs().max(1.0) };
                 } else if *value >= high {
@@ -402,7 +398,8 @@ impl Fixed {
         starts
     }
 
-    /// Minimises within the bounds: a parameter that leaves them is held at the bound, and released when that pays.
+    /// Minimises within the bounds. A parameter that leaves its bounds is held at the bound, and released when the
+    /// misfit falls inwards.
     fn minimise(&self, map: &ParameterMap, weighted: &Weighted, start: Vec<f64>) -> Solution {
         let count = start.len();
         let mut values = start;
@@ -426,7 +423,7 @@ impl Fixed {
             } else {
                 converged = true;
             }
-            // The first parameter to leave its bounds on the way from the values before.
+            // The first parameter that leaves its bounds on the way from the previous values.
             let beyond = (0..count).filter(|&i| !held[i] && self.frozen[i].is_none()).filter_map(|i| {
                 let (low, high) = self.bounds[i];
                 let bound = if values[i] < low {
@@ -447,7 +444,7 @@ impl Fixed {
                 held[i] = true;
                 continue;
             }
-            // A parameter is released when the misfit falls from its bound inwards.
+            // A held parameter is released when the misfit falls from its bound inwards.
             let Some(gradient) = self.gradient(map, weighted, &values) else { break };
             let inward = (0..count).find(|&i| {
                 held[i] && if values[i] <= self.bounds[i].0 { gradient[i] < 0.0 } else { gradient[i] > 0.0 }
@@ -461,9 +458,11 @@ impl Fixed {
         Solution { values, held, misfit, converged }
     }
 
-    /// Root of the summed squares by which every parameter moves when the estimate moves by one deviation along one combination, the mean
-    /// of up and down; by as much as it is large where no parameters follow from an estimate that is moved so. It is no less than what
-    /// other `points` say, which may explain the estimate nearly as well. Nothing for a linear map, where the Jacobian says the same.
+    /// Standard deviations of the parameters from perturbed solutions: root of the summed squares by which every
+    /// parameter moves when the estimate moves by one standard deviation along one combination, the mean of up and
+    /// down. Where no parameters follow from a perturbed estimate, the shift is the parameter itself. The result is no
+    /// smaller than the bound from other `points`, which may fit the estimate nearly as well. Zero for a linear map,
+    /// where the Jacobian gives the same.
     fn spread(&self, map: &ParameterMap, weighted: &Weighted, solution: &Solution, points: &[Vec<f64>]) -> Vec<f64> {
         let mut squares = vec![0.0; solution.values.len()];
         if map.is_linear() {
@@ -516,6 +515,7 @@ impl Fixed {
         spread: &[f64],
     ) -> Physical {
         let count = solution.values.len();
+        // Covariance, rank and unobservable directions from the singular values of the weighted Jacobian.
         let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !solution.held[i]).collect();
         let mut covariance: DMatrix<f64> = DMatrix::zeros(count, count);
         let mut hidden = vec![false; count];
@@ -526,7 +526,7 @@ impl Fixed {
         match self.jacobian(map, weighted, &solution.values) {
             Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
                 let (scaled, scale) = unit_columns(jacobian.select_columns(&free));
-                let singular = Singular::new(&scaled, RANK_TOLERANCE);
+                let singular = Singular::new(&scaled, tolerance::JACOBIAN_RANK);
                 rank = singular.rank();
                 condition = singular.condition();
                 for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
@@ -539,7 +539,7 @@ impl Fixed {
                 for direction in singular.null().column_iter() {
                     let mut raw = vec![0.0; count];
                     for (r, &i) in free.iter().enumerate() {
-                        hidden[i] |= direction[r].abs() > COMPONENT;
+                        hidden[i] |= direction[r].abs() > tolerance::HIDDEN_COMPONENT;
                         raw[i] = direction[r] / scale[r];
                     }
                     unobservable.push(largest_one(&raw));
@@ -551,7 +551,7 @@ impl Fixed {
                 hidden = vec![true; count];
             }
         }
-        // What the data do not show, or is held, has no deviation that could grow.
+        // A parameter that is undetermined or held has no standard deviation to widen.
         let widened = |i: usize| {
             let std = covariance[(i, i)].max(0.0).sqrt();
             if std > 0.0 && !hidden[i] { (spread[i] / std).max(1.0) } else { 1.0 }
@@ -562,6 +562,7 @@ impl Fixed {
             0.0 => 0.0,
             entry => entry * widened[i] * widened[j],
         });
+        // The status of every parameter.
         let status: Vec<Status> = (0..count)
             .map(|i| {
                 let evidence = if self.frozen[i].is_some() {
@@ -573,13 +574,16 @@ impl Fixed {
                 } else {
                     Evidence::Shown { value: solution.values[i], std: std[i], felt: f64::INFINITY }
                 };
-                Status::of(evidence, POOR_PHYSICAL)
+                Status::of(evidence, POOR_PHYSICAL_DEVIATION)
             })
             .collect();
-        // The search starts from the prior, and leaves it along what the lumped parameters show only.
+        // The search starts from the prior, and leaves it only along directions that the lumped parameters determine.
         let stated = |i: usize| {
-            let with: Vec<&Vec<f64>> = unobservable.iter().filter(|d: &&Vec<f64>| d[i].abs() > COMPONENT).collect();
-            let all = |d: &&Vec<f64>| (0..count).all(|j| d[j].abs() <= COMPONENT || self.prior[j].is_some());
+            let with: Vec<&Vec<f64>> =
+                unobservable.iter().filter(|d: &&Vec<f64>| d[i].abs() > tolerance::HIDDEN_COMPONENT).collect();
+            let all = |d: &&Vec<f64>| {
+                (0..count).all(|j| d[j].abs() <= tolerance::HIDDEN_COMPONENT || self.prior[j].is_some())
+            };
             !with.is_empty() && with.iter().all(all)
         };
         let parameters: Vec<ParameterReport> = (0..count)
@@ -611,12 +615,13 @@ impl Fixed {
                 }
             })
             .collect();
+        // The consistency test.
         let freedom = weighted.rows.nrows().saturating_sub(rank);
         if !solution.converged {
             remarks.push(PhysicalRemark::NotConverged);
         }
         let deviation = deviation(solution.misfit, freedom);
-        if deviation > INCONSISTENT {
+        if deviation > alarm::LUMPED_CONTRADICT {
             remarks.push(PhysicalRemark::Inconsistent { deviation, relations: freedom });
         }
         Physical {
@@ -635,7 +640,8 @@ impl Fixed {
     }
 }
 
-/// The problem that the Levenberg-Marquardt library solves: the free parameters, each as a share of its scale.
+/// The least-squares problem in the form of the Levenberg-Marquardt library: the free parameters, each divided by its
+/// scale.
 struct Problem<'a> {
     fixed: &'a Fixed,
     map: &'a ParameterMap,

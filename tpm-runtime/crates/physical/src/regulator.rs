@@ -4,7 +4,7 @@ use tpm_numerics::{Matrix, RiccatiError};
 use tpm_plant::regulator::{Regulator, RegulatorWeights};
 use tpm_symbolic::linear::linearize::StateSpace;
 
-/// The regulator of least cost for a linearised model.
+/// The optimal linear-quadratic regulator of a linearised model.
 ///
 /// # Errors
 /// [`RiccatiError`] as for [`Regulator::optimal`].

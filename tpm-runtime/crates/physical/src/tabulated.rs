@@ -1,8 +1,8 @@
-//! The exact tables of a model from its source, evaluated along references.
+//! The exact harmonic tables of a model's source, evaluated along references.
 //!
-//! Invariant: a table is used along the very motion that it was made for. The pattern gives its trajectory at the amplitudes
-//! and the frequency anew, and any other reference (coordinates that the pattern leaves open, multiples of the frequency) has
-//! no table.
+//! Invariant: a table is used only along the motion for which it was made. The trajectory of a reference is compared
+//! with that of the pattern at the same amplitudes and frequency. Any other reference (coordinates that the pattern
+//! leaves open, multiples of the frequency) has no table.
 
 use num_complex::Complex;
 use tpm_core::model::{Dims, Model};
@@ -13,7 +13,7 @@ use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// The exact tables of a model under its patterns, as far as they exist.
+/// The exact harmonic tables of a model under those of its patterns for which they exist.
 #[derive(Clone, Debug)]
 pub struct PatternTables {
     dims: Dims,
@@ -25,12 +25,12 @@ pub struct PatternTables {
 struct Tabulated {
     pattern: ReferencePattern,
     table: HarmonicTable,
-    /// Where the value of each of the table's symbols comes from; nothing for symbols that have none in a run, such as the
+    /// Source of the value of each symbol of the table; nothing for symbols without a value in a run, such as the
     /// unknown parameters.
     symbols: Vec<Option<Source>>,
 }
 
-/// Where a symbol's value comes from.
+/// Source of a symbol's value.
 #[derive(Clone, Copy, Debug)]
 enum Source {
     Amplitude(usize),
@@ -39,8 +39,9 @@ enum Source {
 }
 
 impl PatternTables {
-    /// Expands a model under those of its patterns that are played, `played` and its others; `model` is made of `prepared`. A
-    /// pattern under which the model is no finite Fourier series, or whose table is too large, has no table.
+    /// Expands a model under the patterns that are played: `played` and its alternatives. `model` is made of
+    /// `prepared`. A pattern under which the model is no finite Fourier series, or whose table is too large, has no
+    /// table.
     #[must_use]
     pub fn new(prepared: &Prepared, model: &dyn Model<f64>, played: &ReferencePattern) -> Self {
         let tables = prepared.model.patterns.iter().filter_map(|symbolic| {
@@ -70,7 +71,7 @@ impl LineTable for PatternTables {
 }
 
 impl Tabulated {
-    /// Nothing for a table that leaves harmonics out.
+    /// The table of one pattern; nothing for a table that leaves harmonics out.
     fn new(pattern: &ReferencePattern, table: HarmonicTable, model: &dyn Model<f64>) -> Option<Self> {
         if !table.tails.is_empty() {
             return None;
@@ -92,7 +93,8 @@ impl Tabulated {
             && self.pattern.trajectory(amplitudes, reference.frequency) == *reference
     }
 
-    /// Nothing when a coefficient is not finite, or needs a symbol that has no value.
+    /// The phasors of the regressor along a reference; nothing when a coefficient is not finite, or needs a symbol
+    /// without a value.
     fn lines(
         &self,
         dims: Dims,
@@ -106,7 +108,7 @@ impl Tabulated {
             Source::Frequency => Some(frequency),
             Source::Constant(i) => constants.get(i).copied(),
         };
-        // A product with a value that is missing is not a number, and refused below.
+        // A product with a missing value is not a number, which is refused below.
         let symbols: Vec<f64> = self.symbols.iter().map(|source| source.and_then(value).unwrap_or(f64::NAN)).collect();
         let none = vec![Complex::new(0.0, 0.0); harmonics + 1];
         let mut regressors = vec![none.clone(); dims.regressor_len()];

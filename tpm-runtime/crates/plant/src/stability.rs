@@ -16,18 +16,16 @@ use tpm_core::model::{EvalError, Model};
 use tpm_motion::{Loop, TrialError, Velocity, demand};
 use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::eigenvalues::eigenvalues;
-use tpm_numerics::{DMatrix, RowDVector};
+use tpm_numerics::{DMatrix, RowDVector, tolerance};
 
 /// Least magnitude of a negative real part that counts as damping, as a share of the largest magnitude of a pole.
-const UNDAMPED: f64 = 1e-9;
-/// Magnitude of a coefficient of the scaled characteristic polynomial below which it is zero.
-const ABSENT: f64 = 1e-9;
+const LEAST_DAMPING: f64 = 1e-9;
 /// Number of points on every edge of a box, without its vertices.
 const EDGE_POINTS: usize = 3;
 /// Most sides of a box whose vertices and edges are tried; a box of more sides is sampled inside only.
 const MOST_SIDES: usize = 10;
 /// Damping ratio below which a mode is hardly damped, so that no harmonic may lie near it.
-const HARDLY_DAMPED: f64 = 0.1;
+const LEAST_DAMPING_RATIO: f64 = 0.1;
 /// Step of the difference quotients; five points, so exact up to the fourth degree.
 const DIFFERENCE_STEP: f64 = 1e-3;
 
@@ -207,7 +205,7 @@ pub fn natural_modes(
     let poles = eigenvalues(&Linear::new(model, parameters, constants, position)?.a);
     let mut modes: Vec<f64> = poles
         .into_iter()
-        .filter(|pole| pole.im > 0.0 && pole.re.abs() < HARDLY_DAMPED * pole.norm())
+        .filter(|pole| pole.im > 0.0 && pole.re.abs() < LEAST_DAMPING_RATIO * pole.norm())
         .map(|pole| pole.norm())
         .collect();
     modes.sort_by(f64::total_cmp);
@@ -235,13 +233,13 @@ fn at(
     let worst =
         poles.iter().copied().fold(Complex::new(f64::NEG_INFINITY, 0.0), |a, b| if b.re > a.re { b } else { a });
     let finite = poles.iter().all(|pole| pole.re.is_finite());
-    if !finite || worst.re >= -UNDAMPED * largest {
+    if !finite || worst.re >= -LEAST_DAMPING * largest {
         let absent = absent_term(&closed, largest).filter(|(power, degree)| {
             // The term is reported only if it is absent with other gains too, and hence whatever the gains.
             [(0.3, 2.0), (4.0, 0.5)].into_iter().all(|gains| {
                 plant.close(control, gains).is_some_and(|other| {
                     let size = eigenvalues(&other).iter().map(|pole| pole.norm()).fold(0.0, f64::max);
-                    characteristic(&other, size)[*power].abs() < ABSENT && other.nrows() == *degree
+                    characteristic(&other, size)[*power].abs() < tolerance::COEFFICIENT && other.nrows() == *degree
                 })
             })
         });
@@ -276,7 +274,7 @@ fn characteristic(matrix: &DMatrix<f64>, scale: f64) -> Vec<f64> {
 fn absent_term(matrix: &DMatrix<f64>, scale: f64) -> Option<(usize, usize)> {
     let coefficients = characteristic(matrix, scale);
     let degree = coefficients.len() - 1;
-    (1..degree).rev().find(|&power| coefficients[power].abs() < ABSENT).map(|power| (power, degree))
+    (1..degree).rev().find(|&power| coefficients[power].abs() < tolerance::COEFFICIENT).map(|power| (power, degree))
 }
 
 /// A machine linearised at rest: states are the derivatives of every coordinate below its highest one.

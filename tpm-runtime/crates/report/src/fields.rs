@@ -3,9 +3,9 @@
 use serde_json::Value;
 
 /// Placeholder in a path for a name that the user chooses, such as that of a coordinate.
-const CHOSEN: &str = "NAME";
+const NAME_PLACEHOLDER: &str = "NAME";
 /// Deepest nesting of fields that is followed.
-const DEPTH: usize = 8;
+const MOST_DEPTH: usize = 8;
 
 /// One field of a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,13 +28,13 @@ pub struct FieldText {
 #[must_use]
 pub fn fields(schema: &Value) -> Vec<FieldText> {
     let mut found = Vec::new();
-    walk(schema, schema, "", DEPTH, &mut found);
+    walk(schema, schema, "", MOST_DEPTH, &mut found);
     found
 }
 
 /// The schema that a `$ref` names; of an optional value, `anyOf` a schema and null, that schema.
 fn resolved<'a>(root: &'a Value, mut own: &'a Value) -> &'a Value {
-    for _ in 0..DEPTH {
+    for _ in 0..MOST_DEPTH {
         let reference = own["$ref"].as_str().and_then(|reference| reference.strip_prefix("#/$defs/"));
         let alone = own["anyOf"].as_array().and_then(|list| {
             let mut others = list.iter().filter(|part| part["type"] != "null");
@@ -80,7 +80,7 @@ fn inner(root: &Value, own: &Value, path: &str, depth: usize, found: &mut Vec<Fi
         walk(root, resolved(root, &own["items"]), path, depth, found);
     }
     if own["additionalProperties"].is_object() && own["properties"].is_null() {
-        walk(root, resolved(root, &own["additionalProperties"]), &format!("{path}.{CHOSEN}"), depth, found);
+        walk(root, resolved(root, &own["additionalProperties"]), &format!("{path}.{NAME_PLACEHOLDER}"), depth, found);
     }
 }
 

@@ -8,11 +8,11 @@ use crate::table::number;
 /// Significant digits of a deviation.
 const DEVIATION_DIGITS: usize = 2;
 /// Most decimal places between the first digit of a value and the last one that its deviation supports: the precision of a double.
-const MOST_DIGITS: i32 = 15;
+const MOST_PLACES: i32 = 15;
 /// Significant digits of a number that is taken for exact: few enough to hide the rounding of a computation.
 const EXACT_DIGITS: usize = 12;
 /// Range of the power of ten of the first digit of a number that is written without an exponent.
-const PLAIN: std::ops::Range<i32> = -4..7;
+const PLAIN_EXPONENTS: std::ops::Range<i32> = -4..7;
 
 /// The decimal place to which a value and its standard deviation are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,8 +38,8 @@ impl Cut {
             Ok(digits) if value != 0.0 => leading(value, digits).max(first),
             _ => first,
         };
-        let plain = PLAIN.contains(&lead);
-        (lead - place <= MOST_DIGITS).then_some(Cut { place, exponent: (!plain).then_some(lead) })
+        let plain = PLAIN_EXPONENTS.contains(&lead);
+        (lead - place <= MOST_PLACES).then_some(Cut { place, exponent: (!plain).then_some(lead) })
     }
 
     /// The number rounded to the last significant digit of its deviation.
@@ -128,7 +128,7 @@ pub fn digits(number: f64, significant: usize) -> String {
     let behind = significant.max(1) - 1;
     let lead = leading(number, behind);
     let place = lead - behind as i32;
-    Cut { place, exponent: (!PLAIN.contains(&lead)).then_some(lead) }.text(number)
+    Cut { place, exponent: (!PLAIN_EXPONENTS.contains(&lead)).then_some(lead) }.text(number)
 }
 
 /// A number that is taken for exact, with at most twelve significant digits.
@@ -139,7 +139,7 @@ pub fn exact(number: f64) -> String {
     }
     let behind = EXACT_DIGITS - 1;
     let rounded: f64 = format!("{number:.behind$e}").parse().unwrap_or(number);
-    if PLAIN.contains(&leading(number, behind)) { rounded.to_string() } else { format!("{rounded:e}") }
+    if PLAIN_EXPONENTS.contains(&leading(number, behind)) { rounded.to_string() } else { format!("{rounded:e}") }
 }
 
 #[cfg(test)]

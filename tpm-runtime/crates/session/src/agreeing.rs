@@ -10,24 +10,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use tpm_codegen::identified::{Identified, IdentifiedParameter, Weights, display, open};
 use tpm_estimate::reduced;
 use tpm_numerics::singular::Singular;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, Iteration, tolerance};
 use tpm_physical::is_lumped;
 use tpm_symbolic::expr::graph::{Node, Symbol};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
 
-/// Singular values of the scaled equations below this share of the largest show nothing.
-const RANK_TOLERANCE: f64 = 1e-9;
-/// A step below this share of every parameter ends the search.
-const ENOUGH: f64 = 1e-13;
-/// Most steps of the search, and most halvings of one.
-const STEPS: usize = 60;
-/// Least deviation of an equation, as a share of its value: the equation of an exact or held value must not make the others vanish in
-/// rounding.
-const SHARPEST: f64 = 1e-6;
+/// The search for the nearest solution, until a step is a small share of every parameter.
+const SEARCH: Iteration = Iteration { most: 60, settled: 1e-13 };
+/// Most halvings of one step of the search.
+const MOST_HALVINGS: usize = 60;
 /// How far other sets of values lie away, as the largest relative change of a parameter.
-const AWAY: f64 = 0.25;
+const CHANGE_OF_OTHER_SETS: f64 = 0.25;
 
 /// Values of a model's own parameters that agree with an identification.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,7 +93,7 @@ pub fn agreeing(
         let step = DVector::from_fn(values.len(), |k, _| direction.get(&name(k)).copied().unwrap_or(0.0));
         let relative = step.iter().zip(&values).filter(|(_, value)| **value != 0.0).map(|(d, value)| (d / value).abs());
         let largest = relative.fold(0.0, f64::max);
-        let length = if largest > 0.0 { AWAY / largest } else { 1.0 };
+        let length = if largest > 0.0 { CHANGE_OF_OTHER_SETS / largest } else { 1.0 };
         let others: Option<Vec<_>> =
             [length, -length].iter().map(|length| Some(named(&search.solve(&values + &step * *length)?))).collect();
         left.push(OpenDirection {
@@ -155,8 +150,8 @@ impl<'a> Search<'a> {
         let stated = free.iter().map(|&i| &names[i]).filter(|name| prior(name).is_some()).cloned().collect();
         let column = |name: &String| map.columns().iter().position(|column| column == name);
         let sharp = |value: f64, std: Option<f64>| match std {
-            Some(std) if std > SHARPEST * value.abs() => std,
-            _ if value != 0.0 => SHARPEST * value.abs(),
+            Some(std) if std > tolerance::EXACT_DEVIATION * value.abs() => std,
+            _ if value != 0.0 => tolerance::EXACT_DEVIATION * value.abs(),
             _ => 1.0,
         };
         let shown = identified.parameters.iter().filter_map(|entry| {
@@ -224,16 +219,16 @@ impl<'a> Search<'a> {
     fn solve(&self, start: DVector<f64>) -> Option<DVector<f64>> {
         let mut values = start;
         let mut residuals = self.residuals(&values)?;
-        for _ in 0..STEPS {
+        for _ in 0..SEARCH.most {
             let scale = Self::scale(&values);
-            let singular = Singular::new(&self.jacobian(&values, &scale), RANK_TOLERANCE);
+            let singular = Singular::new(&self.jacobian(&values, &scale), tolerance::JACOBIAN_RANK);
             let along = singular.left.tr_mul(&residuals).component_div(&singular.values);
             let relative = &singular.right * along;
-            if relative.amax() <= ENOUGH || relative.is_empty() {
+            if relative.amax() <= SEARCH.settled || relative.is_empty() {
                 return Some(values);
             }
             let step = relative.component_mul(&scale);
-            let shorter = (0..STEPS).find_map(|halvings| {
+            let shorter = (0..MOST_HALVINGS).find_map(|halvings| {
                 let next = &values - &step * 0.5_f64.powi(halvings as i32);
                 let left = self.residuals(&next)?;
                 (left.norm() < residuals.norm()).then_some((next, left))
@@ -255,7 +250,7 @@ impl<'a> Search<'a> {
             let unit = |k: usize| (0..self.free.len()).map(|c| f64::from(u8::from(c == k))).collect();
             return (0..self.free.len()).map(unit).collect();
         }
-        let null = Singular::new(&jacobian, RANK_TOLERANCE).null();
+        let null = Singular::new(&jacobian, tolerance::JACOBIAN_RANK).null();
         let directions = null.column_iter().map(|column| column.iter().copied().collect()).collect();
         let raw = |(_, direction): (usize, Vec<f64>)| direction.iter().zip(&scale).map(|(d, s)| d * s).collect();
         reduced(directions).into_iter().map(raw).collect()

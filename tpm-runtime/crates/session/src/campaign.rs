@@ -33,6 +33,12 @@ pub struct ExperimentRequest {
     pub file: Option<PathBuf>,
     /// Keys of the experiment with their new values, such as `plant.parameters.m` and `3`.
     pub changes: Vec<(String, String)>,
+    /// Values at which parameters are held, beside those of the file.
+    pub frozen: BTreeMap<String, f64>,
+    /// Prior values, beside those of the file.
+    pub prior: BTreeMap<String, f64>,
+    /// Whether estimates are refined; what the file says when not given.
+    pub refine: Option<Refine>,
     /// Name of the pattern to play; the experiment's, or the model's first, when not given.
     pub pattern: Option<String>,
     /// Least and largest value of a physical parameter behind lumped ones; infinite for none.
@@ -462,6 +468,9 @@ fn read_experiment(
     for (key, value) in &request.changes {
         experiment.apply_override(key, value)?;
     }
+    experiment.frozen.extend(request.frozen.clone());
+    experiment.prior.extend(request.prior.clone());
+    experiment.refine = request.refine.unwrap_or(experiment.refine);
     let motors = match (&experiment.motors, experiment.motor_file().map(|beside| path.with_file_name(beside))) {
         (_, Some(beside)) => {
             let text = read(&beside)?;

@@ -9,15 +9,15 @@ use tpm_log::Periodic;
 use tpm_numerics::differences::white_noise;
 
 /// Most samples that are simulated one by one; of a longer record it is means of stretches, its last periods, or blocks of it.
-const MOST_SAMPLES: usize = 50_000;
-/// Samples of such means together, unless two periods have more.
-const AVERAGED: usize = 12_000;
-/// Most means, which tell whether the machine changes over the record.
-const MEANS: usize = 4;
+const MOST_WHOLE_SAMPLES: usize = 50_000;
+/// Samples of the means of stretches together, unless two periods have more.
+const SAMPLES_OF_MEANS: usize = 12_000;
+/// Most means of stretches, which tell whether the machine changes over the record.
+const MOST_MEANS: usize = 4;
 /// Samples of the last periods: two periods at least.
-const LAST: usize = 24_000;
+const SAMPLES_OF_LAST_PERIODS: usize = 24_000;
 /// Samples of all blocks of a long record that does not repeat.
-const IN_BLOCKS: usize = 32_000;
+const SAMPLES_OF_BLOCKS: usize = 32_000;
 /// Blocks of such a record, evenly spread over it.
 const BLOCKS: usize = 8;
 
@@ -61,15 +61,15 @@ impl<'a> Excerpt<'a> {
             half: 0.5 * (samples - from) as f64,
             of: samples,
         };
-        if samples <= MOST_SAMPLES || period == 0 {
+        if samples <= MOST_WHOLE_SAMPLES || period == 0 {
             return part(0);
         }
         if (exact - period as f64).abs() >= 1e-9 {
-            let shown = ((LAST as f64 / exact) as usize).max(2).min(periodic.periods);
+            let shown = ((SAMPLES_OF_LAST_PERIODS as f64 / exact) as usize).max(2).min(periodic.periods);
             return part(samples.saturating_sub((shown as f64 * exact).round() as usize));
         }
-        let means = (AVERAGED / period).clamp(2, MEANS).min(periodic.periods);
-        let length = (AVERAGED / (means * period)).clamp(1, periodic.periods / means) * period;
+        let means = (SAMPLES_OF_MEANS / period).clamp(2, MOST_MEANS).min(periodic.periods);
+        let length = (SAMPLES_OF_MEANS / (means * period)).clamp(1, periodic.periods / means) * period;
         let averaged = samples / (means * length);
         let mean = |channel: &&[f64]| {
             let mut out = Vec::with_capacity(means * length);
@@ -90,11 +90,11 @@ impl<'a> Excerpt<'a> {
     /// The stretches of a record one behind the other; of a long one, blocks that are evenly spread over them.
     pub(super) fn of_stretches(stretches: &[Stretch<'a>]) -> Self {
         let whole: usize = stretches.iter().map(samples).sum();
-        if whole <= MOST_SAMPLES {
+        if whole <= MOST_WHOLE_SAMPLES {
             return Self::joined(stretches);
         }
         let half = 0.5 * whole as f64;
-        let parts = blocks(stretches, BLOCKS, IN_BLOCKS / BLOCKS);
+        let parts = blocks(stretches, BLOCKS, SAMPLES_OF_BLOCKS / BLOCKS);
         Excerpt { blocks: BLOCKS, middle: half, half, of: whole, ..Self::joined(&parts) }
     }
 
@@ -172,7 +172,7 @@ impl<'a> Excerpt<'a> {
             joins: self.joins.clone(),
             // A mean of several roundings is on no grid.
             steps: steps.iter().map(|step| if self.averaged > 1 { 0.0 } else { *step }).collect(),
-            calm: OnceLock::new(),
+            denoised_inputs: OnceLock::new(),
         }
     }
 }
@@ -215,7 +215,7 @@ fn within(lengths: impl Iterator<Item = usize>, range: std::ops::Range<usize>) -
 
 #[cfg(test)]
 mod tests {
-    use super::{Excerpt, IN_BLOCKS, within};
+    use super::{Excerpt, SAMPLES_OF_BLOCKS, within};
     use tpm_estimate::Stretch;
 
     #[test]
@@ -229,10 +229,10 @@ mod tests {
         let signal: Vec<f64> = (0..200_000).map(f64::from).collect();
         let stretch = Stretch { coordinates: vec![&signal], rates: vec![None], inputs: vec![&signal] };
         let excerpt = Excerpt::of_stretches(&[stretch]);
-        assert_eq!(excerpt.channels[0].len(), IN_BLOCKS);
+        assert_eq!(excerpt.channels[0].len(), SAMPLES_OF_BLOCKS);
         let apart: Vec<usize> =
-            (1..IN_BLOCKS).filter(|&k| excerpt.channels[0][k] != excerpt.channels[0][k - 1] + 1.0).collect();
+            (1..SAMPLES_OF_BLOCKS).filter(|&k| excerpt.channels[0][k] != excerpt.channels[0][k - 1] + 1.0).collect();
         assert_eq!(apart, excerpt.joins);
-        assert_eq!(excerpt.channels[0][IN_BLOCKS - 1], 199_999.0);
+        assert_eq!(excerpt.channels[0][SAMPLES_OF_BLOCKS - 1], 199_999.0);
     }
 }

@@ -9,13 +9,8 @@ use crate::warning::{Data, Warning};
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Estimate, EstimateError, Settings, pool};
-use tpm_numerics::Matrix;
 use tpm_numerics::tail::chi_squared_upper;
-
-/// Deviations of a difference between a log and the others above which they contradict each other.
-const CONTRADICTION: f64 = 4.0;
-/// Chance below which differences between logs are no chance, so that deviations grow with them.
-const CHANCE: f64 = 0.01;
+use tpm_numerics::{Matrix, alarm};
 
 /// The result of several logs, given that of each; of a single one, that result.
 ///
@@ -42,14 +37,14 @@ pub(super) fn pooled(
     let found = pool(&estimates, &settings)?;
     let ratio = found.chi_squared / found.freedom.max(1) as f64;
     let chance = chi_squared_upper(found.chi_squared, found.freedom);
-    let inflation = if found.freedom > 0 && chance < CHANCE { ratio.max(1.0) } else { 1.0 };
+    let inflation = if found.freedom > 0 && chance < alarm::LOGS_SCATTER_RATE { ratio.max(1.0) } else { 1.0 };
     let estimate = widened(found.estimate, inflation);
     let name = |j: usize| model.parameter(j).name.to_string();
     let mut warnings = Vec::new();
     for (part, contribution) in parts.iter().zip(&found.contributions) {
         let farthest = contribution.deviations.iter().enumerate().filter_map(|(j, of)| Some((j, (*of)?.abs())));
         if let Some((j, deviations)) = farthest.max_by(|a, b| a.1.total_cmp(&b.1))
-            && deviations > CONTRADICTION
+            && deviations > alarm::LOGS_CONTRADICT
             && let Some(log) = &part.log
         {
             warnings.push(Warning::LogsDisagree { path: log.path.clone(), parameter: name(j), deviations });

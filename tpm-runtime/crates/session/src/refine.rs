@@ -12,20 +12,16 @@ use tpm_estimate::{
     Settings,
 };
 use tpm_motion::Dynamics;
-use tpm_numerics::Matrix;
+use tpm_numerics::{Matrix, alarm, tolerance};
 
-/// Share of the force that rounding leaves unexplained; an estimate that leaves no more has nothing that a refinement could use.
-const EXPLAINED: f64 = 1e-7;
 /// Share of a parameter by which something that is missing must move it to be spoken of.
-const NEGLIGIBLE: f64 = 1e-3;
-/// Deviations by which the halves of a record must contradict each other for its numbers not to be trusted.
-const CONTRADICTION: f64 = 3.5;
+const LEAST_MOVE: f64 = 1e-3;
 
 /// Most work of one linearisation of a record about a motion, in floating-point operations, that is done without being asked for. A fit
 /// that does not settle at once takes some hundred linearisations: two and a half minutes at 2.5e8 operations.
-const WORK: f64 = 1.5e8;
+const MOST_WORK: f64 = 1.5e8;
 /// Evaluations of the derivatives in one step of the integration.
-const STAGES: f64 = 4.0;
+const EVALUATIONS_PER_STEP: f64 = 4.0;
 
 /// A refined estimate.
 pub(super) struct Refined {
@@ -81,14 +77,14 @@ pub(super) fn refined(
 ) -> Refined {
     let estimate = start.estimate;
     let ideal = conditions.actuators.iter().all(Dynamics::is_ideal);
-    let wanted = conditions.refine != Refine::None && ideal && estimate.residual > EXPLAINED;
+    let wanted = conditions.refine != Refine::None && ideal && estimate.residual > tolerance::EXPLAINED_FORCE;
     let Some(machine) = machine.filter(|_| wanted) else {
         return Refined { estimate: estimate.clone(), report: None, warnings: Vec::new() };
     };
     let work = work(machine, &start, settings);
-    if conditions.refine == Refine::Auto && work > WORK {
-        let warning = Warning::LongSimulation { work, most: WORK };
-        let why = NotRefined::LongSimulation { work, most: WORK };
+    if conditions.refine == Refine::Auto && work > MOST_WORK {
+        let warning = Warning::LongSimulation { work, most: MOST_WORK };
+        let why = NotRefined::LongSimulation { work, most: MOST_WORK };
         let report = RefinementReport::left_out(&estimate.values, why);
         let warnings = vec![warning];
         return Refined { estimate: estimate.clone(), report: Some(report), warnings };
@@ -112,7 +108,7 @@ fn work(machine: Differentiable<'_>, start: &Start<'_>, settings: &Settings) -> 
     let states: usize = (0..dims.coordinates).map(|c| model.coordinate_order(c)).sum();
     let unknowns = states + dims.parameters.saturating_sub(settings.frozen.len());
     let rows = machine.derivatives.workspace_len() + model.workspace_len();
-    start.excerpt.samples() as f64 * (STAGES * rows as f64 + (states * states * unknowns) as f64)
+    start.excerpt.samples() as f64 * (EVALUATIONS_PER_STEP * rows as f64 + (states * states * unknowns) as f64)
 }
 
 fn refine(
@@ -167,7 +163,7 @@ fn refine(
     };
     // What moves nothing by more than this is too small to look for, however surely it is there.
     let matters = |moved: &dyn Fn(usize) -> f64| {
-        free.iter().enumerate().any(|(a, &j)| moved(a).abs() > NEGLIGIBLE * found.values[j].abs())
+        free.iter().enumerate().any(|(a, &j)| moved(a).abs() > LEAST_MOVE * found.values[j].abs())
     };
     let lacking = matters(&|a| shift[a].hypot(range[a]));
     let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
@@ -187,7 +183,9 @@ fn refine(
         let known = shift[a].powi(2) + range[a].powi(2) + misfit.bent[a].powi(2);
         // A half has twice the variance of the whole, so that the difference of two has four times as much.
         let deviation = (half.variance * misfit.scale * misfit.inflation + 4.0 * known).sqrt();
-        if half.moved.abs() > CONTRADICTION * deviation && half.moved.abs() > NEGLIGIBLE * found.values[j].abs() {
+        if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
+            && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
+        {
             let parameter = model.parameter(j).name.to_string();
             warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
         }

@@ -18,16 +18,16 @@ use tpm_estimate::{Course, Differentiable, Estimate, Method, Refine, Weights, re
 use tpm_interpret::InterpretedDerivatives;
 
 /// Most samples of all runs together where a force jumps, whose instant is looked for between two samples.
-const WITH_JUMPS: usize = 16_000;
+const MOST_SAMPLES_WITH_JUMPS: usize = 16_000;
 /// Most samples of all runs together, times the square of the number of coordinates, where forces are smooth: some seconds of work.
-const WORK: usize = 640_000;
+const MOST_WORK: usize = 640_000;
 /// Least share of all samples, as one over this, whose simulation says more than the harmonics of all of them. Their errors are 1.4 to 6.5
 /// times the Cramer-Rao bound.
-const WORTH: usize = 3;
+const LEAST_SHARE_DIVISOR: usize = 3;
 /// Samples of all runs together above which the model must follow a part of them first.
-const LONG: usize = 50_000;
+const MOST_SAMPLES_AT_ONCE: usize = 50_000;
 /// Most samples of a run that are simulated to judge it, for every run anew.
-const JUDGED: usize = 4_000;
+const JUDGED_SAMPLES: usize = 4_000;
 
 /// The simulation of a model along the runs of a campaign.
 pub(super) struct RunSimulation<'a> {
@@ -53,12 +53,12 @@ impl<'a> RunSimulation<'a> {
     pub(super) fn of_campaign(&self, campaign: &Campaign<'_>) -> Option<Refined> {
         let runs: Vec<&SteadyRun> = campaign.steady().collect();
         let most = if self.jumps {
-            WITH_JUMPS
+            MOST_SAMPLES_WITH_JUMPS
         } else {
             let coordinates = runs.first()?.highest.len().max(1);
-            let most = SteadyRun::MOST.min(WORK / (coordinates * coordinates));
+            let most = SteadyRun::MOST_SAMPLES.min(MOST_WORK / (coordinates * coordinates));
             let all: usize = runs.iter().map(|run| run.of).sum();
-            if WORTH * most < all || runs.iter().any(|run| run.counted) {
+            if LEAST_SHARE_DIVISOR * most < all || runs.iter().any(|run| run.counted) {
                 return None;
             }
             most
@@ -66,8 +66,8 @@ impl<'a> RunSimulation<'a> {
         let estimate = campaign.estimate()?;
         // A model that cannot follow the ends of the runs cannot follow more of them, and would take minutes to say so. Ends that are too
         // short to show the parameters say nothing.
-        let part = JUDGED * runs.len();
-        let long = runs.iter().map(|run| run.samples()).sum::<usize>().min(most) > LONG.max(part);
+        let part = JUDGED_SAMPLES * runs.len();
+        let long = runs.iter().map(|run| run.samples()).sum::<usize>().min(most) > MOST_SAMPLES_AT_ONCE.max(part);
         let judged = if long { self.of_runs(&runs, estimate, part) } else { None };
         let unsettled = |warning: &Warning| matches!(warning, Warning::Unsettled { .. });
         let refused = judged.filter(|judged| judged.warnings.iter().any(unsettled));
@@ -119,7 +119,7 @@ impl<'a> RunSimulation<'a> {
 
 impl Refinement for RunSimulation<'_> {
     fn refined(&self, runs: &[&SteadyRun], estimate: &Estimate) -> Option<Estimate> {
-        let refined = self.of_runs(runs, estimate, JUDGED * runs.len())?;
+        let refined = self.of_runs(runs, estimate, JUDGED_SAMPLES * runs.len())?;
         refined.report.filter(|report| report.used).map(|_| refined.estimate)
     }
 }

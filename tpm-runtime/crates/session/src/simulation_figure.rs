@@ -4,9 +4,9 @@ use crate::simulation::{ChannelSimulation, Simulation};
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 
 /// Points of a curve at most: of more samples the least and the largest of a few successive ones are drawn.
-const POINTS: usize = 1600;
+const MOST_POINTS: usize = 1600;
 /// A free run is drawn as far as it stays within so many times the range of the measured motion around it.
-const SHOWN: f64 = 2.0;
+const MOST_RANGES_SHOWN: f64 = 2.0;
 
 impl Simulation {
     /// Panels per coordinate over time: measured motion with the free run, what the free run misses where it does not leave the log, and
@@ -56,8 +56,8 @@ impl Simulation {
     /// A signal over time; lines break between stretches.
     fn points(&self, signal: &[f64]) -> Vec<(f64, f64)> {
         let time = |k: usize| k as f64 * self.sample_time;
-        let count = (2 * signal.len()).div_ceil(POINTS).max(1);
-        let mut points = Vec::with_capacity(POINTS + 2 * self.joins.len());
+        let count = (2 * signal.len()).div_ceil(MOST_POINTS).max(1);
+        let mut points = Vec::with_capacity(MOST_POINTS + 2 * self.joins.len());
         let mut from = 0;
         for to in self.joins.iter().copied().chain([signal.len()]) {
             for first in (from..to).step_by(count) {
@@ -83,7 +83,7 @@ impl Simulation {
 fn within(run: &[f64], measured: &[f64]) -> Vec<f64> {
     let (low, high) =
         measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
-    let beyond = SHOWN * (high - low);
+    let beyond = MOST_RANGES_SHOWN * (high - low);
     let near = |x: &f64| if *x >= low - beyond && *x <= high + beyond { *x } else { f64::NAN };
     run.iter().map(near).collect()
 }

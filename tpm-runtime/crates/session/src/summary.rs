@@ -9,16 +9,15 @@ use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Estimate, LARGE_RESIDUAL, ResidualOf, Status, Weights};
 use tpm_motion::RunEnding;
+use tpm_numerics::tolerance;
 use tpm_physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
 use tpm_plant::stability::LoopStability;
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// Components of a direction below this one are rounding.
-const NOTHING: f64 = 1e-9;
 /// A step of more than so many of its own deviations went where its linearisation does not hold.
-const MOVING: f64 = 3.0;
+const LONGEST_LAST_STEP: f64 = 3.0;
 
 /// Name and version of the program.
 pub(super) fn provenance() -> Provenance {
@@ -158,7 +157,7 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
         warnings.push(Warning::EndedEarly { outcome, limit: campaign.stop().cloned() });
     }
     let moves = |(moved, estimate): (Vec<f64>, &Estimate)| {
-        moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > MOVING * std)
+        moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > LONGEST_LAST_STEP * std)
     };
     // A schedule may end as planned, or by its share of effort, before the updates have settled.
     if !campaign.estimator().is_final() && campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {
@@ -198,7 +197,7 @@ fn contradictions(runs: &[RunReport]) -> impl Iterator<Item = Warning> + '_ {
 pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) -> Vec<Warning> {
     let name = |j: usize| model.parameter(j).name.to_string();
     let combinations = estimate.combinations();
-    let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > NOTHING);
+    let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > tolerance::COMPONENT);
     let (mut doubts, mut together) = (Vec::new(), Vec::new());
     if estimate.residual > LARGE_RESIDUAL {
         doubts.push(Warning::Unexplained { residual: estimate.residual });

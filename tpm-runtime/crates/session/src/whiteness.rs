@@ -13,18 +13,14 @@
 
 use serde::Serialize;
 use tpm_numerics::tail::chi_squared_upper;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, alarm, tolerance};
 
 /// Lags over which correlations are tested.
 pub const LAGS: usize = 25;
 /// Chance that a test fails although the model is right.
-pub const FALSE_ALARM: f64 = 0.01;
-/// A normal variable is beyond so many standard deviations, to either side, with that chance.
-const BEYOND: f64 = 2.575_829_303_548_901;
+pub const FALSE_ALARM: f64 = alarm::WHITENESS_RATE;
 /// Fewest samples that are tested, in units of the lags.
-const FEWEST: usize = 4;
-/// Directions of the past inputs below this share of the largest are not excited.
-const EXCITED: f64 = 1e-9;
+const LEAST_SAMPLES_PER_LAG: usize = 4;
 
 /// A test of correlations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -70,14 +66,14 @@ impl CorrelationTest {
 pub(super) fn whiteness(stretches: &[&[f64]]) -> Option<CorrelationTest> {
     let count: usize = stretches.iter().map(|e| e.len()).sum();
     let power: f64 = stretches.iter().flat_map(|e| e.iter()).map(|e| e * e).sum();
-    if count < FEWEST * LAGS || power <= 0.0 {
+    if count < LEAST_SAMPLES_PER_LAG * LAGS || power <= 0.0 {
         return None;
     }
     let n = count as f64;
     let correlations: Vec<f64> = (1..=LAGS).map(|lag| products(stretches, lag) / power).collect();
     let terms = correlations.iter().zip(1..).map(|(r, lag)| r * r / (n - f64::from(lag)));
     let statistic = n * (n + 2.0) * terms.sum::<f64>();
-    Some(CorrelationTest::new(correlations, BEYOND / n.sqrt(), statistic, LAGS))
+    Some(CorrelationTest::new(correlations, alarm::WHITENESS_BAND / n.sqrt(), statistic, LAGS))
 }
 
 /// Sum of the products of errors that are `lag` samples apart.
@@ -129,7 +125,7 @@ pub(super) fn independence(
         }
         information += own;
     }
-    if count < (FEWEST * LAGS) as f64 || power <= 0.0 {
+    if count < (LEAST_SAMPLES_PER_LAG * LAGS) as f64 || power <= 0.0 {
         return None;
     }
     let variance = power / count;
@@ -152,11 +148,11 @@ pub(super) fn independence(
             information[(b, a)] = information[(a, b)];
         }
     }
-    let band = BEYOND * (information[(0, 0)].max(0.0)).sqrt() / count;
+    let band = alarm::WHITENESS_BAND * (information[(0, 0)].max(0.0)).sqrt() / count;
     let eigen = information.symmetric_eigen();
     let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
     let (mut statistic, mut freedom) = (0.0, 0);
-    for (i, &value) in eigen.eigenvalues.iter().enumerate().filter(|(_, value)| **value > EXCITED * largest) {
+    for (i, &value) in eigen.eigenvalues.iter().enumerate().filter(|(_, value)| **value > tolerance::GRAM * largest) {
         statistic += eigen.eigenvectors.column(i).dot(&sums).powi(2) / (value * variance);
         freedom += 1;
     }

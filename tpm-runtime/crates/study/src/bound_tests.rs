@@ -1,4 +1,5 @@
-//! Predicted deviations against the spread of estimates on simulated machines, with and without friction.
+//! Tests of predicted standard deviations against the spread of estimates on simulated machines, with and without
+//! friction.
 
 use crate::{design, study};
 use num_complex::Complex;
@@ -15,7 +16,7 @@ use tpm_plant::simulated::simulate;
 use tpm_test_support::models::{FreeCart, RubbingSpring};
 use tpm_test_support::rest_to_rest_3;
 
-/// One run of 8 s at 1 kHz, after 3 s, whose campaign begins at the truth.
+/// One run of 8 s at 1 kHz after 3 s of settling. The prior of its campaign is the truth.
 fn experiment(parameters: &[(&str, f64)], noise: f64) -> Experiment {
     let list = |separator: &str| {
         parameters.iter().map(|(name, value)| format!("{name} = {value}")).collect::<Vec<String>>().join(separator)
@@ -33,11 +34,11 @@ fn experiment(parameters: &[(&str, f64)], noise: f64) -> Experiment {
 }
 
 const RUBBING: [(&str, f64); 4] = [("m", 2.0), ("d", 3.0), ("k", 40.0), ("fc", 1.5)];
-/// Harmonics of the regression in time, and the instants that they determine.
+/// Number of harmonics of the regression in time; they determine its number of instants.
 const HARMONICS: usize = 80;
 const INSTANTS: usize = 2 * HARMONICS + 1;
 
-/// Value at an instant of a derivative of the series of these phasors.
+/// A derivative, at an instant, of the Fourier series with these phasors.
 fn value(lines: &[Complex<f64>], w: f64, order: u32, instant: usize) -> f64 {
     let term = |(k, line): (usize, &Complex<f64>)| {
         let turned = Complex::from_polar(1.0, 2.0 * PI * ((k * instant) % INSTANTS) as f64 / INSTANTS as f64);
@@ -46,8 +47,8 @@ fn value(lines: &[Complex<f64>], w: f64, order: u32, instant: usize) -> f64 {
     lines.iter().enumerate().map(term).sum()
 }
 
-/// Weighted regression in time for the cart with spring and friction, from the mean period, leaving out the instants at which the
-/// velocity of the reference is below `rest`. The weights are those of white noise on the position.
+/// Weighted regression in time on the mean period, for the cart with spring and friction. It leaves out the instants at
+/// which the velocity of the reference is below `rest`. The weights are those of white noise on the position.
 struct Regression {
     w: f64,
     kept: Vec<(usize, f64)>,
@@ -58,7 +59,7 @@ impl Regression {
     fn new(lambda: f64, w: f64, rest: f64) -> Self {
         let velocity = |i: usize| -4.0 / 3.0 * lambda * w * (2.0 * PI * i as f64 / INSTANTS as f64).sin().powi(3);
         let kept: Vec<(usize, f64)> = (0..INSTANTS).map(|i| (i, velocity(i))).filter(|(_, v)| v.abs() > rest).collect();
-        // The row of an instant answers to the position at another one.
+        // The row of one instant depends on the positions at the other instants.
         let unit: Vec<Complex<f64>> =
             (0..=HARMONICS).map(|k| Complex::new(if k == 0 { 1.0 } else { 2.0 } / INSTANTS as f64, 0.0)).collect();
         let kernel: Vec<f64> = (0..INSTANTS)
@@ -122,7 +123,7 @@ fn the_bound_with_friction_is_reached_by_regression_in_time_outside_rest() {
         };
         let estimates: Vec<Vec<f64>> = (0..40_u64).into_par_iter().map(one).collect();
         for (j, predicted) in predicted.iter().enumerate() {
-            // The deviation of forty estimates is itself uncertain by 11 %.
+            // The standard deviation computed from forty estimates is itself uncertain by 11 %.
             let ratio = predicted.std.expect("shown") / spread(&estimates, j);
             assert!((1.0 / 1.5..1.5).contains(&ratio), "noise {noise}, {}: {ratio}", predicted.name);
         }
@@ -132,12 +133,13 @@ fn the_bound_with_friction_is_reached_by_regression_in_time_outside_rest() {
 #[test]
 fn campaigns_with_friction_come_as_near_the_bound_as_harmonics_do() {
     let found = study(&RubbingSpring, &rest_to_rest_3(), &experiment(&RUBBING, 1e-4), 48, &|_| true).expect("runs");
-    // Over 200 seeds. The bound itself is right: the regression above reaches it. A campaign fits harmonics of the force, in which
-    // the instants of rest, where friction takes any value, cannot be left out; damping and friction lose the most by that.
+    // Ratios of bound to spread over 200 seeds. The bound itself is right: the regression above reaches it. A campaign
+    // fits harmonics of the force, which cannot leave out the instants of rest, where friction takes any value. Damping
+    // and friction lose most precision by that.
     let measured = [("m", 0.78), ("d", 0.255), ("k", 0.81), ("fc", 0.237)];
     for (parameter, (name, expected)) in found.parameters.iter().zip(measured) {
         let ratio = parameter.bound.expect("predicted") / parameter.spread.expect("many");
-        // The deviation of 48 estimates is itself uncertain by 10 %.
+        // The standard deviation computed from 48 estimates is itself uncertain by 10 %.
         assert_eq!(parameter.name, name);
         assert!((expected / 1.35..1.35 * expected).contains(&ratio), "{name}: {ratio}");
     }

@@ -1,8 +1,8 @@
 //! Monte-Carlo study: one campaign for every seed, and the spread of the estimates about the truth.
 //!
-//! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on the order in
-//! which campaigns end. Campaigns that did not identify a parameter are counted, never replaced. What is kept does not grow with the
-//! number of campaigns, but for the seeds of those that are not complete.
+//! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or the order in
+//! which campaigns end. Campaigns that did not identify a parameter are counted, never replaced. The stored result does
+//! not grow with the number of campaigns, except for the list of seeds of incomplete campaigns.
 
 use crate::design::bounds;
 use crate::tally::{Outcome, ParameterStudy, Tally};
@@ -44,9 +44,9 @@ pub struct Study {
 pub type Identify<'a> =
     dyn Fn(&Experiment, &mut dyn FnMut(&RunReport) -> bool) -> Result<Identification, SessionError> + Sync + 'a;
 
-/// Runs an experiment for `campaigns` successive seeds from its own on, on all cores. `progress` gets the number of
-/// campaigns that have ended, from any thread, and says whether to go on. After a stop, only the campaigns before the
-/// first unfinished seed are used.
+/// Runs an experiment for `campaigns` successive seeds, beginning with its own, on all cores. `progress` receives the
+/// number of finished campaigns, from any thread, and returns whether to continue. After a stop, only the campaigns
+/// before the first unfinished seed are used.
 ///
 /// # Errors
 /// [`SessionError`] of the first seed whose campaign fails.
@@ -62,7 +62,7 @@ pub fn study(
     study_campaigns(model, pattern, experiment, campaigns, &identify, progress)
 }
 
-/// Repeats the experiment of a session for `campaigns` successive seeds from its own on.
+/// Repeats the experiment of a session for `campaigns` successive seeds, beginning with its own.
 ///
 /// # Errors
 /// [`SessionError`] of the first seed whose campaign fails.
@@ -74,7 +74,8 @@ pub fn study_session(
     study_from(session, None, campaigns, progress, &mut |_, _| Ok(()))
 }
 
-/// Goes on with the study of a session after the campaigns of a tally. `keep` sees the tally whenever it has grown, and at the end.
+/// Continues the study of a session after the campaigns of a tally. `keep` receives the tally whenever it has grown,
+/// and at the end.
 pub(super) fn study_from(
     session: &Session,
     begun: Option<Tally>,
@@ -92,8 +93,8 @@ pub(super) fn study_from(
     Ok(summarise(plant, experiment, campaigns, tally))
 }
 
-/// Repeats a campaign that the caller runs. The caller gets the experiment with its seed, and a function that says
-/// after every run whether to go on.
+/// Repeats a campaign that the caller runs. The caller receives the experiment with its seed, and a function that
+/// returns after every run whether to continue.
 ///
 /// # Errors
 /// [`SessionError`] of the first seed whose campaign fails.
@@ -110,24 +111,25 @@ pub fn study_campaigns(
     Ok(summarise(model, experiment, campaigns, tally))
 }
 
-/// Keeps a tally that has grown, or that has grown for the last time.
+/// Stores a tally; the second argument states whether it is the last one.
 pub(super) type Keep<'a> = dyn FnMut(&Tally, bool) -> Result<(), SessionError> + Send + 'a;
 
-/// Campaigns on their way into the tally, in the order of their seeds, however they end.
+/// Adds finished campaigns to the tally in the order of their seeds, whatever the order in which they end.
 struct InOrder<'k> {
     tally: Tally,
-    /// Campaigns that have ended before an earlier one; nothing for one that was stopped half way.
+    /// Campaigns that ended before one of an earlier seed; nothing for a campaign that was stopped during its runs.
     waiting: BTreeMap<usize, Option<Result<Outcome, SessionError>>>,
     fault: Option<SessionError>,
     keep: &'k mut Keep<'k>,
 }
 
 impl InOrder<'_> {
-    /// Takes in a campaign, and those that waited for it. Whether to go on.
+    /// Receives a finished campaign, and adds to the tally every campaign whose turn has come. Returns whether to
+    /// continue.
     fn take(&mut self, index: usize, outcome: Option<Result<Outcome, SessionError>>) -> bool {
         self.waiting.insert(index, outcome);
         let before = self.tally.campaigns();
-        // What was stopped, or has failed, stays where it is, and nothing after it is taken in.
+        // A campaign that was stopped or has failed stays in the queue, and none after it is added to the tally.
         while self.fault.is_none()
             && let Some(Some(_)) = self.waiting.get(&self.tally.campaigns())
             && let Some(Some(next)) = self.waiting.remove(&self.tally.campaigns())
@@ -144,7 +146,7 @@ impl InOrder<'_> {
     }
 }
 
-/// The tally after `campaigns` campaigns, or after the last one before a stop.
+/// The tally after `campaigns` campaigns, or after the last campaign before a stop.
 #[expect(clippy::too_many_arguments, reason = "what a campaign needs, what was begun, and three ways to the caller")]
 fn tallied(
     model: &dyn Model<f64>,
@@ -175,7 +177,7 @@ fn tallied(
                 return;
             }
             let outcome = one(index);
-            // A campaign that was stopped half way does not count.
+            // A campaign that was stopped during its runs does not count.
             let whole = go_on.load(Ordering::Relaxed).then_some(outcome);
             if !in_order.lock().unwrap_or_else(PoisonError::into_inner).take(index, whole)
                 || !progress(ended.fetch_add(1, Ordering::Relaxed) + 1)
@@ -184,15 +186,15 @@ fn tallied(
             }
         }
     };
-    // Threads of their own, which take seed after seed: a pool would give each a stretch of them, so that the stretches of all but
-    // one would have to wait for their turn in memory.
+    // Plain threads take seed after seed. A thread pool would give each thread a range of seeds, so that the results of
+    // all ranges but the first would have to wait in memory.
     std::thread::scope(|scope| {
         for _ in 0..rayon::current_num_threads().min(campaigns.saturating_sub(first)) {
             scope.spawn(work);
         }
     });
     let InOrder { tally, fault, keep, .. } = in_order.into_inner().unwrap_or_else(PoisonError::into_inner);
-    // Campaigns before a fault are kept; the fault that is told is the first one.
+    // Campaigns before a fault are kept; the reported fault is the first one in the order of the seeds.
     let kept = keep(&tally, true);
     fault.map_or(kept, Err).map(|()| tally)
 }
@@ -288,7 +290,7 @@ mod tests {
     #[test]
     fn the_spread_is_near_the_bound() {
         let mut experiment = short();
-        // The bound is that of white noise alone. The estimates start at the truth, so that all runs weigh alike.
+        // The bound is that of white noise alone. The priors are the truth, so that all runs have the same weights.
         experiment.plant.sensors.entry("x".into()).or_default().counts = 0.0;
         for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
             experiment.prior.insert(name.into(), value);

@@ -1,4 +1,4 @@
-//! Which harmonic shows which column of the regressor along a trajectory, by Jacobi-Anger series
+//! Harmonics of the regressor's columns along a trajectory, by Jacobi-Anger series
 //! ([`tpm_symbolic::harmonic::content`]).
 
 use tpm_core::model::Model;
@@ -8,7 +8,8 @@ use tpm_symbolic::harmonic::content::{EntryContent, PeriodicMotion, content};
 use tpm_symbolic::harmonic::report::ShowingHarmonic;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// The harmonics of the regressor's entries along a trajectory of the rows' coordinates. `value` gives run-time constants by their names.
+/// The harmonics of the regressor's entries along a trajectory of the rows' coordinates. `value` gives the value of a
+/// run-time constant by its name.
 pub(super) fn entries_along(
     prepared: &Prepared,
     rows: &dyn Model<f64>,
@@ -37,7 +38,8 @@ fn wave_of(series: &HarmonicSeries) -> Wave {
     wave
 }
 
-/// The harmonics of a column that are not zero for certain, up to a harmonic, in the order of equations and harmonics.
+/// The harmonics of a column that are certainly not zero, up to a highest harmonic, in the order of equations and
+/// harmonics.
 pub(super) fn showing(
     rows: &dyn Model<f64>,
     entries: &[EntryContent],

@@ -1,11 +1,12 @@
-//! Experiment design before anything moves: the information that candidates would give, and whether they keep within
+//! Experiment design before any motion: the information that candidate trials would give, and whether they keep within
 //! the limits.
 //!
-//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`information_root`]) for the noise of the simulated
-//! sensors ([`deviations`]), inputs known exactly, since a simulated machine records what it applies. Candidates and the runs of a
-//! study are predicted by one function ([`predict`]). Candidates are compared by the determinant of the scaled information matrix
-//! (D-optimality); of those that determine equally many parameters, candidates with a harmonic near a natural mode of the
-//! estimates come behind the others (Feng, 3.2.1). A candidate that passes a limit is ranked last, with the sample at which it does.
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`information_root`]) for the noise of the
+//! simulated sensors ([`deviations`]). The inputs are known exactly, since a simulated machine records the inputs that
+//! it applies. One function ([`predict`]) predicts candidates and the runs of a study. Candidates are compared by the
+//! determinant of the scaled information matrix (D-optimality). Among candidates of equal rank, those with a harmonic
+//! near a natural mode of the estimated model are placed after the others (Feng, 3.2.1). A candidate that passes a
+//! limit is ranked last, with the sample at which it does.
 
 use crate::content::{entries_along, showing};
 use rayon::prelude::*;
@@ -21,30 +22,30 @@ use tpm_motion::{Record, RunEnding, Trial, TrialError, TrialSettings};
 use tpm_numerics::DMatrix;
 use tpm_numerics::fourier::analyse;
 use tpm_numerics::singular::{Singular, unit_columns};
+use tpm_numerics::tolerance;
 use tpm_plant::simulated::{Rig, Sensor, SimulatedRun, simulate};
 use tpm_symbolic::harmonic::report::ShowingHarmonic;
 use tpm_symbolic::regressor::base_parameters::{BaseParameter, Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// Factors on the last stage's amplitudes and frequency that are tried.
+/// Factors on the last stage's amplitudes, and on its frequency, from which candidates are formed.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
-/// Multiples of the frequency that are tried for every coordinate when several move.
+/// Multiples of the frequency from which candidates are formed for every coordinate when several coordinates move.
 const MULTIPLES: [u32; 3] = [1, 2, 3];
 /// Most coordinates for which multiples of the frequency are tried.
 const VARIED: usize = 3;
-/// Smallest singular value of the scaled information's square root that counts, as a share of the largest.
-const RANK: f64 = 1e-9;
-/// Highest harmonic to which the derivatives of the motion are followed, as a multiple of the motion's highest
+/// Highest harmonic up to which the derivatives of the motion are computed, as a multiple of the motion's highest
 /// harmonic.
 const REACH: usize = 2;
-/// Highest harmonic that is said to show a parameter, as a multiple of the motion's highest harmonic.
+/// Highest harmonic that is listed as showing a parameter, as a multiple of the motion's highest harmonic.
 const SHOWN: usize = 4;
-/// Harmonics of an encoder's error that are added up; those that are left out hold less than a hundredth of its variance.
+/// Number of harmonics of an encoder's error that are summed; those left out hold less than a hundredth of its
+/// variance.
 const REPEATED_HARMONICS: u32 = 100;
-/// Noise that is assumed of a sensor without noise, as a share of the amplitude.
+/// Standard deviation that is assumed of a sensor without noise, as a share of the amplitude.
 const LEAST_NOISE: f64 = 1e-6;
 
-/// The predicted deviation of one parameter.
+/// The predicted standard deviation of one parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Predicted {
     /// Name of the parameter.
@@ -64,15 +65,15 @@ pub struct Passed {
     pub share: f64,
 }
 
-/// Candidates, with the estimates and the noise from which they were predicted.
+/// Candidates, with the estimates and the noise for which they were predicted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
     /// Values of the parameters: the prior, and the simulated machine's value where the prior is zero.
     #[serde(serialize_with = "by_name")]
     pub estimates: Vec<(String, f64)>,
-    /// Standard deviation of the position noise of one sample at the last stage, unit of the coordinate; a millionth of the
-    /// amplitude for sensors without noise. Where the error of an encoder repeats in every period, it stands here as the white noise
-    /// that has the same mean over the periods.
+    /// Standard deviation of the position noise of one sample at the last stage, unit of the coordinate; a millionth of
+    /// the amplitude for sensors without noise. An encoder's error that repeats in every period is replaced by the
+    /// white noise that has the same variance after averaging over the periods.
     #[serde(serialize_with = "by_name")]
     pub noise: Vec<(String, f64)>,
     /// Candidates, best first; those that pass a limit come last.
@@ -98,31 +99,34 @@ pub struct Candidate {
     pub determinant: f64,
     /// Predicted standard deviations of the parameters.
     pub parameters: Vec<Predicted>,
-    /// Largest share of its limit that an input takes; nothing without limits.
+    /// Largest share of its limit that an input uses; nothing without limits.
     pub effort_share: Option<f64>,
     /// Highest harmonic of an input's feed-forward above a thousandth of that input's largest harmonic.
     pub input_harmonics: usize,
-    /// A harmonic near a natural mode of the estimates; nothing where no harmonic is.
+    /// A harmonic near a natural mode of the estimated model; nothing where there is none.
     pub near_mode: Option<NearMode>,
-    /// The sample that passes a limit the most; nothing when all inputs keep within the stated share.
+    /// The sample at which a limit is exceeded by the largest share; nothing when all inputs keep within the permitted
+    /// share.
     pub passed: Option<Passed>,
     /// The motion.
     #[serde(skip)]
     pub trajectory: Trajectory,
 }
 
-/// What shows a base parameter: the leading one of a combination of parameters that any motion shows together only.
+/// The harmonics that show a base parameter, that is, a combination of parameters that every motion shows only
+/// together.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Showing {
-    /// The leading parameter.
+    /// The leading parameter of the combination.
     pub parameter: String,
-    /// The harmonics of its regressor that are not zero for certain, up to four times the highest of the motion.
+    /// The harmonics of its regressor that are certainly not zero, up to four times the highest of the motion.
     pub harmonics: Vec<ShowingHarmonic>,
 }
 
 impl Candidate {
-    /// The harmonics that show each base parameter of a mechanism along the candidate's motion; empty where the base parameters have no
-    /// exact factors. `model` is that of the rows; `value` gives its run-time constants by their names.
+    /// The harmonics that show each base parameter of a mechanism along the candidate's motion; empty where the base
+    /// parameters have no exact factors. `model` is that of the rows; `value` gives the value of a run-time constant by
+    /// its name.
     #[must_use]
     pub fn showing(
         &self,
@@ -160,6 +164,7 @@ pub fn design(
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let bench = experiment.bench(model)?;
     let dims = model.dims();
+    // Estimates: the prior, and the simulated machine's value where the prior is zero.
     let mut theta = setup.prior.clone();
     for (value, truth) in theta.iter_mut().zip(&bench.parameters) {
         if *value == 0.0 {
@@ -170,6 +175,7 @@ pub fn design(
     let pattern = last.pattern(pattern);
     let moved = pattern.coordinates.len() - pattern.open().len();
     let varied = moved > 1 && moved <= VARIED;
+    // Combinations of multiples of the frequency, without those that have a common divisor.
     let mut multiples = vec![last.multiples.clone()];
     if varied {
         multiples = vec![vec![]];
@@ -185,18 +191,19 @@ pub fn design(
     let fastest = f64::from(last.multiples.iter().copied().max().unwrap_or(1)) * last.frequency;
     let machine = Rig { parameters: theta.clone(), constants: setup.constants.clone(), ..bench };
     let candidate = |(share, speed, list): (f64, f64, &Vec<u32>)| {
-        // The frequency is lowered so that the fastest coordinate is no faster than in the schedule.
+        // The frequency is lowered so that the fastest coordinate has at most the velocity that it has in the schedule.
         let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
         let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
         let stage = Stage { amplitudes, frequency, multiples: list.clone(), ..last.clone() };
         let periods = periods(&setup, stage.trajectory(pattern, 1.0).frequency);
         let settled = setup.procedure.settle_periods;
-        // A stage that cannot be played is left out.
+        // A stage for which no trial can be computed gives no candidate.
         let Ok(trial) = trial(model, pattern, &setup, &stage, settled + LEAST_PERIODS, &theta) else { return Ok(None) };
         let reach = 4 * trial.trajectory.highest_harmonic() as usize;
         let root = predict(model, &machine, &trial, &trial.trajectory, (settled, periods), reach)?;
         Ok(root.map(|root| judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share)))
     };
+    // Every combination of a factor on the amplitudes, a factor on the frequency, and multiples is predicted.
     let mut asked: Vec<(f64, f64, &Vec<u32>)> = Vec::new();
     for share in SHARES {
         for speed in SHARES {
@@ -210,6 +217,7 @@ pub fn design(
         let estimates = estimates.map(|(name, value)| format!("{name} = {value}")).collect();
         return Err(ExperimentError::Unpredictable { estimates });
     }
+    // The best candidates come first.
     candidates.sort_by(|a: &Candidate, b: &Candidate| {
         let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank), c.near_mode.is_some());
         key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
@@ -225,9 +233,10 @@ fn periods(setup: &Setup, frequency: f64) -> usize {
     ((setup.procedure.measure_time * frequency / (2.0 * PI)).ceil() as usize).max(LEAST_PERIODS)
 }
 
-/// What a run tells of the machine's parameters: a square root of the information, in rows of unit variance. `motion` is the motion
-/// without noise, which is followed up to the harmonic `reach`; the trial settles in the first of the two numbers of periods, and
-/// is measured in the second. `None` where the motion does not determine its own derivatives.
+/// Information that a run gives about the machine's parameters: a square root of the information matrix, in rows of
+/// unit variance. `motion` is the motion without noise, computed up to the harmonic `reach`. Of the two numbers of
+/// periods the first is for settling, the second for measuring. `None` where the motion does not determine its own
+/// derivatives.
 fn predict(
     model: &dyn Model<f64>,
     machine: &Rig,
@@ -246,8 +255,9 @@ fn predict(
     Ok(information_root(model, &machine.constants, motion, &machine.parameters, noise, reach)?)
 }
 
-/// Root mean square of the distance between the machine's motion, which feedback of the sensors' noise disturbs, and a trajectory, in
-/// every slot of a motion, after the periods in which the run settles; zero for a run that ends before.
+/// Root mean square deviation of the simulated motion, which feedback of the sensors' noise disturbs, from a
+/// trajectory: one value for every slot of a motion, over the periods after settling. Zero for a run that ends before
+/// it has settled.
 fn strayed(
     model: &dyn Model<f64>,
     machine: &Rig,
@@ -274,8 +284,8 @@ fn strayed(
     }
 }
 
-/// Standard deviation of the white noise on one sample of every coordinate that has, over these periods, the effect of the sensor's
-/// noise, jitter and step.
+/// Standard deviation of the white noise on one sample of every coordinate that has, over these periods, the same
+/// effect as the sensor's noise, jitter and quantisation.
 fn deviations(bench: &Rig, trajectory: &Trajectory, periods: usize) -> Vec<f64> {
     let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
     let deviation = sensors.map(|(sensor, series)| {
@@ -284,7 +294,7 @@ fn deviations(bench: &Rig, trajectory: &Trajectory, periods: usize) -> Vec<f64> 
             |line: &Line| (f64::from(line.harmonic) * trajectory.frequency * line.cos.hypot(line.sin)).powi(2) / 2.0;
         let late = sensor.jitter * sensor.jitter * series.lines.iter().map(rate).sum::<f64>();
         let white = sensor.noise * sensor.noise + late;
-        // What repeats in every period does not average out over the periods.
+        // An error that repeats in every period does not average out over the periods.
         let repeated = repeated_share(white.sqrt(), sensor.step) * (periods as f64 - 1.0);
         let variance = white + sensor.step * sensor.step / 12.0 * (1.0 + repeated);
         variance.sqrt().max(LEAST_NOISE * size).max(f64::MIN_POSITIVE.sqrt())
@@ -292,11 +302,12 @@ fn deviations(bench: &Rig, trajectory: &Trajectory, periods: usize) -> Vec<f64> 
     deviation.collect()
 }
 
-/// Share of the variance of an encoder's error, step^2/12, that is the same whenever the same position is read: what white noise of
-/// this deviation before the encoder does not make random.
+/// Share of the variance of an encoder's error, step^2/12, that repeats whenever the same position is read. White noise
+/// before the encoder, of standard deviation `noise`, makes the rest random.
 ///
-/// The mean error at a position is a Fourier series in the position, whose k-th harmonic the noise lowers by
-/// `exp(-2 (pi k noise/step)^2)`. All is repeated without noise, and a two-hundred-thousandth where the noise is half a step.
+/// The mean error at a position is a Fourier series in the position, whose k-th harmonic the noise reduces by the
+/// factor `exp(-2 (pi k noise/step)^2)`. The share is one without noise, and a two-hundred-thousandth where the noise
+/// is half a step.
 fn repeated_share(noise: f64, step: f64) -> f64 {
     if step <= 0.0 {
         return 0.0;
@@ -312,23 +323,23 @@ fn gcd(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// What equations with residuals of unit variance determine of the parameters.
+/// Rank, condition and covariance of the parameters from equations whose residuals have unit variance.
 struct Shown {
-    /// Norm of every column.
+    /// Euclidean norm of every column.
     scale: Vec<f64>,
     rank: usize,
     /// Condition number of the scaled columns over the determined directions.
     condition: f64,
     /// Natural logarithm of the determinant of the scaled information matrix over the determined directions.
     determinant: f64,
-    /// Standard deviation of every parameter; nothing when the parameter has a part in an undetermined direction.
+    /// Standard deviation of every parameter; nothing when an undetermined direction contains the parameter.
     deviations: Vec<Option<f64>>,
 }
 
 fn shown(root: &DMatrix<f64>) -> Shown {
     let p = root.ncols();
     let (scaled, scale) = unit_columns(root.clone());
-    let singular = Singular::new(&scaled, RANK);
+    let singular = Singular::new(&scaled, tolerance::JACOBIAN_RANK);
     let mut variance = vec![0.0; p];
     for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
         for j in 0..p {
@@ -348,8 +359,8 @@ fn shown(root: &DMatrix<f64>) -> Shown {
 
 /// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine. Every complete run
 /// counts with all its measured periods, along its motion without noise: a run from wrong estimates departs from its
-/// reference, and its motion may carry much more information. `None` where a run cannot be predicted, or there is no
-/// run.
+/// reference, and its motion may carry much more information. `None` where there is no run, or a run cannot be
+/// predicted.
 pub(super) fn bounds(
     model: &dyn Model<f64>,
     pattern: &ReferencePattern,
@@ -359,7 +370,7 @@ pub(super) fn bounds(
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let noisy = experiment.bench(model)?;
     if noisy.parameters.len() != model.dims().parameters {
-        // The simulated machine does not obey the model.
+        // The simulated machine does not obey the model, so no bound can be predicted.
         return Ok(None);
     }
     let mut bench = noisy.clone();
@@ -393,8 +404,8 @@ pub(super) fn bounds(
     Ok(Some(shown(&whole).deviations))
 }
 
-/// The motion in the last period of a run: every harmonic above rounding and above what is left of the initial
-/// transient.
+/// The motion in the last period of a run, as the Fourier series of every harmonic above rounding and above the
+/// remainder of the initial transient.
 fn motion(trial: &Trial, record: &Record) -> Trajectory {
     let samples = trial.samples_per_period;
     let most = 8 * trial.trajectory.highest_harmonic().max(1) as usize;
@@ -539,7 +550,7 @@ mod tests {
     fn what_an_encoder_repeats_is_what_noise_before_it_leaves() {
         assert_eq!(repeated_share(1.0, 0.0), 0.0);
         assert!((repeated_share(0.0, 0.1) - 1.0).abs() < 1e-12 && (repeated_share(1e-9, 0.1) - 1.0).abs() < 1e-2);
-        // The mean error at a position, by a sum over the noise, and its variance over the positions of one step.
+        // The mean error at a position by a sum over the noise, and its variance over the positions within one step.
         for noise in [0.1, 0.2, 0.32, 0.5_f64] {
             let (mut variance, positions) = (0.0, 100);
             for n in 0..positions {
@@ -560,7 +571,8 @@ mod tests {
 
     #[test]
     fn candidates_away_from_the_natural_mode_come_first() {
-        // sqrt(k1/m) = 4.472 rad/s: the last stage itself, and half its frequency by the second harmonic of the force.
+        // The natural mode at sqrt(k1/m) = 4.472 rad/s is near the last stage itself, and near the second harmonic of
+        // the force at half its frequency.
         let mut experiment = experiment();
         experiment.schedule.stages.truncate(1);
         experiment.schedule.stages[0].values.insert("w".to_string(), 4.4);

@@ -1,13 +1,14 @@
-//! What a pattern shows of the parameters of a model that has no exact table: rank, directions and base parameters in floating
-//! point, from the rows along the pattern.
+//! Identifiability of the parameters of a model without an exact harmonic table under given patterns: rank,
+//! unobservable directions and base parameters in floating point, from the rows along the pattern.
 //!
-//! The harmonics of the regressors are computed at several settings of amplitudes, frequency and constants, those that are not
-//! stated being drawn at random; the largest rank counts, as for exact tables ([`tpm_symbolic::harmonic::identifiability`]).
-//! A coordinate without a motion moves as its rows without an input ask, for values of the parameters that are stated or drawn too.
+//! The harmonics of the regressors are computed at several settings of amplitudes, frequency and constants; values that
+//! are not stated are drawn at random. The largest rank counts, as for exact tables
+//! ([`tpm_symbolic::harmonic::identifiability`]). A coordinate without a prescribed motion is computed from its rows
+//! without an input, for stated or drawn values of the parameters.
 //!
-//! Invariant: a direction counts as unobservable when the scaled harmonics along it are no larger than the error of computing them.
-//! The error is measured by computing them from half of the samples as well. A coefficient is written as a rational number only
-//! when it comes out the same at every setting.
+//! Invariant: a direction counts as unobservable when the scaled harmonics along it are no larger than the numerical
+//! error. The error is measured by computing the harmonics from half of the samples as well. A coefficient is written
+//! as a rational number only when it has the same value at every setting.
 
 use crate::content::{entries_along, showing};
 use std::collections::BTreeMap;
@@ -17,7 +18,7 @@ use tpm_motion::trajectory::{PatternError, Trajectory};
 use tpm_motion::{CompletionError, OpenReason, complete};
 use tpm_numerics::fourier::analyse;
 use tpm_numerics::singular::{Singular, unit_columns};
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, tolerance};
 use tpm_report::number;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::generic_point;
@@ -29,38 +30,36 @@ use tpm_symbolic::number::rational::to_f64;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// Samples of a period.
+/// Number of samples in a period.
 const SAMPLES: usize = 1 << 13;
-/// Samples within the interval about a sample where an entry jumps.
+/// Number of samples that are averaged over the interval around a sample at which an entry jumps.
 const INNER: usize = 64;
-/// An entry jumps about a sample when it changes by more than this share of its root mean square within one interval, which is a
-/// thousandth of a radian long.
+/// Smallest change of an entry within one interval (a thousandth of a radian) that counts as a jump, as a share of the
+/// entry's root mean square.
 const JUMP: f64 = 0.05;
-/// Settings that are compared.
+/// Number of settings that are compared.
 const SETTINGS: usize = 3;
-/// Factors on the amplitudes that are drawn, tried in this order: a square root or an inverse sine may not exist far out.
+/// Factors on the drawn amplitudes, tried in this order: a square root or an inverse sine may not exist at large
+/// amplitudes.
 const SHARES: [f64; 2] = [1.0, 0.1];
-/// Error that is assumed of a scaled harmonic at least: rounding.
-const ROUNDING: f64 = 1e-10;
-/// Factor on the measured error.
+/// Safety factor on the measured error.
 const SAFETY: f64 = 4.0;
-/// Rows may have no redundancy when their share in the fit of themselves is above this; it is one for those that have none.
+/// Smallest leverage (diagonal entry of the hat matrix) at which a row may lack redundancy; it is one for a row without
+/// any.
 const LEVERAGE: f64 = 0.9;
-/// Components of scaled directions below this share of the largest are zero.
-const COMPONENT: f64 = 1e-6;
 /// Largest denominator of a coefficient that is written as a rational number.
 const LARGEST_DENOMINATOR: u32 = 60;
 
-/// A pattern that is played, with the values that are stated.
+/// A pattern to be played, with the values that are stated.
 #[derive(Clone, Debug)]
 pub struct PlayedPattern<'a> {
     /// A name for reports.
     pub name: String,
     /// The pattern.
     pub pattern: &'a Pattern,
-    /// Values of amplitudes, frequency, run-time constants and physical parameters; the others are drawn.
+    /// Stated values of amplitudes, frequency, run-time constants and physical parameters; the others are drawn.
     pub values: BTreeMap<String, f64>,
-    /// The highest harmonic that counts.
+    /// The highest harmonic that is used.
     pub harmonics: usize,
 }
 
@@ -74,7 +73,7 @@ pub enum NumericalError {
     /// The model refused an evaluation.
     #[error("the model cannot be evaluated: {0}")]
     Model(#[from] EvalError),
-    /// A value is given for something that the pattern and the model do not have.
+    /// A value is stated for a symbol that neither the pattern nor the model has.
     #[error(
         "experiment `{experiment}` gives a value for `{symbol}`, which is not an amplitude, a frequency or a constant of the model"
     )]
@@ -97,10 +96,10 @@ pub enum NumericalError {
     },
 }
 
-/// What patterns show of the parameters, taken together, and of the physical parameters behind them.
+/// Identifiability of the parameters, and of the physical parameters behind them, from several patterns together.
 ///
 /// # Errors
-/// [`NumericalError`] when a pattern cannot be played, a value belongs to nothing, or no setting gives finite rows.
+/// [`NumericalError`] when a pattern cannot be played, a stated value has no symbol, or no setting gives finite rows.
 pub fn numerical_identifiability(
     prepared: &Prepared,
     patterns: &[PlayedPattern<'_>],
@@ -117,20 +116,20 @@ pub fn numerical_identifiability(
                     settings.push(Setting::new(&map, symbols, harmonics));
                     break;
                 }
-                // Another setting may do.
+                // The rows may be finite at another setting.
                 Err(reason @ (NumericalError::NotFinite | NumericalError::Open { .. })) => fault = reason,
                 Err(other) => return Err(other),
             }
         }
     }
-    // The first of those with the largest rank.
+    // Of the settings with the largest rank, the first is reported.
     let best = settings.iter().rev().max_by_key(|setting| setting.rank()).ok_or(fault)?;
     let alike: Vec<&Setting> = settings.iter().filter(|other| other.free() == best.free()).collect();
     let contents = contents(prepared, &model, &best.harmonics, &best.symbols);
     Ok((best.report(&model, patterns, &alike, &contents), best.physical.clone()))
 }
 
-/// By pattern: the harmonics of the regressor's entries, with bounds of their errors.
+/// Harmonics of the regressor's entries with bounds of their errors, by pattern.
 fn contents(
     prepared: &Prepared,
     model: &Interpreted,
@@ -143,17 +142,17 @@ fn contents(
     harmonics.trajectories.iter().zip(&symbols.values).map(of).collect()
 }
 
-/// The values at one setting.
+/// The values of all symbols at one setting.
 struct Symbols {
-    /// Names and values of what is drawn.
+    /// Names and values of the drawn symbols.
     drawn: Vec<(String, f64)>,
-    /// By pattern: values of all symbols by name.
+    /// Values of all symbols by name, for every pattern.
     values: Vec<BTreeMap<String, f64>>,
     /// Values of the physical parameters by name.
     physical: BTreeMap<String, f64>,
 }
 
-/// A random value between a half and three halves, of few digits so that it can be stated again.
+/// A random value between 0.5 and 1.5 with few digits, so that a user can state it again.
 fn drawn_value(setting: usize, index: usize) -> f64 {
     let random = to_f64(&generic_point::value(setting as u64, index)) / f64::from(1_u32 << 31);
     ((0.5 + random) * 1000.0).round() / 1000.0
@@ -202,7 +201,7 @@ impl Symbols {
         let physical = map.parameters().iter().enumerate().map(|(index, &parameter)| {
             let name = map.name(parameter);
             let stated = patterns.iter().find_map(|played| played.values.get(name).copied());
-            // Numbers apart from those of the symbols.
+            // The indices differ from those of the symbols, so that the random values differ too.
             (name.to_string(), stated.unwrap_or_else(|| drawn_value(setting, 1000 + index)))
         });
         Ok(Symbols { drawn, values, physical: physical.collect() })
@@ -215,21 +214,21 @@ impl Symbols {
     }
 }
 
-/// The harmonics of the regressors at one setting: rows are harmonics, columns parameters.
+/// The harmonics of the regressors at one setting: one row per harmonic, one column per parameter.
 struct Harmonics {
     rows: Vec<HarmonicRow>,
-    /// From all samples, and from every second one.
+    /// From all samples (`fine`), and from every second one (`coarse`).
     fine: DMatrix<f64>,
     coarse: DMatrix<f64>,
-    /// Root mean square of the entries' samples, row by row as the harmonics.
+    /// Root mean square of the samples of the entry to which each harmonic belongs.
     sizes: DMatrix<f64>,
-    /// Whether the motion depends on the values of the parameters.
+    /// Whether the motion depends on the values of the parameters, since a coordinate was open.
     completed: bool,
     /// The motion of every pattern.
     trajectories: Vec<Trajectory>,
 }
 
-/// A row of the harmonics.
+/// Identity of a row: pattern, equation, harmonic, and cosine or sine.
 #[derive(Clone, Copy, Debug)]
 struct HarmonicRow {
     pattern: usize,
@@ -301,7 +300,7 @@ impl Harmonics {
                             continue;
                         }
                         let row = if k == 0 { first } else { first + 2 * k - 1 + part };
-                        // The second part of a phasor is minus the coefficient of the sine.
+                        // The imaginary part of a phasor is minus the coefficient of the sine.
                         let sign = if part == 0 { 1.0 } else { -1.0 };
                         fine[(row, column)] = sign * fine_part;
                         coarse[(row, column)] = sign * coarse_part;
@@ -316,11 +315,11 @@ impl Harmonics {
     }
 }
 
-/// The entries of the regressor matrix at the samples of a period. Where an entry jumps, a sample is the mean over its interval,
-/// so that harmonics do not depend on where in the interval the jump is.
+/// The entries of the regressor matrix at the samples of a period. Where an entry jumps, a sample is the mean over its
+/// interval, so that harmonics do not depend on the place of the jump within the interval.
 struct Samples {
     values: Vec<f64>,
-    /// Samples of which there are half as many, from which the error of the harmonics is read.
+    /// Every second sample, from which the error of the harmonics is computed.
     every_second: Vec<f64>,
 }
 
@@ -369,7 +368,7 @@ impl Samples {
             let near_jump = around.iter().any(|&n| jumps[n]);
             every_second.extend((0..size).map(|entry| {
                 let [before, here, after] = around.map(|n| at(n, entry));
-                // The mean over an interval of twice the length.
+                // The mean over an interval of twice the length, which is that of a grid with half as many samples.
                 if near_jump { 0.25 * before + 0.5 * here + 0.25 * after } else { here }
             }));
         }
@@ -377,20 +376,21 @@ impl Samples {
     }
 }
 
-/// What one setting shows.
+/// The results at one setting.
 struct Setting {
     symbols: Symbols,
     harmonics: Harmonics,
     scaled: Scaled,
-    /// By column that is no pivot: the direction with a one there, and zeros in all others of these columns.
+    /// The unobservable directions in echelon form, each with its free column: one in this column, zero in the free
+    /// columns of the others.
     directions: Vec<(usize, Vec<f64>)>,
     physical: PhysicalIdentifiability,
 }
 
-/// Harmonics with rows and columns of comparable size.
+/// The matrix of harmonics after scaling of rows and columns.
 struct Scaled {
     matrix: DMatrix<f64>,
-    /// What the columns were divided by.
+    /// Divisors of the columns.
     columns: Vec<f64>,
     /// Singular values below this share of the largest are zero.
     tolerance: f64,
@@ -398,11 +398,11 @@ struct Scaled {
 
 impl Scaled {
     fn new(harmonics: &Harmonics, jacobian: Option<&DMatrix<f64>>) -> Self {
-        // Entries within the rounding of their samples are zero; a column of them is not scaled up.
+        // Entries within the rounding of their samples are set to zero, so that a column of them is not scaled up.
         let clean = |matrix: &DMatrix<f64>| {
             DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |r, c| {
                 let value = matrix[(r, c)];
-                if value.abs() <= ROUNDING * harmonics.sizes[(r, c)] { 0.0 } else { value }
+                if value.abs() <= tolerance::FORCE * harmonics.sizes[(r, c)] { 0.0 } else { value }
             })
         };
         let (mut fine, mut error) = (clean(&harmonics.fine), clean(&harmonics.fine) - clean(&harmonics.coarse));
@@ -410,7 +410,7 @@ impl Scaled {
             (fine, error) = (fine * jacobian, error * jacobian);
         }
         let mut columns = vec![1.0; fine.ncols()];
-        // Equations may have different units: rows of an equation are divided by what the equation holds.
+        // Equations may have different units, so the rows of each equation are divided by their common norm.
         for _ in 0..3 {
             let (scaled, lengths) = unit_columns(fine);
             fine = scaled;
@@ -430,24 +430,24 @@ impl Scaled {
         }
         let largest = fine.norm();
         let measured = if largest > 0.0 { SAFETY * error.norm() / largest } else { 0.0 };
-        Scaled { matrix: fine, columns, tolerance: measured.max(ROUNDING) }
+        Scaled { matrix: fine, columns, tolerance: measured.max(tolerance::FORCE) }
     }
 
-    /// Orthonormal directions, by columns, that the rows which `keep` takes do not show.
+    /// Orthonormal basis, by columns, of the null space of the rows that `keep` accepts.
     fn null(&self, keep: impl Fn(usize) -> bool) -> DMatrix<f64> {
         let rows: Vec<usize> = (0..self.matrix.nrows()).filter(|&row| keep(row)).collect();
         Singular::new(&self.matrix.select_rows(&rows), self.tolerance).null()
     }
 }
 
-/// Whether no direction has a part along a combination.
+/// Whether a combination is orthogonal to the null space.
 fn is_shown(weights: &DVector<f64>, null: &DMatrix<f64>) -> bool {
-    null.tr_mul(weights).iter().all(|part| part.abs() <= COMPONENT)
+    null.tr_mul(weights).iter().all(|part| part.abs() <= tolerance::HIDDEN_COMPONENT)
 }
 
-/// Whether no direction has a part in a column.
+/// For every column, whether all directions of the null space have the component zero in it.
 fn determined(null: &DMatrix<f64>) -> Vec<bool> {
-    null.row_iter().map(|row| row.iter().all(|part| part.abs() <= COMPONENT)).collect()
+    null.row_iter().map(|row| row.iter().all(|part| part.abs() <= tolerance::HIDDEN_COMPONENT)).collect()
 }
 
 impl Setting {
@@ -491,9 +491,12 @@ impl Setting {
         let names: Vec<String> =
             (0..dims.parameters).map(|j| Model::<f64>::parameter(model, j).name.to_string()).collect();
         let columns = names.len();
+        // Unobservable directions, with rational coefficients where these are the same at every setting.
         let coefficient = |which: usize, column: usize| {
             let value = self.directions[which].1[column];
-            let same = |other: &&Setting| (other.directions[which].1[column] - value).abs() <= COMPONENT * value.abs();
+            let same = |other: &&Setting| {
+                (other.directions[which].1[column] - value).abs() <= tolerance::HIDDEN_COMPONENT * value.abs()
+            };
             Coefficient { value, exact: if alike.iter().all(same) { rational(value) } else { None } }
         };
         let has = |which: usize, column: usize| self.directions[which].1[column].abs() > 0.0;
@@ -507,6 +510,7 @@ impl Setting {
             };
             columns.iter().map(|&column| names[column].clone()).zip(texts).collect::<BTreeMap<String, String>>()
         });
+        // Base parameters, with the harmonics that show them.
         let free = self.free();
         let rows = &self.harmonics.rows;
         let reported = |row: usize| {
@@ -533,6 +537,7 @@ impl Setting {
                 .collect(),
             unchecked_in: unchecked[column].iter().map(|&row| reported(row)).collect(),
         });
+        // Observable parameters, and the lowest harmonic up to which the harmonics determine each.
         let observable = determined(&self.scaled.null(|_| true));
         let highest = rows.iter().map(|row| row.harmonic).max().unwrap_or(0);
         let mut band = vec![None; columns];
@@ -545,6 +550,7 @@ impl Setting {
                 break;
             }
         }
+        // Parameters that a single pattern determines.
         let alone: Vec<Vec<bool>> =
             (0..patterns.len()).map(|p| determined(&self.scaled.null(|row| rows[row].pattern == p))).collect();
         let parameters = (0..columns).map(|column| ReportedParameter {
@@ -570,7 +576,7 @@ impl Setting {
         }
     }
 
-    /// The base parameters: the leading column, and the combination in scaled parameters, of length one.
+    /// The base parameters: the leading column, and the combination in scaled parameters, normalised to length one.
     fn combinations(&self) -> Vec<(usize, DVector<f64>)> {
         let columns = self.scaled.matrix.ncols();
         let combination = |lead: usize| {
@@ -588,7 +594,7 @@ impl Setting {
         (0..columns).filter(|column| !free.contains(column)).map(combination).collect()
     }
 
-    /// By leading column: the least harmonic up to which the harmonics determine its base parameter.
+    /// Lowest harmonic up to which the harmonics determine each base parameter, by leading column.
     fn bands(&self) -> Vec<Option<usize>> {
         let combinations = self.combinations();
         let rows = &self.harmonics.rows;
@@ -607,7 +613,7 @@ impl Setting {
         bands
     }
 
-    /// By leading column: the rows without redundancy that determine its base parameter.
+    /// The rows without redundancy that determine each base parameter, by leading column.
     fn unchecked(&self) -> Vec<Vec<usize>> {
         let combinations = self.combinations();
         let mut unchecked = vec![Vec::new(); self.scaled.matrix.ncols()];
@@ -621,7 +627,7 @@ impl Setting {
         unchecked
     }
 
-    /// The values that were drawn.
+    /// Names and values of the drawn symbols, as text.
     fn at(&self, patterns: &[PlayedPattern<'_>]) -> BTreeMap<String, String> {
         let stated = |name: &str| patterns.iter().any(|played| played.values.contains_key(name));
         let parameters = self.symbols.physical.iter().filter(|(name, _)| self.harmonics.completed && !stated(name));
@@ -629,19 +635,19 @@ impl Setting {
         symbols.chain(parameters).map(|(name, value)| (name.clone(), number(*value))).collect()
     }
 
-    /// Whether a harmonic of a regressor stands above the error of computing it.
+    /// Whether a harmonic of a regressor is above its numerical error.
     fn visible(&self, row: usize, column: usize) -> bool {
         let Harmonics { fine, coarse, sizes, .. } = &self.harmonics;
         let error = SAFETY * (fine[(row, column)] - coarse[(row, column)]).abs();
-        fine[(row, column)].abs() > error.max(ROUNDING * sizes[(row, column)])
+        fine[(row, column)].abs() > error.max(tolerance::FORCE * sizes[(row, column)])
     }
 }
 
-/// A coefficient of a direction.
+/// A component of an unobservable direction.
 #[derive(Clone, Copy)]
 struct Coefficient {
     value: f64,
-    /// The coefficient as numerator and denominator, when it is the same rational number at every setting.
+    /// The component as numerator and denominator, when it is the same rational number at every setting.
     exact: Option<(i64, u32)>,
 }
 
@@ -659,8 +665,8 @@ impl Coefficient {
     }
 }
 
-/// The reduced echelon form of directions given by columns, from the last component on: as many directions, each with a component
-/// of one that is zero in all others, in ascending order of these components.
+/// The reduced echelon form of directions given by columns, eliminated from the last component on: as many directions,
+/// each with a component of one at which all others are zero, in ascending order of these components.
 fn echelon(null: &DMatrix<f64>) -> Vec<(usize, Vec<f64>)> {
     let mut left: Vec<Vec<f64>> = null.column_iter().map(|column| column.iter().copied().collect()).collect();
     let mut done: Vec<(usize, Vec<f64>)> = Vec::new();
@@ -668,7 +674,7 @@ fn echelon(null: &DMatrix<f64>) -> Vec<(usize, Vec<f64>)> {
         let Some(at) = (0..left.len()).max_by(|&a, &b| left[a][column].abs().total_cmp(&left[b][column].abs())) else {
             break;
         };
-        if left[at][column].abs() <= COMPONENT {
+        if left[at][column].abs() <= tolerance::HIDDEN_COMPONENT {
             continue;
         }
         let mut pivot = left.swap_remove(at);
@@ -682,22 +688,25 @@ fn echelon(null: &DMatrix<f64>) -> Vec<(usize, Vec<f64>)> {
     }
     for (_, direction) in &mut done {
         let largest = direction.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-        direction.iter_mut().filter(|value| value.abs() <= COMPONENT * largest).for_each(|value| *value = 0.0);
+        direction
+            .iter_mut()
+            .filter(|value| value.abs() <= tolerance::HIDDEN_COMPONENT * largest)
+            .for_each(|value| *value = 0.0);
     }
     done.reverse();
     done
 }
 
-/// The rational number of small denominator that a value is, to its error.
+/// The rational number of small denominator that equals a value within its error; nothing when there is none.
 fn rational(value: f64) -> Option<(i64, u32)> {
     (1..=LARGEST_DENOMINATOR).find_map(|denominator| {
         let numerator = (value * f64::from(denominator)).round();
-        let near = (value * f64::from(denominator) - numerator).abs() <= COMPONENT * numerator.abs();
+        let near = (value * f64::from(denominator) - numerator).abs() <= tolerance::HIDDEN_COMPONENT * numerator.abs();
         (near && numerator.abs() < 1e4).then_some((numerator as i64, denominator))
     })
 }
 
-/// Rational numbers times the least common multiple of their denominators, without a common divisor.
+/// Multiplies rational numbers by the least common multiple of their denominators, and removes their common divisor.
 fn whole(parts: &[(i64, u32)]) -> Vec<i64> {
     let gcd = |mut a: i64, mut b: i64| {
         while b != 0 {
@@ -779,7 +788,7 @@ mod tests {
         }
     }
 
-    /// The pendulum of the logs, without a Taylor series of its sine.
+    /// The pendulum of the logs, with the exact sine instead of its Taylor polynomial.
     const PENDULUM: &str = "model MotorPendulum {
         coordinate q [rad];
         input u [V];
@@ -795,7 +804,7 @@ mod tests {
         let (found, physical) = numerical(&parsed(PENDULUM), 31);
         assert_eq!((found.rank, found.columns, physical.rank), (4, 4, 4));
         assert!(found.parameters.iter().all(|parameter| parameter.observable));
-        // Sines of the velocity at one harmonic alone: d and fc cannot be told apart, nor J and mgl.
+        // Along a motion with the first harmonic alone d and fc cannot be told apart, nor J and mgl.
         let (found, _) = numerical(&parsed(PENDULUM), 1);
         assert_eq!(found.rank, 2);
         assert!(found.parameters.iter().all(|parameter| !parameter.observable));
@@ -804,7 +813,7 @@ mod tests {
 
     #[test]
     fn an_arm_in_the_vertical_plane_is_answered_with_its_base_parameters() {
-        // The squares of sine and cosine add up to one, which the offset of the torque is too.
+        // The squares of sine and cosine add up to one, which is also the regressor of the torque's offset.
         let arm = parsed(
             "model Arm {
                 coordinate q1 [rad], q2 [rad];
@@ -881,7 +890,7 @@ mod tests {
             }
         }
         assert!(compared > 1000);
-        // What is certain by the series is what stands out of the rounding of the samples.
+        // Harmonics that are certain by the series are those above the rounding of the samples.
         let (report, _) = numerical_identifiability(prepared, &played).expect("finite");
         let base = report.base.expect("short");
         assert!(base.iter().all(|own| !own.shown_by.is_empty()));

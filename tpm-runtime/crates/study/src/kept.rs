@@ -1,8 +1,9 @@
-//! How far a study has come, in a folder: a study that was stopped or killed goes on from there, and ends with the result of the
-//! unbroken one.
+//! Progress of a study, kept in a folder: a study that was stopped or killed continues from there, and has the result
+//! of an uninterrupted one.
 //!
-//! Invariant: the folder's `study.json` holds the campaigns of the first seeds, as many as it says, and nothing of any later one. It is
-//! written whole or not at all, and bound to model, experiment and program by what these are.
+//! Invariant: the folder's `study.json` holds the campaigns of the first seeds, whose number it states, and no later
+//! ones. The file is written completely or not at all, and identifies the model, experiment and program to which it
+//! belongs.
 
 use crate::campaigns::{Study, study_from};
 use crate::tally::Tally;
@@ -16,10 +17,10 @@ use tpm_session::{Session, SessionError};
 
 const KEPT: &str = "tpm.kept-study/1";
 
-/// How long the work of campaigns may be lost, at most, when a study is killed.
+/// Most computing time that is lost when a study is killed.
 const BETWEEN_WRITES: Duration = Duration::from_secs(1);
 
-/// The file of a study that has not ended, or may be gone on with.
+/// Contents of the file of a study, from which the study can be continued.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct KeptStudy {
@@ -49,7 +50,10 @@ impl KeptStudy {
         })
     }
 
-    /// This study as far as the file has it.
+    /// The kept study if it belongs to this one.
+    ///
+    /// # Errors
+    /// [`StoreError`] when the file belongs to another study, or to one of more campaigns.
     fn restored(self, path: &Path, campaigns: usize) -> Result<Self, StoreError> {
         let found: Self = read_json(path, KEPT)?;
         let broken = |reason: String| StoreError::Broken { path: path.display().to_string(), reason };
@@ -76,19 +80,20 @@ impl KeptStudy {
     }
 }
 
-/// Repeats the experiment of a session as [`study_session`](crate::study_session) does, and keeps in a folder, which is made
-/// when it is not there, how far it has come: a study that was stopped, or of which more campaigns are asked for, goes on from there.
+/// Repeats the experiment of a session as [`study_session`](crate::study_session) does, and keeps its progress in a
+/// folder, which is created when it does not exist. A study that was stopped continues from there, as does one whose
+/// number of campaigns was raised.
 ///
 /// # Errors
-/// [`SessionError`] of the first seed whose campaign fails; [`StoreError`] as one of an experiment when the folder holds another study,
-/// or one of more campaigns, is in use, or cannot be read or written.
+/// [`SessionError`] of the first seed whose campaign fails; a [`StoreError`] within it when the folder holds another
+/// study, or one of more campaigns, is in use, or cannot be read or written.
 pub fn study_kept(
     session: &Session,
     folder: &Path,
     campaigns: usize,
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, SessionError> {
-    // A loop that is not stable leaves no folder behind.
+    // A loop that is not stable fails here, before the folder is created.
     session.campaign()?;
     let _lock = Lock::hold(folder)?;
     let path = folder.join("study.json");
@@ -141,7 +146,7 @@ mod tests {
             true
         };
         assert_eq!(study_kept(&session, folder.path(), 8, &progress).expect("runs"), unbroken);
-        // The campaigns that were kept were not played again.
+        // The campaigns that were kept were not repeated.
         assert_eq!(first.into_inner(), stopped.campaigns + 1);
         assert_eq!(study_kept(&session, folder.path(), 8, &|_| panic!("nothing is left")).expect("kept"), unbroken);
         let more = study_kept(&session, folder.path(), 10, &|_| true).expect("runs");

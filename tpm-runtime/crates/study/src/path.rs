@@ -1,8 +1,8 @@
 //! A pattern of few harmonics fitted to a given path (Feng, 3.2.1).
 //!
-//! Invariant: a path of a stroke is played forth and back, so that its series has cosines only; its odd derivatives vanish at both
-//! ends by themselves, even ones and the ends as far as they are asked for, exactly. A closed path has cosines and sines, and no ends.
-//! Within these conditions the series is the nearest to the path in least squares.
+//! Invariant: a path of a stroke is played forth and back, so that its series has cosines only. Its odd derivatives
+//! vanish at both ends by symmetry; the ends themselves and the requested even derivatives are met exactly. A closed
+//! path has cosines and sines, and no ends. Within these conditions the series is the least-squares fit to the path.
 
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -13,18 +13,18 @@ use tpm_numerics::root_mean_square;
 /// Fewest samples of a path for each coefficient of its series.
 const SAMPLES_PER_COEFFICIENT: usize = 2;
 
-/// How a path is fitted.
+/// Settings of the fit of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathSettings {
     /// Highest harmonic of the series.
     pub harmonics: u32,
     /// Number of derivatives that vanish at both ends of a stroke.
     pub rest: u32,
-    /// Whether the path ends where it begins, and is repeated instead of played back.
+    /// Whether the path ends where it begins, so that it is repeated instead of played back.
     pub closed: bool,
 }
 
-/// Why a path has no such pattern.
+/// Why a path cannot be fitted by a pattern.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
@@ -50,7 +50,7 @@ pub enum PathError {
         /// Least number of samples.
         least: usize,
     },
-    /// The path stands still.
+    /// The path does not move.
     #[error("the path of `{coordinate}` stands still")]
     Still {
         /// Name of the coordinate.
@@ -58,7 +58,7 @@ pub enum PathError {
     },
 }
 
-/// The series of one coordinate.
+/// The Fourier series of one coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FittedCoordinate {
     /// Name of the coordinate.
@@ -67,7 +67,7 @@ pub struct FittedCoordinate {
     pub size: f64,
     /// Mean of the series.
     pub mean: f64,
-    /// Harmonic, cosine and sine.
+    /// Harmonics with the amplitudes of their cosine and sine, unit of the coordinate.
     pub lines: Vec<(u32, f64, f64)>,
     /// Root mean square of the distance from the path.
     pub rms: f64,
@@ -87,14 +87,14 @@ impl FittedCoordinate {
 /// A pattern fitted to a path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FittedPath {
-    /// Fundamental frequency at which the path takes its own time, rad/s.
+    /// Fundamental frequency at which the pattern takes the time of the path, rad/s.
     pub frequency: f64,
     /// The coordinates.
     pub coordinates: Vec<FittedCoordinate>,
 }
 
-/// Fits series to a path: names and even samples of the coordinates, the last one at the end of a stroke or one sample before a
-/// closed path begins again. `sample_time` is in s.
+/// Fits Fourier series to a path, given the names and equidistant samples of the coordinates. The last sample is the
+/// end of a stroke, or lies one sample before the beginning of a closed path. `sample_time` is in s.
 ///
 /// # Errors
 /// [`PathError`] when the harmonics cannot meet the conditions at the ends, the samples are too few, or nothing moves.
@@ -105,7 +105,8 @@ pub fn fit_path(
 ) -> Result<FittedPath, PathError> {
     let PathSettings { harmonics, rest, closed } = settings;
     let samples = path.first().map_or(0, |(_, values)| values.len());
-    // Even and odd cosines separate at the ends 0 and pi: each kind meets the end and the even derivatives.
+    // The conditions at the ends 0 and pi separate into even and odd cosines: each kind has to meet one end value and
+    // the even derivatives.
     let least = 2 * (rest / 2) + 1;
     if harmonics < if closed { 1 } else { least } {
         return Err(PathError::TooFewHarmonics { harmonics, rest, least });
@@ -150,8 +151,8 @@ pub fn fit_path(
     Ok(FittedPath { frequency: step / sample_time, coordinates: fitted.collect::<Result<_, PathError>>()? })
 }
 
-/// Coefficients 1, cos 1, ..., cos K and, of a closed path, sin 1, ..., sin K: the normal equations with the conditions at the ends
-/// beside them. `None` where they have no single solution.
+/// Coefficients of 1, cos 1, ..., cos K and, for a closed path, sin 1, ..., sin K: the normal equations with the
+/// conditions at the ends as constraints. `None` where they have no unique solution.
 fn nearest(values: &[f64], step: f64, settings: PathSettings) -> Option<Vec<f64>> {
     let PathSettings { harmonics, rest, closed } = settings;
     let highest = harmonics as usize;
@@ -161,7 +162,8 @@ fn nearest(values: &[f64], step: f64, settings: PathSettings) -> Option<Vec<f64>
         let sines = (highest + 2..=unknowns).map(|i| ((i - highest - 1) as f64 * phase).sin());
         cosines.chain(sines).collect()
     };
-    // Conditions: both ends of the path, and the even derivatives there, in units of the highest harmonic.
+    // Constraints: the values at both ends of the path, and the even derivatives there, in units of the highest
+    // harmonic.
     let mut conditions: Vec<(Vec<f64>, f64)> = Vec::new();
     if !closed {
         for (phase, value) in [(0.0, values[0]), (PI, values[values.len() - 1])] {

@@ -1,7 +1,9 @@
-//! Parameters of one model in those of another with the same coordinates and inputs, by the forces of both along a motion.
+//! Projection of the parameters of one model onto those of another with the same coordinates and inputs, by least
+//! squares of the forces along a motion.
 //!
-//! Invariant: every input counts alike, its forces divided by their root mean square over all motions, and every motion counts alike. What
-//! the motion does not show of the wanted parameters, or what the known ones leave open, has no value.
+//! Invariant: every input has the same weight, since its forces are divided by their root mean square over all motions,
+//! and so has every motion. Wanted parameters that the motion does not show, or that the known ones leave undetermined,
+//! have no value.
 
 use num_complex::Complex;
 use serde::Serialize;
@@ -18,7 +20,7 @@ use tpm_motion::trajectory::{HarmonicSeries, PatternError, Trajectory};
 use tpm_numerics::fourier::analyse;
 use tpm_numerics::singular::unit_columns;
 use tpm_numerics::tail::chi_squared_upper;
-use tpm_numerics::{DMatrix, DVector, root_mean_square};
+use tpm_numerics::{DMatrix, DVector, root_mean_square, tolerance};
 use tpm_physical::is_lumped;
 use tpm_report::number;
 use tpm_session::{
@@ -30,42 +32,40 @@ use tpm_symbolic::mechanics::unit::Unit;
 use tpm_symbolic::number::rational::to_f64;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
-/// Samples of a period, in the middle of equal intervals.
+/// Number of samples in a period, in the middle of equal intervals.
 const SAMPLES: usize = 1 << 12;
-/// What is unexplained below this share of the force is rounding.
-const ROUNDING: f64 = 1e-10;
 
-/// Which way parameters go from one model to another.
+/// Direction of a projection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Way {
-    /// The parameters of the second model that come nearest to the forces of the first.
+    /// The parameters of the second model whose forces are nearest, in least squares, to those of the first.
     Onto,
-    /// The parameters of the first model to which those of the second are the nearest.
+    /// The parameters of the first model whose projection onto the second gives the parameters of the second.
     Back,
 }
 
 /// The motion along which forces are compared.
 #[derive(Clone, Copy, Debug)]
 pub enum ComparedMotion<'a> {
-    /// A pattern of the first model, or of the second where the first has none, by its name or the first one; the values state its
-    /// amplitudes and frequency.
+    /// A pattern by its name, or the first one when no name is given, of the first model, or of the second where the
+    /// first has none. The values state its amplitudes and frequency.
     Pattern(Option<&'a str>),
-    /// All stages of an experiment on one of the models. Its constants count where the values state none.
+    /// All stages of an experiment on one of the models. Its constants are used where the values state none.
     Stages(&'a Session),
 }
 
-/// What is asked of a projection.
+/// The request of a projection.
 #[derive(Clone, Debug)]
 pub struct ProjectionRequest<'a> {
     /// The first model.
     pub from: &'a DeclaredModel,
     /// The second model.
     pub onto: &'a DeclaredModel,
-    /// Which way the parameters go.
+    /// The direction of the projection.
     pub way: Way,
-    /// Values by name: parameters, constants of both models, amplitudes and frequency. Values of the wanted parameters stand beside the
-    /// result, as stated before.
+    /// Values by name: parameters and constants of both models, amplitudes and frequency. Values of wanted parameters
+    /// are reported as priors beside the result.
     pub values: BTreeMap<String, f64>,
     /// A result of an identification that states the known parameters in place of the values.
     pub result: Option<&'a StoredResult>,
@@ -73,11 +73,11 @@ pub struct ProjectionRequest<'a> {
     pub motion: ComparedMotion<'a>,
 }
 
-/// Why parameters of one model cannot be given in those of another.
+/// Why a projection cannot be computed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProjectionError {
-    /// The inputs are not the same.
+    /// The models have different inputs.
     #[error("the models do not have the same inputs: {from} has {}, {onto} has {}", .from_inputs.join(", "), .onto_inputs.join(", "))]
     Inputs {
         /// The first model.
@@ -99,7 +99,7 @@ pub enum ProjectionError {
         /// Its unit in the second model.
         onto: String,
     },
-    /// Inputs do not follow from the rows.
+    /// The rows do not determine the inputs.
     #[error(
         "the rows of {model} do not give every input from the motion ({rows} rows, {inputs} inputs): forces can be compared where each \
          coordinate is driven; eliminate coordinates without an input"
@@ -115,7 +115,7 @@ pub enum ProjectionError {
     /// No model has a pattern.
     #[error("neither model has a pattern to move along")]
     NoPattern,
-    /// The pattern is not there.
+    /// The pattern does not exist.
     #[error(transparent)]
     Model(#[from] ModelFault),
     /// The pattern cannot be played.
@@ -124,7 +124,7 @@ pub enum ProjectionError {
     /// The experiment does not give a motion.
     #[error(transparent)]
     Experiment(#[from] Box<ExperimentError>),
-    /// A coordinate does not move with the motion.
+    /// The motion does not prescribe a coordinate.
     #[error("the motion says nothing of the coordinate `{coordinate}` of {model}")]
     NoMotion {
         /// The coordinate.
@@ -138,7 +138,7 @@ pub enum ProjectionError {
         /// What they belong to.
         names: Vec<String>,
     },
-    /// A value is given for something that is not there.
+    /// A value is stated for a name that no model has.
     #[error(
         "`{name}` is no parameter or run-time constant of the models{} (these are {})",
         if *.stages { "; the experiment states the motion" } else { ", and no amplitude or frequency" },
@@ -160,7 +160,7 @@ pub enum ProjectionError {
         /// Model of the known parameters.
         expected: String,
     },
-    /// Known parameters are stated twice.
+    /// Known parameters are stated both as values and by a result.
     #[error("the result states the parameters of {model} already; leave out the values of {}", .names.join(", "))]
     Twice {
         /// Model of the known parameters.
@@ -196,18 +196,18 @@ pub struct MotionReport {
     pub frequency: f64,
 }
 
-/// The largest harmonic of what is not explained of an input.
+/// The largest harmonic of the unexplained force of an input.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct MisfitHarmonic {
     /// The motion, from 1.
     pub motion: usize,
-    /// Multiple of its fundamental frequency.
+    /// Multiple of the motion's fundamental frequency.
     pub harmonic: usize,
     /// Amplitude, in the unit of the input.
     pub amplitude: f64,
 }
 
-/// What of an input's forces is not explained.
+/// The unexplained force of an input.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InputMisfit {
     /// Name of the input.
@@ -216,70 +216,72 @@ pub struct InputMisfit {
     pub unit: Option<String>,
     /// Root mean square of the force with the known parameters.
     pub force: f64,
-    /// Root mean square of what is not explained of it.
+    /// Root mean square of the unexplained force, unit of the input.
     pub unexplained: f64,
-    /// The share of it; nothing for an input without a force, which counts for nothing.
+    /// Unexplained force as a share of the force; nothing for an input without a force, which has no weight.
     pub share: Option<f64>,
-    /// Its largest harmonic; nothing where all is explained but for rounding.
+    /// The largest harmonic of the unexplained force; nothing where the unexplained force is rounding.
     pub harmonic: Option<MisfitHarmonic>,
 }
 
-/// Whether the wanted parameters explain known ones of which there are more.
+/// Chi-squared test of whether the wanted parameters explain a larger number of known ones.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Consistency {
-    /// Sum of squares of what is left, in standard deviations of the known ones.
+    /// Sum of squares of the residuals, in standard deviations of the known parameters.
     pub chi_squared: f64,
     /// Its degrees of freedom.
     pub degrees: usize,
-    /// The chance of as large a sum.
+    /// Probability of a sum at least as large by chance.
     pub chance: f64,
 }
 
-/// Parameters of one model from those of another; serialises as `tpm.projection/1`, which is read wherever a result of an
-/// identification is.
+/// Parameters of one model from those of another. It serialises as `tpm.projection/1`, which every reader of an
+/// identification's result accepts.
 #[derive(Clone, Debug, Serialize)]
 #[non_exhaustive]
 pub struct Projection {
-    /// Name and version of the form.
+    /// Name and version of the file format.
     pub schema: &'static str,
-    /// Name of the model whose parameters these are.
+    /// Name of the model to which the parameters belong.
     pub model: String,
     /// Name of the model whose parameters were known.
     pub of: String,
-    /// Which way they went.
+    /// Direction of the projection.
     pub way: Way,
     /// The motions.
     pub motions: Vec<MotionReport>,
-    /// Samples of every motion.
+    /// Number of samples of every motion.
     pub samples: usize,
-    /// What every second sample alone would change of the projected force, as a share of the force.
+    /// Change of the projected force when only every second sample is used, as a share of the force.
     pub sampling: f64,
-    /// What of the forces is not explained: of those of the first model by the second one, or, on the way back, of those of the second by
-    /// the projection of the first.
+    /// Unexplained forces by input: those of the first model that the second does not explain or, in the direction
+    /// `back`, those of the second that the projection of the first does not explain.
     pub inputs: Vec<InputMisfit>,
-    /// Root mean square of what is not explained, as a share of the force, inputs counting alike.
+    /// Root mean square of the unexplained force as a share of the force, with equal weights of the inputs.
     pub residual: f64,
-    /// Whether the known parameters are exact; all deviations are zero then.
+    /// Whether the known parameters are exact; all standard deviations are then zero.
     pub exact: bool,
-    /// The parameters; deviations are those that the known ones pass on.
+    /// The parameters; their standard deviations follow from those of the known parameters.
     pub parameters: Vec<ParameterReport>,
-    /// Directions that the motion hides, or that the known parameters leave open: parameter to weight.
+    /// Directions that the motion does not show, or that the known parameters leave undetermined: weight by parameter.
     pub unobservable: Vec<BTreeMap<String, String>>,
-    /// What there is to say of the parameters in them.
+    /// Combinations of unobservable parameters that have a value.
     pub combinations: Vec<CombinationReport>,
     /// Covariance of the parameters; nothing where unobservable.
     pub covariance: Vec<Vec<Option<f64>>>,
     /// Covariance of every combination with all parameters, nothing where unobservable, and then with all combinations.
     pub combination_covariance: Vec<Vec<Option<f64>>>,
-    /// Independent combinations that have a value.
+    /// Number of independent combinations that have a value.
     pub rank: usize,
-    /// Condition number of the equations that were solved, their columns of length one, over what follows from them.
+    /// Condition number of the solved equations, their columns normalised, over the determined directions.
     pub condition: Option<f64>,
-    /// On the way back, the share of the first model's force that the second leaves out, where the result was not weighed as the projection
-    /// is. Its values then have another mean, by what deviations do not tell.
+    /// In the direction `back`, the share of the first model's force that the second leaves out, where the result was
+    /// identified with other weights than the projection's. The expected values of the parameters then differ, by an
+    /// amount that the standard deviations do not contain.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub other_weights: Option<f64>,
-    /// Whether the model explains the known parameters; nothing where these are exact, or no more than follow.
+    /// Test of whether the model explains the known parameters; nothing where these are exact, or no more than the
+    /// wanted ones.
     pub consistency: Option<Consistency>,
     /// Whether the parameters are lumped ones.
     #[serde(skip)]
@@ -287,7 +289,7 @@ pub struct Projection {
 }
 
 impl Projection {
-    /// Why this is not all that was asked for; nothing when it is.
+    /// What is missing of the requested result; nothing when the result is complete.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
         if let Some(left_out) = self.other_weights {
@@ -309,17 +311,18 @@ impl Projection {
     }
 }
 
-/// A model with what it takes to evaluate its forces.
+/// A model with everything that is needed to evaluate its forces.
 struct Side<'a> {
     declared: &'a DeclaredModel,
     map: ParameterMap,
     constants: Vec<f64>,
 }
 
-/// Forces along all motions: a row for every motion, sample and input in the order of the first model, a column for every parameter.
+/// Forces along all motions: one row for every motion, sample and input in the order of the first model, one column for
+/// every parameter.
 struct Forces {
     columns: DMatrix<f64>,
-    /// The terms without a parameter.
+    /// The forces that do not depend on a parameter.
     known: DVector<f64>,
 }
 
@@ -347,7 +350,7 @@ impl<'a> Side<'a> {
         })
     }
 
-    /// The motion of the model's own coordinates.
+    /// The trajectory of the model's own coordinates.
     fn own(&self, motion: &Motion) -> Result<Trajectory, ProjectionError> {
         let model = self.model();
         let own = (0..model.dims().coordinates).map(|c| {
@@ -360,7 +363,7 @@ impl<'a> Side<'a> {
         Ok(Trajectory { frequency: motion.frequency, coordinates: own.collect::<Result<_, _>>()? })
     }
 
-    /// The forces along motions; `inputs` is the order of the inputs.
+    /// The forces along motions; `inputs` states the order of the inputs.
     fn forces(&self, motions: &[Motion], inputs: &[String]) -> Result<Forces, ProjectionError> {
         let model = self.model();
         let dims = model.dims();
@@ -427,7 +430,7 @@ struct Motion {
     coordinates: BTreeMap<String, HarmonicSeries>,
 }
 
-/// The experiment in a file, brought together with the first of some models, each with its own file, that it fits.
+/// The experiment in a file as a session with the first of some models, each with its own file, that it fits.
 ///
 /// # Errors
 /// [`SessionError`] of the first model, when it fits none.
@@ -450,7 +453,7 @@ pub fn fitting_experiment(path: &Path, models: &[(&DeclaredModel, &Path)]) -> Re
     Err(fault.unwrap_or_else(|| ExperimentError::NoStage.into()))
 }
 
-/// Gives parameters of one model in those of another.
+/// Projects the parameters of one model onto those of another.
 ///
 /// # Errors
 /// [`ProjectionError`] when the models do not fit together, values are missing, or the motion cannot be played.
@@ -462,6 +465,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
         };
         request.values.get(name).copied().or_else(of_experiment)
     };
+    // Check that models, stated values and known parameters fit together.
     let (from, onto) = (Side::new(request.from, &stated), Side::new(request.onto, &stated));
     fit_together(&from, &onto)?;
     known_names(request)?;
@@ -470,11 +474,12 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
         Way::Back => (&onto, &from),
     };
     missing(request, given, &stated)?;
+    // Evaluate the forces of both models along all motions.
     let motions = motions(request, &stated)?;
     let inputs = from.inputs();
     let (mut rich, mut simple) = (from.forces(&motions, &inputs)?, onto.forces(&motions, &inputs)?);
     let known = known(request, given, &stated)?;
-    // The forces of the known parameters, which weigh the inputs.
+    // The forces of the known parameters, from which the weights of the inputs follow.
     let of_given = if request.way == Way::Onto { &rich } else { &simple };
     let (_, lengths) = unit_columns(of_given.columns.clone());
     let settled = known.settled(&lengths);
@@ -482,6 +487,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     if force.iter().any(|value| !value.is_finite()) {
         return Err(ProjectionError::NotFinite { model: given.model().name().to_string() });
     }
+    // Weight the rows, so that every input has the same mean square.
     let count = inputs.len();
     let rms: Vec<f64> = (0..count).map(|i| root_mean_square(force.iter().skip(i).step_by(count).copied())).collect();
     let rows = (motions.len() * SAMPLES) as f64;
@@ -492,6 +498,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
             forces.known[row] *= weight(row);
         }
     }
+    // Solve the least squares in the requested direction.
     let offset = &rich.known - &simple.known;
     let projector = Projector::new(&rich.columns, &simple.columns, &offset);
     let (estimate, left) = match request.way {
@@ -502,6 +509,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
             (estimate, tested.then_some((chi_squared, degrees)))
         }
     };
+    // Compute the forces that the solution leaves unexplained.
     let found = DVector::from_column_slice(&estimate.values);
     let (of_rich, nearest) = match request.way {
         Way::Onto => (known.settled(projector.projected_scale()), found),
@@ -511,6 +519,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
         Way::Onto => &rich.columns * &of_rich + &offset - &simple.columns * &nearest,
         Way::Back => &simple.columns * (known.settled(projector.scale()) - &nearest),
     };
+    // Repeat the projection with every second sample to measure the error of sampling.
     let every_second = |forces: &DMatrix<f64>| {
         let rows: Vec<usize> = (0..forces.nrows()).filter(|row| (row / count) % 2 == 0).collect();
         forces.select_rows(&rows) * f64::sqrt(2.0)
@@ -524,6 +533,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     let weighed = rms.iter().filter(|rms| **rms > 0.0).count();
     let share = |rows: &DVector<f64>| rows.norm() / (weighed.max(1) as f64).sqrt();
     let sampling = share(&(&simple.columns * (half.apply(&of_rich) - &nearest)));
+    // Collect the report.
     let misfits = (0..count).map(|i| {
         let label = from.model().input(i);
         misfit(label.name, label.unit, i, count, rms[i], &missed, rows.sqrt())
@@ -535,7 +545,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     let mut report = EstimateReport::new(wanted.model(), &prior, Some(&estimate));
     let left_out = share(&(&rich.columns * &of_rich + &offset - &simple.columns * &nearest));
     let equal = request.result.is_none_or(StoredResult::weighed_equally) || known.is_exact();
-    let other_weights = (request.way == Way::Back && !equal && left_out > ROUNDING).then_some(left_out);
+    let other_weights = (request.way == Way::Back && !equal && left_out > tolerance::FORCE).then_some(left_out);
     for parameter in report.parameters.iter_mut() {
         parameter.status = parameter.status.in_result(other_weights.is_none());
     }
@@ -567,7 +577,8 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     })
 }
 
-/// What is not explained of an input: `missed` is weighed, so that the force of every input has the mean square one over `root` squared.
+/// The unexplained force of an input. `missed` is weighted, so that the force of every input has the mean square one
+/// over `root` squared.
 fn misfit(
     input: &str,
     unit: Option<&str>,
@@ -595,11 +606,11 @@ fn misfit(
         force,
         unexplained,
         share: (force > 0.0).then(|| unexplained / force),
-        harmonic: harmonic.filter(|_| unexplained > ROUNDING * force),
+        harmonic: harmonic.filter(|_| unexplained > tolerance::FORCE * force),
     }
 }
 
-/// Requires that two models have the same inputs, as many rows, and the same units of what they share.
+/// Requires that two models have the same inputs, the same number of rows, and the same units of common quantities.
 fn fit_together(from: &Side<'_>, onto: &Side<'_>) -> Result<(), ProjectionError> {
     let (from_inputs, onto_inputs) = (from.inputs(), onto.inputs());
     let set = |inputs: &[String]| inputs.iter().cloned().collect::<BTreeSet<String>>();
@@ -625,14 +636,14 @@ fn fit_together(from: &Side<'_>, onto: &Side<'_>) -> Result<(), ProjectionError>
     Ok(())
 }
 
-/// The model whose pattern is played: the first one that has any.
+/// The model whose pattern is played: the first one that has a pattern.
 fn patterned<'a>(request: &ProjectionRequest<'a>) -> Result<&'a DeclaredModel, ProjectionError> {
     let both = [request.from, request.onto];
     let found = both.into_iter().find(|declared| !declared.prepared().model.patterns.is_empty());
     found.ok_or(ProjectionError::NoPattern)
 }
 
-/// Requires that every value belongs to something.
+/// Requires that every stated value has a name of one of the models.
 fn known_names(request: &ProjectionRequest<'_>) -> Result<(), ProjectionError> {
     let mut known: Vec<String> = Vec::new();
     for model in [request.from, request.onto].map(|declared| &declared.prepared().model) {
@@ -655,7 +666,7 @@ fn known_names(request: &ProjectionRequest<'_>) -> Result<(), ProjectionError> {
     }
 }
 
-/// Requires the values that are needed.
+/// Requires that all needed values are stated.
 fn missing(
     request: &ProjectionRequest<'_>,
     given: &Side<'_>,
@@ -680,7 +691,7 @@ fn missing(
     if names.is_empty() { Ok(()) } else { Err(ProjectionError::NoValue { names }) }
 }
 
-/// The motions.
+/// The motions along which forces are compared.
 fn motions(
     request: &ProjectionRequest<'_>,
     stated: &dyn Fn(&str) -> Option<f64>,
@@ -720,14 +731,14 @@ fn motions(
     }
 }
 
-/// A motion by the names of its coordinates, but for those that are open.
+/// A motion with the names of its coordinates, without those that are open.
 fn named(name: String, model: &dyn Model<f64>, open: &[usize], trajectory: Trajectory) -> Motion {
     let moved = trajectory.coordinates.into_iter().enumerate().filter(|(c, _)| !open.contains(c));
     let coordinates = moved.map(|(c, series)| (model.coordinate(c).name.to_string(), series)).collect();
     Motion { name, frequency: trajectory.frequency, coordinates }
 }
 
-/// What is known of the parameters of the given model.
+/// Values and covariance of the known parameters.
 fn known(
     request: &ProjectionRequest<'_>,
     given: &Side<'_>,

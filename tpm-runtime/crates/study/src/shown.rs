@@ -1,5 +1,5 @@
-//! What a model's patterns, or any motion of it, can show of its parameters: exactly where there is a harmonic table, and along the
-//! pattern in floating point where there is none.
+//! Identifiability of a model's parameters under its patterns, or under any motion: exact where there is a harmonic
+//! table, and in floating point along the pattern where there is none.
 
 use crate::identifiability::{PlayedPattern, numerical_identifiability};
 use serde::Serialize;
@@ -19,23 +19,24 @@ use tpm_symbolic::regressor::base_parameters::{BaseParameters, Certificate, Moti
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
-/// Random points of the check have other numbers for every seed; any will do.
+/// Seed of the random points of the check; the result does not depend on it.
 const SEED: u64 = 1;
 
-/// A pattern of which it is asked what it shows.
+/// A pattern whose identifiability is asked for.
 #[derive(Clone, Debug)]
 pub struct AskedPattern<'a> {
     /// A name for reports.
     pub name: String,
     /// The pattern.
     pub pattern: &'a Pattern,
-    /// The highest harmonic that counts; the pattern's own number when not given, else all of the table.
+    /// The highest harmonic that is used; when not given, the pattern's own limit, else all harmonics of the table.
     pub harmonics: Option<usize>,
-    /// Values of amplitudes, frequency, constants and, where a coordinate is open, parameters; others stay symbolic, or are drawn.
+    /// Values of amplitudes, frequency, constants and, where a coordinate is open, parameters; other symbols stay
+    /// symbolic or are drawn.
     pub values: Vec<(String, Rational)>,
 }
 
-/// What patterns show together. It serialises as `tpm.identifiability/1`.
+/// Identifiability under several patterns together. It serialises as `tpm.identifiability/1`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Shown {
     /// The parameters that the model is linear in.
@@ -43,13 +44,13 @@ pub struct Shown {
     pub report: Report,
     /// The physical parameters behind lumped ones.
     pub physical: Option<PhysicalIdentifiability>,
-    /// Nonlinear parameters, which are constants here.
+    /// Nonlinear parameters, which count as constants here.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nonlinear: Vec<String>,
-    /// Terms that stand replaced by their declared Taylor polynomials, as remarks.
+    /// Remarks on terms that were replaced by their declared Taylor polynomials.
     #[serde(skip)]
     pub replaced: Vec<String>,
-    /// Why there is no table, where the answer is one in floating point.
+    /// Why there is no harmonic table, where the answer was computed in floating point.
     #[serde(skip)]
     pub refused: Option<ExpandError>,
 }
@@ -61,12 +62,12 @@ pub enum ShownError {
     /// A fault of the model, at its place in the text.
     #[error("{}", .0.message)]
     Model(Box<Diagnostic>),
-    /// A fault of what was asked.
+    /// A fault of the request.
     #[error("{0}")]
     Asked(String),
 }
 
-/// What patterns of a model show together.
+/// Identifiability of a model's parameters under several of its patterns together.
 ///
 /// # Errors
 /// [`ShownError`].
@@ -89,10 +90,10 @@ pub fn shown(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<Shown, Shown
     Ok(Shown { report, physical, nonlinear: nonlinear(parsed), replaced, refused })
 }
 
-/// What was found of the parameters that a model is linear in, and of the physical ones behind them.
+/// Identifiability of the linear parameters, and of the physical ones behind them.
 type Exact = (Report, Option<PhysicalIdentifiability>);
 
-/// The exact answer, from harmonic tables; or why there is no table.
+/// The exact answer from harmonic tables, or the reason why there is no table.
 fn exact(
     parsed: &Parsed,
     prepared: &Prepared,
@@ -133,7 +134,7 @@ fn along(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<(Report, Physica
     numerical_identifiability(&prepared, &played).map_err(|error| ShownError::Asked(error.to_string()))
 }
 
-/// The highest harmonic that counts, where one is stated.
+/// The highest harmonic that is used, where one is stated.
 fn highest(parsed: &Parsed, asked: &AskedPattern<'_>) -> Option<usize> {
     asked.harmonics.or_else(|| parsed.declared_harmonics(asked.pattern))
 }
@@ -148,38 +149,39 @@ fn located(parsed: &Parsed, fault: &impl AtTerm) -> ShownError {
     ShownError::Model(Box::new(parsed.locate(fault)))
 }
 
-/// A parameter that any motion shows together with others: `parameter + sum plus[other] * other`, with exact factors.
+/// A base parameter, whose members any motion shows only together: `parameter + sum plus[other] * other`, with exact
+/// factors.
 #[derive(Clone, Debug, Serialize)]
 pub struct Base {
     /// The leading parameter.
     pub parameter: String,
-    /// What is lumped into it.
+    /// Factors of the parameters that are lumped into it.
     pub plus: BTreeMap<String, String>,
 }
 
-/// What any motion of a model shows, with a certificate that was checked. It serialises as `tpm.base/1`.
+/// Identifiability of a model under any motion, with a certificate that was checked. It serialises as `tpm.base/1`.
 #[derive(Clone, Debug, Serialize)]
 pub struct AnyMotion {
-    /// Name and version of the form.
+    /// Name and version of the file format.
     pub schema: &'static str,
     /// Name of the model.
     pub model: String,
     /// The parameters that the model is linear in.
     pub parameters: Vec<String>,
-    /// Number of combinations that motions show.
+    /// Number of independent combinations that motions show.
     pub rank: usize,
     /// The base parameters; nothing where their factors depend on constants without a value.
     pub base: Option<Vec<Base>>,
-    /// Parameters that no motion shows, in no combination.
+    /// Parameters that no motion shows, in any combination.
     pub unobservable: Vec<String>,
-    /// Nonlinear parameters, which are constants here.
+    /// Nonlinear parameters, which count as constants here.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nonlinear: Vec<String>,
-    /// How the rank is proven.
+    /// The proof of the rank.
     pub certificate: Certificate,
 }
 
-/// What any motion of a model shows while some coordinates rest, each at a value.
+/// Identifiability of a model under any motion in which some coordinates rest, each at a value.
 ///
 /// # Errors
 /// [`ShownError`].
@@ -218,7 +220,7 @@ fn named(found: &BaseParameters) -> Option<Vec<Base>> {
     Some(base.collect())
 }
 
-/// Parameters that no motion shows, in no combination.
+/// Parameters that no motion shows, in any combination.
 fn unobservable(found: &BaseParameters) -> Vec<String> {
     let alone = |direction: &Vec<(usize, Rational)>| match direction.as_slice() {
         [(column, _)] => Some(found.parameters[*column].clone()),

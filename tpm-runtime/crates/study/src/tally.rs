@@ -1,4 +1,4 @@
-//! What the campaigns of a study have shown so far, in sums of which there are as many however many campaigns there were.
+//! Running sums over the campaigns of a study. Their size does not depend on the number of campaigns.
 
 use serde::{Deserialize, Serialize};
 use tpm_core::model::Model;
@@ -7,8 +7,8 @@ use tpm_experiment::Experiment;
 use tpm_numerics::tail::NORMAL_95;
 use tpm_session::Identification;
 
-/// One parameter over all campaigns. The statistics are over the campaigns that identified the parameter; an estimate
-/// that the campaign itself reports as poorly determined does not count.
+/// Statistics of one parameter over the campaigns that identified it. An estimate that its campaign reports as poorly
+/// determined does not count.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterStudy {
     /// Name in the model.
@@ -36,18 +36,18 @@ pub struct ParameterStudy {
     pub coverage: Option<f64>,
 }
 
-/// What a study takes from a campaign.
+/// The values of one campaign that a study uses.
 pub(super) struct Outcome {
     seed: Option<u64>,
     complete: bool,
     /// Value and standard deviation of every parameter of the plant that the campaign identified.
     estimates: Box<[Option<(f64, f64)>]>,
-    /// The Cramer-Rao bounds, which come with the first campaign.
+    /// The Cramer-Rao bounds, which only the first campaign has.
     bounds: Option<Vec<Option<f64>>>,
 }
 
 impl Outcome {
-    /// What a result says of the plant's parameters.
+    /// Estimates of the plant's parameters in a result.
     pub(super) fn of(result: &Identification, parameters: &[&str], bounds: Option<Vec<Option<f64>>>) -> Self {
         let identified = |name: &&str| {
             let parameter = named(result, name).filter(|parameter| parameter.status == Status::Identified)?;
@@ -58,12 +58,12 @@ impl Outcome {
     }
 }
 
-/// A parameter of the plant in a result: one that the estimator gives, or a physical one behind lumped ones.
+/// Report of a parameter of the plant in a result: an estimated parameter, or a physical one behind lumped ones.
 fn named<'r>(result: &'r Identification, name: &str) -> Option<&'r ParameterReport> {
     result.parameters.iter().chain(&result.physical).find(|parameter| parameter.name == name)
 }
 
-/// Campaigns of successive seeds, taken in one after the other: equal campaigns give equal sums, to the last bit.
+/// Sums over the campaigns of successive seeds, added in order: equal campaigns give equal sums, to the last bit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tally {
@@ -76,21 +76,21 @@ pub(super) struct Tally {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Moments {
-    /// Value in the simulated machine; a machine without one cannot be simulated.
+    /// Value in the simulated machine; a machine cannot be simulated without it.
     truth: Option<f64>,
     bound: Option<f64>,
     values: usize,
     mean: f64,
-    /// Squares of the deviations from the mean.
+    /// Sum of the squared deviations from the mean.
     squares: f64,
-    /// Squares of the stated standard deviations.
+    /// Sum of the squares of the stated standard deviations.
     stated: f64,
-    /// Intervals that hold the truth.
+    /// Number of stated intervals that contain the truth.
     held: usize,
 }
 
 impl Moments {
-    /// Takes in a value and its standard deviation. The deviations are those from the mean so far, so that no digits cancel
+    /// Adds a value and its standard deviation. Deviations are taken from the current mean, so that no digits cancel
     /// (B. P. Welford, 1962).
     fn add(&mut self, value: f64, std: f64) {
         self.values += 1;
@@ -103,7 +103,7 @@ impl Moments {
 }
 
 impl Tally {
-    /// No campaign yet.
+    /// A tally without campaigns.
     pub(super) fn new(model: &dyn Model<f64>, experiment: &Experiment) -> Self {
         let truth = |j: usize| experiment.plant.parameters.get(model.parameter(j).name).copied();
         let parameters =
@@ -111,18 +111,18 @@ impl Tally {
         Self { campaigns: 0, incomplete_seeds: Vec::new(), parameters }
     }
 
-    /// How many campaigns were taken in.
+    /// Number of campaigns that were added.
     pub(super) const fn campaigns(&self) -> usize {
         self.campaigns
     }
 
-    /// Whether this is a tally of the parameters of another one.
+    /// Whether this tally has the same parameters as another one.
     pub(super) fn fits(&self, other: &Self) -> bool {
         let truths = |tally: &Self| tally.parameters.iter().map(|own| own.truth).collect::<Vec<_>>();
         truths(self) == truths(other)
     }
 
-    /// Takes in the campaign of the next seed.
+    /// Adds the campaign of the next seed.
     pub(super) fn add(&mut self, outcome: Outcome) {
         self.campaigns += 1;
         if !outcome.complete {
@@ -138,7 +138,7 @@ impl Tally {
         }
     }
 
-    /// The parameters over all campaigns.
+    /// Statistics of the parameters over all campaigns.
     pub(super) fn parameters(&self, model: &dyn Model<f64>, experiment: &Experiment) -> Vec<ParameterStudy> {
         let one = |(j, own): (usize, &Moments)| {
             let label = model.parameter(j);

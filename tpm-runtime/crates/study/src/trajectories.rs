@@ -1,8 +1,9 @@
-//! A pattern beside the usual laws of a stroke: what each asks of the inputs, and with which harmonics (Feng, chapter 2).
+//! A pattern compared with the usual laws of a stroke: the inputs that each needs, and their harmonics (Feng, chapter
+//! 2).
 //!
-//! Invariant: all motions make the strokes of the pattern, forth and back, in its time. A coordinate whose harmonics are all
-//! multiples of m makes m strokes where the fundamental makes one. The inputs are sampled in the middle of equal intervals, at whose
-//! edges the corners of all laws lie, so that a jump is never sampled.
+//! Invariant: all motions make the strokes of the pattern, forth and back, in the same time. A coordinate whose
+//! harmonics are all multiples of m makes m strokes during one of the fundamental. The inputs are sampled in the middle
+//! of equal intervals. The corners of all laws lie at the edges of these intervals, so that a jump is never sampled.
 
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -13,11 +14,12 @@ use tpm_numerics::fourier::analyse;
 use tpm_plant::actuator::Demand;
 use tpm_report::number;
 
-/// Samples of a period: 2^7 3^3 5, so that thirds of strokes are whole numbers of samples for up to six strokes in half a period.
+/// Number of samples in a period: 2^7 3^3 5, so that a third of a stroke is a whole number of samples for up to six
+/// strokes in half a period.
 pub(super) const SAMPLES: usize = 17_280;
-/// Highest harmonic that is computed. Beyond it the error of the sampling would show.
+/// Highest harmonic that is computed. The error of the sampling would distort higher ones.
 const REACH: usize = 400;
-/// Smallest amplitude of a harmonic that counts as needed, as a share of the largest.
+/// Smallest amplitude of a harmonic that counts as needed, as a share of the largest amplitude.
 const NEEDED: f64 = 1e-2;
 /// Largest velocity at the end of a stroke that counts as rest, as a share of the stroke's mean velocity.
 const REST: f64 = 1e-9;
@@ -40,7 +42,7 @@ pub enum StrokeError {
         /// The phase of the coordinate, rad.
         phase: f64,
     },
-    /// A coordinate comes back to where it began.
+    /// A coordinate ends where it began.
     #[error("{coordinate} ends where it begins, so that there is no stroke to compare")]
     NoTravel {
         /// Name of the coordinate.
@@ -51,7 +53,7 @@ pub enum StrokeError {
     Inputs(#[from] TrialError),
 }
 
-/// What a motion asks of one input.
+/// The demand of a motion on one input.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct InputUse {
     /// Name of the input.
@@ -64,7 +66,7 @@ pub struct InputUse {
     pub rms: f64,
     /// Highest harmonic above a hundredth of the largest one.
     pub highest: usize,
-    /// Root mean square of all harmonics above the highest that the pattern needs.
+    /// Root mean square of all harmonics above the highest that the pattern needs, unit of the input.
     pub beyond: f64,
     /// Magnitude of the mean and of every harmonic.
     pub harmonics: Vec<f64>,
@@ -73,7 +75,7 @@ pub struct InputUse {
     pub samples: Vec<f64>,
 }
 
-/// How fast a coordinate moves.
+/// Travel and largest velocity and acceleration of a coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CoordinateUse {
     /// Name of the coordinate.
@@ -88,18 +90,18 @@ pub struct CoordinateUse {
     pub acceleration: f64,
 }
 
-/// One motion of those that are compared.
+/// One of the motions that are compared.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Moved {
     /// Name of the motion.
     pub name: String,
-    /// What it asks of every input; nothing where an input would have to be infinite.
+    /// The demand on every input; nothing where an input would have to be infinite.
     pub inputs: Option<Vec<InputUse>>,
-    /// How fast the coordinates move.
+    /// Travel, velocity and acceleration of the coordinates.
     pub coordinates: Vec<CoordinateUse>,
 }
 
-/// A pattern and the laws beside it.
+/// A pattern and the laws that are compared with it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Trajectories {
     /// Fundamental frequency of the strokes forth and back, rad/s.
@@ -113,7 +115,7 @@ pub struct Trajectories {
 /// A stroke of one coordinate.
 struct Stroke<'t> {
     series: &'t HarmonicSeries,
-    /// Strokes of the coordinate for one of the fundamental.
+    /// Number of strokes of the coordinate during one stroke of the fundamental.
     multiple: u32,
     start: f64,
     travel: f64,
@@ -135,6 +137,7 @@ pub fn trajectories(
     derivatives: usize,
 ) -> Result<Trajectories, StrokeError> {
     let model = demand.model();
+    // The stroke of every coordinate, which must rest at both ends.
     let mut strokes = Vec::with_capacity(trajectory.coordinates.len());
     for (c, series) in trajectory.coordinates.iter().enumerate() {
         let multiple = series.lines.iter().fold(0, |all, line| gcd(all, line.harmonic)).max(1);
@@ -173,15 +176,17 @@ pub fn trajectories(
                 }
             })
             .collect();
-        // A derivative behind one that jumps is an impulse.
+        // The derivative of a quantity that jumps is an impulse.
         let finite = law.is_none_or(|law| derivatives <= law.continuous() + 1);
         let inputs = if finite { Some(inputs(demand, motions)?) } else { None };
         Ok(Moved { name: law.map_or("pattern", Law::name).to_string(), inputs, coordinates })
     };
+    // The pattern first, then the laws.
     let mut motions = vec![of(None)?];
     for law in Law::ALL {
         motions.push(of(Some(law))?);
     }
+    // For every input, the harmonics above those that the pattern needs.
     let needed: Vec<usize> = motions[0].inputs.iter().flatten().map(|input| input.highest).collect();
     for moved in &mut motions {
         for (input, &needed) in moved.inputs.iter_mut().flatten().zip(&needed) {
@@ -193,7 +198,7 @@ pub fn trajectories(
     Ok(Trajectories { frequency, derivatives, motions })
 }
 
-/// The motion over one period, sample by sample as models read it, along the pattern or a law.
+/// Samples of the motion over one period, along the pattern or a law, in the layout that models read.
 fn motions(
     demand: &Demand<'_>,
     strokes: &[Stroke<'_>],
@@ -206,7 +211,7 @@ fn motions(
     for (n, motion) in all.chunks_exact_mut(dims.motion_len()).enumerate() {
         let time = (n as f64 + 0.5) / SAMPLES as f64 * 2.0 * PI / frequency;
         for (c, stroke) in strokes.iter().enumerate() {
-            // Time of one stroke, and the place in a stroke forth or back.
+            // Duration of one stroke, and the phase within a stroke forth or back.
             let duration = PI / (frequency * f64::from(stroke.multiple));
             let passed = time / duration;
             let (number, tau) = (passed.floor(), passed.fract());
@@ -227,7 +232,7 @@ fn motions(
     all
 }
 
-/// What sampled motions ask of the inputs.
+/// The demand of sampled motions on the inputs.
 fn inputs(demand: &Demand<'_>, motions: Vec<f64>) -> Result<Vec<InputUse>, TrialError> {
     let model = demand.model();
     let count = model.dims().inputs;
@@ -277,7 +282,7 @@ mod tests {
         let trapezoid = input(3);
         assert_eq!(found.motions[3].name, "trapezoid");
         assert!(trapezoid.highest > 20 && trapezoid.beyond > 100.0 * pattern.beyond, "{}", trapezoid.highest);
-        // Its acceleration jumps by 4.5 travel/T^2 at the ends of thirds.
+        // The acceleration of this law jumps by 4.5 travel/T^2 at the ends of thirds.
         let peak = found.motions[3].coordinates[0].acceleration;
         let travel = 2.0 * 0.3 * 8.0 / 9.0;
         assert!((peak - 4.5 * travel).abs() < 1e-12, "{peak}");

@@ -1,10 +1,10 @@
-//! The figure of a pattern beside the usual laws of a stroke: the inputs over one period, and their harmonics.
+//! The figure of a pattern compared with the usual laws of a stroke: the inputs over one period, and their harmonics.
 
 use crate::trajectories::{InputUse, SAMPLES, Trajectories};
 use std::f64::consts::PI;
 use tpm_plot::{Axis, Curve, Figure, Panel, Spacing, Trace};
 
-/// Share of the largest harmonic at which the axis of the harmonics begins.
+/// Smallest amplitude on the axis of the harmonics, as a share of the largest amplitude.
 const SHOWN: f64 = 1e-4;
 /// Number of harmonics that are drawn.
 const HARMONICS: usize = 20;
@@ -29,7 +29,7 @@ impl Trajectories {
 }
 
 fn over_time(inputs: &[(&str, &InputUse)], frequency: f64, label: &str) -> Panel {
-    /// Samples between two points of a curve.
+    /// Number of samples from one point of a curve to the next.
     const STRIDE: usize = 12;
     let traces = inputs.iter().enumerate().map(|(colour, (name, input))| {
         let time = |n: usize| (n as f64 + 0.5) / SAMPLES as f64 * 2.0 * PI / frequency;
@@ -44,7 +44,7 @@ fn over_time(inputs: &[(&str, &InputUse)], frequency: f64, label: &str) -> Panel
 }
 
 fn over_harmonics(inputs: &[(&str, &InputUse)], label: &str) -> Panel {
-    /// Distance between the stems of one harmonic.
+    /// Distance between the stems of the motions at one harmonic, in harmonics.
     const APART: f64 = 0.17;
     let lines = inputs.iter().flat_map(|(_, input)| input.harmonics.iter().take(HARMONICS + 1).skip(1).copied());
     let largest = lines.fold(f64::MIN_POSITIVE, f64::max);
@@ -57,7 +57,7 @@ fn over_harmonics(inputs: &[(&str, &InputUse)], label: &str) -> Panel {
             input.harmonics.iter().enumerate().take(HARMONICS + 1).skip(1).filter(|(_, line)| **line > floor)
         {
             let x = k as f64 + offset;
-            // A point that cannot be shown ends the stem.
+            // A point that is not a number ends the line of the stem.
             stems.extend([(x, floor), (x, *line), (x, f64::NAN)]);
         }
         traces.push(Trace::new(name, colour, Curve::Line(stems.clone())));

@@ -1,8 +1,8 @@
-//! How many updates every estimator needs on an exact machine: the convergence of the method itself.
+//! Number of updates that every estimator needs on an exact machine: the convergence of the method itself.
 //!
-//! Invariant: only the linearisation stands between an update and the truth. Sensors and drives are exact, rates are
-//! measured, the loop acts in continuous time, a period has as many integration steps as the caller asks for, and every
-//! run is played until it has settled.
+//! Invariant: the only error of an update is that of its linearisation. Sensors and drives are exact, rates are
+//! measured, the loop acts in continuous time, a period has the requested number of integration steps, and every run is
+//! played until it has settled.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -21,7 +21,7 @@ use tpm_plant::simulated::simulate_continuous;
 
 /// Largest relative errors of the parameters at which an estimator counts as converged.
 pub const LIMITS: [f64; 3] = [1e-3, 1e-6, 1e-9];
-/// Number of samples, and of integration steps, in a period.
+/// Number of samples in a period, and of integration steps.
 const STEPS: usize = 8192;
 
 /// The updates of one estimator at one setting.
@@ -39,12 +39,12 @@ pub struct Convergence {
     pub errors: Vec<f64>,
     /// Number of updates to each of [`LIMITS`]; nothing when the limit was not reached.
     pub updates: [Option<usize>; 3],
-    /// Why the estimator does not apply, or what ended its updates early.
+    /// Why the estimator does not apply to the model, or why its updates ended early.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
 
-/// Every estimator at every stage; serialises as `tpm.updates/1`.
+/// Convergence of every estimator at every stage; serialises as `tpm.updates/1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Updates {
     /// `tpm.updates/1`.
@@ -96,7 +96,7 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
     exact.control.smoothing = None;
     exact.control.compensation = HoldCompensation::None;
     let schedule = &mut exact.schedule;
-    // Each update has a stage of its own, so that the campaign does not end early when the estimates no longer change.
+    // Each update has its own stage, so that the campaign does not end early when the estimates no longer change.
     schedule.stages = schedule.stages.get(stage).map_or_else(Vec::new, |stage| vec![stage.clone(); most]);
     let gain = schedule.gains.get(stage).copied().unwrap_or(1.0);
     schedule.gains = vec![gain; schedule.stages.len()];
@@ -140,7 +140,7 @@ pub fn convergence(
     };
     let truth = exact.bench(model)?.parameters;
     let setup = exact.setup(model, pattern, Hold::None)?;
-    // What keeps one estimator from its updates is a result, not an error of the whole.
+    // A fault of one estimator is part of its result, and does not end the study.
     if let Err(reason) = play(model, setup, &truth, &mut found) {
         found.reason = Some(reason.to_string());
     }
@@ -148,7 +148,8 @@ pub fn convergence(
     Ok(found)
 }
 
-/// Plays a campaign in continuous time, and notes the largest relative error of what the runs show after every update.
+/// Plays a campaign in continuous time, and notes after every update the largest relative error of the observable
+/// parameters.
 fn play(model: &dyn Model<f64>, setup: Setup, truth: &[f64], found: &mut Convergence) -> Result<(), CampaignError> {
     let mut campaign = Campaign::new(model, setup)?;
     while let Some(trial) = campaign.next().cloned() {
@@ -170,7 +171,7 @@ fn play(model: &dyn Model<f64>, setup: Setup, truth: &[f64], found: &mut Converg
     Ok(())
 }
 
-/// Largest relative error of estimates, but for what moves along directions that the runs do not show.
+/// Largest relative error of estimates, without the error along directions that the runs do not show.
 fn shown_error(values: &[f64], truth: &[f64], hidden: &[Vec<f64>]) -> f64 {
     let size = |j: usize| if truth[j] == 0.0 { 1.0 } else { truth[j].abs() };
     let relative = DVector::from_fn(truth.len(), |j, _| (values[j] - truth[j]) / size(j));
@@ -202,14 +203,14 @@ mod tests {
         StageSection { values, ..StageSection::default() }
     }
 
-    /// Numbers of updates agree with those found independently.
+    /// The numbers of updates agree with those of an independent computation.
     #[test]
     fn every_estimator_needs_the_updates_that_it_should() {
         let mut experiment = experiment();
         experiment.schedule.stages = vec![stage(0.3, PI), stage(0.6, 2.0 * PI)];
         // The initial transient of the loop decays within a thirtieth of a second.
         experiment.schedule.settle_periods = 1;
-        // Updates to each of the limits. A missing number, of `effort`, stands for ten or more.
+        // Updates to each of the limits. A missing number of `effort` means ten or more.
         let table = [
             (Method::MeasuredMotion, 2, [[1, 1, 1], [1, 1, 1]]),
             (Method::Hill, 5, [[2, 3, 3], [3, 3, 4]]),
@@ -241,8 +242,8 @@ mod tests {
         assert!(found.estimators.iter().all(|c| c.errors.len() == 1), "{found:?}");
     }
 
-    /// With ordinary gains and every estimate 30 % off: Hill's matrix, with coupled harmonics, squares the error; the
-    /// plain matrix divides it.
+    /// With ordinary gains and every prior 30 % off, Hill's matrix with coupled harmonics squares the error at every
+    /// update; the matrix without coupling reduces it by a factor.
     #[test]
     fn coupled_harmonics_converge_quadratically() {
         let mut experiment = experiment();

@@ -16,9 +16,7 @@
 use crate::along::Along;
 use crate::equations::Equations;
 use crate::error::EstimateError;
-use crate::noise::ROUNDING;
 use crate::run::error_lines;
-use crate::select::VISIBLE;
 use crate::table::RowLines;
 use num_complex::Complex;
 use tpm_core::harmonics::Hold;
@@ -27,6 +25,7 @@ use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 use tpm_motion::{Spectra, Trial, held};
 use tpm_numerics::DMatrix;
 use tpm_numerics::fourier::analyse;
+use tpm_numerics::{alarm, tolerance};
 
 /// How much of the rows' dependence on the error is taken into account.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -305,7 +304,7 @@ impl FirstOrder {
                         variance += (x * noise[k][(a, b)] * y.conj()).re;
                     }
                     if a < dims.coordinates {
-                        variance += x.norm_sqr() * (ROUNDING * peak).powi(2);
+                        variance += x.norm_sqr() * (tolerance::READING * peak).powi(2);
                     }
                 }
                 reduced.equations.push(row, k, &phi, applied, variance);
@@ -345,7 +344,7 @@ struct Driven {
 fn certain(error: &[Vec<Complex<f64>>], noise: &[DMatrix<Complex<f64>>]) -> Vec<Vec<Complex<f64>>> {
     let of = |(c, lines): (usize, &Vec<Complex<f64>>)| {
         let stands = |k: usize, line: &Complex<f64>| {
-            line.norm_sqr() > VISIBLE * noise.get(k).map_or(f64::INFINITY, |noise| noise[(c, c)].re)
+            line.norm_sqr() > alarm::VISIBLE_LINE * noise.get(k).map_or(f64::INFINITY, |noise| noise[(c, c)].re)
         };
         let line = |(k, line): (usize, &Complex<f64>)| if stands(k, line) { *line } else { Complex::new(0.0, 0.0) };
         lines.iter().enumerate().map(line).collect()

@@ -14,7 +14,7 @@ use tpm_numerics::{Cholesky, DMatrix, Dyn};
 /// Most entries in the parts of one record; beyond it every equation is weighed for itself.
 const MOST_ENTRIES: usize = 8_000_000;
 /// Factor on the correlations that the model gives, so that no combination of equations is free of noise.
-const CORRELATION: f64 = 0.9999;
+const CORRELATION_FACTOR: f64 = 0.9999;
 
 /// The noise of one record's real equations, in the order of [`Equations::weighted`](crate::equations::Equations::weighted).
 #[derive(Clone, Debug)]
@@ -134,7 +134,7 @@ impl Coupled {
         }
         let mut covariance = &factor * factor.transpose();
         let own = covariance.diagonal();
-        covariance *= CORRELATION;
+        covariance *= CORRELATION_FACTOR;
         for (r, (own, apart)) in own.iter().zip(&apart).enumerate() {
             covariance[(r, r)] = own + apart;
         }

@@ -3,7 +3,7 @@
 use num_complex::Complex;
 
 /// Steps of the grid on which the most likely addition to the noise is searched.
-const STEPS: u32 = 240;
+const GRID_STEPS: u32 = 240;
 
 /// Power per harmonic that residuals show beyond the stated noise: the maximum of the likelihood of a flat addition.
 ///
@@ -33,10 +33,10 @@ pub(super) fn excess(residual: &[Complex<f64>], variance: &[f64], harmonics: &[u
     // The minimum over a grid, by bisection: a part on which the slope's lower bound is not negative has its minimum at the first
     // point, and one on which its upper bound is not positive at the last.
     let (low, high) = ((bottom * 1e-3).max(top * 1e-24).ln(), (top * 2.0).ln());
-    let addition = |i: u32| (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp();
+    let addition = |i: u32| (low + (high - low) * f64::from(i) / f64::from(GRID_STEPS)).exp();
     let (mut best, mut least) = (0.0, cost(0.0));
-    let mut intervals = [(0, 0); 2 * STEPS.ilog2() as usize + 4];
-    intervals[0] = (0, STEPS);
+    let mut intervals = [(0, 0); 2 * GRID_STEPS.ilog2() as usize + 4];
+    intervals[0] = (0, GRID_STEPS);
     let mut waiting = 1;
     while waiting > 0 {
         waiting -= 1;
@@ -71,7 +71,7 @@ pub(super) fn excess(residual: &[Complex<f64>], variance: &[f64], harmonics: &[u
 
 #[cfg(test)]
 mod tests {
-    use super::{STEPS, excess};
+    use super::{GRID_STEPS, excess};
     use num_complex::Complex;
 
     #[test]
@@ -87,7 +87,7 @@ mod tests {
             let top = power.iter().copied().fold(0.0, f64::max);
             let bottom = variance.iter().copied().fold(f64::INFINITY, f64::min);
             let (low, high) = ((bottom * 1e-3).max(top * 1e-24).ln(), (top * 2.0).ln());
-            let grid = (0..=STEPS).map(|i| (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp());
+            let grid = (0..=GRID_STEPS).map(|i| (low + (high - low) * f64::from(i) / f64::from(GRID_STEPS)).exp());
             let least = grid.chain([0.0]).map(cost).fold(f64::INFINITY, f64::min);
             let found = cost(excess(&residual, &variance, &harmonics, 1.0));
             assert!((found - least).abs() <= 1e-12 * (1.0 + least.abs()), "{case}: {found} {least}");

@@ -9,22 +9,23 @@ use crate::measured_motion::coupled::Coupled;
 use crate::measured_motion::path::NoisePath;
 use crate::measured_motion::repeats::Repeats;
 use crate::measured_motion::sampling::{Context, Lines, drive_lines, hold_corrected};
-use crate::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
+use crate::select::{highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use crate::settings::Settings;
 use num_complex::Complex;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_motion::Spectra;
+use tpm_numerics::alarm;
 
-/// A line of an input below this share of the strongest of its [`NEIGHBOURS`] is distortion, not excitation.
-const DISTORTION: f64 = 1e-3;
+/// A line of an input below this share of the strongest of its [`LINES_PER_SIDE`] is distortion, not excitation.
+const LEAST_EXCITATION: f64 = 1e-3;
 /// An equation at a harmonic far above all others is used from this share of the strongest input line on. A weaker one may be
 /// fed-back noise, which shows the inverse of the feedback.
-const SUBSTANTIAL: f64 = 0.1;
+const LEAST_LONE_DRIVE: f64 = 0.1;
 /// Lines on either side that count as neighbours.
-const NEIGHBOURS: usize = 8;
+const LINES_PER_SIDE: usize = 8;
 /// The mean of an input is used from this share of its root mean square on.
-const MEAN_FORCE: f64 = 0.01;
+const LEAST_MEAN_FORCE: f64 = 0.01;
 
 /// The harmonic equations of one record.
 #[derive(Clone, Debug)]
@@ -228,9 +229,9 @@ impl MeasuredMotion {
             .filter(|&k| {
                 // Sensors have offsets: a mean counts when it is a part of the force, not when it is merely not zero.
                 let drive = &self.drive[row];
-                let around = &drive[k.saturating_sub(NEIGHBOURS).max(1)..drive.len().min(k + NEIGHBOURS + 1)];
+                let around = &drive[k.saturating_sub(LINES_PER_SIDE).max(1)..drive.len().min(k + LINES_PER_SIDE + 1)];
                 let near = around.iter().map(|z| z.norm()).fold(0.0, f64::max);
-                let share = if k == 0 { MEAN_FORCE * force } else { DISTORTION * near };
+                let share = if k == 0 { LEAST_MEAN_FORCE * force } else { LEAST_EXCITATION * near };
                 let substantial = drive[k].norm() > share;
                 let floor = if k == 0 { self.floor[row] / 4.0 } else { self.floor[row] };
                 let applied = self.driven[row]
@@ -254,7 +255,8 @@ impl MeasuredMotion {
             .collect();
         without_stragglers(visible_lines, |k| {
             let noise = self.path.drive_variance(row, k).max(self.floor[row]);
-            self.drive[row][k].norm() > SUBSTANTIAL * peak && self.drive[row][k].norm_sqr() > ALONE * noise
+            self.drive[row][k].norm() > LEAST_LONE_DRIVE * peak
+                && self.drive[row][k].norm_sqr() > alarm::LONE_LINE * noise
         })
     }
 

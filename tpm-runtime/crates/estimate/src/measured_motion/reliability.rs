@@ -11,13 +11,10 @@ use crate::measured_motion::record::MeasuredMotion;
 use crate::result::Estimate;
 use crate::settings::Settings;
 use tpm_numerics::DMatrix;
+use tpm_numerics::alarm;
 
 /// Size of the force that is asked about, root mean square, as a share of the force of its row.
 pub const ASKED_ABOUT: f64 = 0.01;
-/// Root of the noncentrality at which a test with one false alarm in twenty overlooks one force in twenty: 1.960 + 1.645.
-const NOTICED: f64 = 3.605;
-/// Change of a parameter, in its standard deviations, from which on its interval does not contain the truth.
-const BEYOND: f64 = 3.0;
 
 /// A parameter that a force of the size [`ASKED_ABOUT`] would change beyond its stated deviation, without being noticed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,13 +57,13 @@ impl MeasuredMotion {
             let size = amplitude * equations.weight(e).sqrt();
             let gain = &covariance * own.transpose();
             let (left, phase) = least(&(DMatrix::identity(real, real) - own * &gain));
-            if size * left.max(0.0).sqrt() > NOTICED {
+            if size * left.max(0.0).sqrt() > alarm::FORCE_NOTICED {
                 continue;
             }
             for ((k, change), slot) in (gain * phase * size).iter().enumerate().zip(&mut largest) {
                 let parameter = free.indices[k];
                 let change = change.abs();
-                let beyond = change > BEYOND * estimate.std[parameter];
+                let beyond = change > alarm::BIAS_LEAVES_INTERVAL * estimate.std[parameter];
                 if beyond && slot.is_none_or(|before| before.change < change) {
                     *slot = Some(Untested { parameter, row, harmonic, change });
                 }

@@ -7,7 +7,7 @@
 
 use crate::noise::{Bins, row_rounding};
 use num_complex::Complex;
-use tpm_motion::{Spectra, repeating};
+use tpm_motion::{Spectra, repeating_variance};
 
 /// The motion of a record, and what rounding it to counts does to the rows.
 #[derive(Clone, Debug)]
@@ -67,7 +67,7 @@ impl Repeats {
         let lines = own.lines.len().max(theirs.lines.len());
         let apart: f64 = (0..lines).map(|k| apart(k).norm_sqr() * if k == 0 { 1.0 } else { 0.5 }).sum();
         // Motions that are apart by a part of a count share what noise of half this power would leave of a rounding error in each.
-        repeating(0.5 * apart / (own.step * own.step)) / repeating(0.0)
+        repeating_variance(0.5 * apart / (own.step * own.step)) / repeating_variance(0.0)
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rows and their Jacobian, sampled along one period of the measured motion.
 //!
 //! Invariant: the motion is the trigonometric polynomial of the record's lines, so that its derivatives are exact, and the
-//! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
+//! grid is fine enough that the harmonics of the rows no longer depend on it (up to the most of [`GRID`]).
 
 use crate::error::EstimateError;
 use num_complex::Complex;
@@ -9,24 +9,21 @@ use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_motion::{Spectra, held};
 use tpm_numerics::fourier::{analyse, synthesise, two_sided};
-use tpm_numerics::{DMatrix, RowDVector};
+use tpm_numerics::{DMatrix, Doubling, RowDVector};
 
-/// Fewest points of a period at which the rows are evaluated.
-const MIN_GRID: usize = 1024;
-/// Most points of a period at which the rows are evaluated (terms that jump need many).
-const MAX_GRID: usize = 32_768;
-/// Harmonics of regressors that change by less than this share when the grid is doubled are taken for converged.
-const GRID_TOLERANCE: f64 = 1e-9;
+/// Points of a period at which the rows are evaluated: doubled until no harmonic of a regressor changes by more than a share of the
+/// largest (terms that jump need many).
+const GRID: Doubling = Doubling { least: 1024, most: 32_768, settled: 1e-9 };
 /// Most points of a period at which the Jacobian is evaluated.
-const JACOBIAN_GRID: usize = 1024;
+const MOST_JACOBIAN_POINTS: usize = 1024;
 /// The floor under the highest lines is taken for an error that repeats with the period when its power is this many times
 /// that of the noise between the lines.
-const REPEATED: f64 = 4.0;
+const LEAST_FLOOR_RATIO: f64 = 4.0;
 /// Harmonics of a derivative below this share of its strongest one are left out: they mix no noise that counts.
-const MIXING: f64 = 1e-9;
+const LEAST_MIXING_HARMONIC: f64 = 1e-9;
 /// A derivative ends with its last harmonic of this share of its strongest one. That of a term that jumps is a row of spikes, which
 /// does not end within the grid.
-const ENDING: f64 = 1e-3;
+const LEAST_LAST_HARMONIC: f64 = 1e-3;
 
 /// d row / d slot along the period, slots being the coordinates' derivatives that the model uses.
 #[derive(Clone, Debug)]
@@ -35,7 +32,7 @@ pub(super) struct Jacobian {
     pub(super) slots: Vec<(usize, usize)>,
     /// Points of the grid on the period.
     points: usize,
-    /// Two-sided Fourier coefficients along the period from the mean on, up to the last above [`MIXING`]:
+    /// Two-sided Fourier coefficients along the period from the mean on, up to the last above [`LEAST_MIXING_HARMONIC`]:
     /// `[slot][row * (parameters + 1) + j]`; j = parameters is the known term.
     pub(super) lines: Vec<Lines>,
 }
@@ -46,7 +43,10 @@ impl Jacobian {
     pub(super) fn reach(&self) -> Option<usize> {
         let of = |lines: &Vec<Complex<f64>>| {
             let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
-            lines.iter().rposition(|line| line.norm_sqr() > ENDING * ENDING * strongest).unwrap_or(0)
+            lines
+                .iter()
+                .rposition(|line| line.norm_sqr() > LEAST_LAST_HARMONIC * LEAST_LAST_HARMONIC * strongest)
+                .unwrap_or(0)
         };
         let reach = self.lines.iter().flatten().map(of).max().unwrap_or(0);
         // The grid has harmonics up to half of its points.
@@ -70,11 +70,12 @@ impl Jacobian {
     }
 }
 
-/// Two-sided Fourier coefficients of a derivative along the period, up to the last above [`MIXING`].
+/// Two-sided Fourier coefficients of a derivative along the period, up to the last above [`LEAST_MIXING_HARMONIC`].
 fn mixing_lines(series: &[f64]) -> Vec<Complex<f64>> {
     let mut lines = two_sided(series);
     let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
-    let last = lines.iter().rposition(|line| line.norm_sqr() > MIXING * MIXING * strongest);
+    let last =
+        lines.iter().rposition(|line| line.norm_sqr() > LEAST_MIXING_HARMONIC * LEAST_MIXING_HARMONIC * strongest);
     lines.truncate(last.map_or(0, |last| last + 1));
     lines
 }
@@ -110,7 +111,7 @@ pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Line
                 // the error repeats; taking the larger one always would be biased.
                 let repeated = floor.map_or(0.0, |f| if k == 0 { f / 4.0 } else { f });
                 let judged = c < dims.coordinates || spectra.noise_bins == 0;
-                if judged && REPEATED * corrected[(c, c)].re < repeated {
+                if judged && LEAST_FLOOR_RATIO * corrected[(c, c)].re < repeated {
                     corrected[(c, c)] = Complex::new(repeated, 0.0);
                 }
             }
@@ -198,17 +199,17 @@ impl Context<'_> {
             let (phi, known) = self.columns(&sampled, 1, harmonics);
             return Ok((sampled, phi, known));
         }
-        let mut points = (2 * least).next_power_of_two().max(MIN_GRID);
+        let mut points = (2 * least).next_power_of_two().max(GRID.least);
         loop {
             let sampled = self.sample(points)?;
             let (phi, known) = self.columns(&sampled, 1, harmonics);
-            if points >= MAX_GRID {
+            if points >= GRID.most {
                 return Ok((sampled, phi, known));
             }
             let (coarse_phi, coarse_known) = self.columns(&sampled, 2, harmonics);
             let settled = phi.iter().zip(&coarse_phi).chain(known.iter().zip(&coarse_known)).all(|(fine, coarse)| {
                 let peak = fine.iter().map(|z| z.norm()).fold(0.0, f64::max);
-                fine.iter().zip(coarse).all(|(a, b)| (a - b).norm() <= GRID_TOLERANCE * peak)
+                fine.iter().zip(coarse).all(|(a, b)| (a - b).norm() <= GRID.settled * peak)
             });
             if settled {
                 return Ok((sampled, phi, known));
@@ -280,7 +281,7 @@ impl Context<'_> {
         let slots: Vec<(usize, usize)> =
             (0..dims.coordinates).flat_map(|c| (0..=self.model.coordinate_order(c)).map(move |d| (c, d))).collect();
         let mut stride = 1;
-        while sampled.points / stride > JACOBIAN_GRID && (sampled.points / stride).is_multiple_of(2) {
+        while sampled.points / stride > MOST_JACOBIAN_POINTS && (sampled.points / stride).is_multiple_of(2) {
             stride *= 2;
         }
         let points = sampled.points / stride;

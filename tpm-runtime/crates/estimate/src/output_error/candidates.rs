@@ -7,9 +7,9 @@ use tpm_core::harmonics::Hold;
 use tpm_numerics::root_mean_square;
 
 /// Share of the root mean square velocity at which friction has turned.
-const SLOW: f64 = 0.02;
+const TURNED_VELOCITY: f64 = 0.02;
 /// Share of the root mean square velocity up to which friction is larger at low speed.
-const STRIBECK: f64 = 0.2;
+const STRIBECK_VELOCITY: f64 = 0.2;
 
 /// A term that a model may lack.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -145,9 +145,9 @@ impl<'a> Along<'a> {
         let free: Vec<bool> = (0..samples).map(free).collect();
         let h = problem.sample_time;
         let replaced = !exact || free.contains(&true);
-        let calm = if replaced { signals.inputs_without_noise() } else { &[] };
+        let denoised_inputs = if replaced { signals.inputs_without_noise() } else { &[] };
         let input_rates = (0..dims.inputs).map(|i| {
-            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &calm[i] };
+            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &denoised_inputs[i] };
             let rate = |k: usize| (at(k)[k] - at(k)[k.saturating_sub(1)]) / h;
             let bend = |k: usize| {
                 let u = at(k);
@@ -193,7 +193,7 @@ impl<'a> Along<'a> {
             Place::Reading(_) => 0,
         };
         let by_input = matches!(term.kind, CandidateKind::Delay { .. } | CandidateKind::Flexible { .. });
-        let sign = |c: usize, v: f64| (v / (SLOW * self.speeds[c])).tanh();
+        let sign = |c: usize, v: f64| (v / (TURNED_VELOCITY * self.speeds[c])).tanh();
         let of =
             |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
         let values = match term.kind {
@@ -212,7 +212,7 @@ impl<'a> Along<'a> {
                 of(&self.rates[coordinate], &|v| sign(coordinate, v))
             }
             CandidateKind::Stribeck { coordinate } => {
-                let bend = STRIBECK * self.speeds[coordinate];
+                let bend = STRIBECK_VELOCITY * self.speeds[coordinate];
                 of(&self.rates[coordinate], &|v| sign(coordinate, v) * (-(v / bend).powi(2)).exp())
             }
             CandidateKind::Drift { parameter } => {

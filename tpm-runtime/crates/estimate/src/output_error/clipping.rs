@@ -12,20 +12,18 @@ use crate::output_error::signals::Signals;
 use crate::time_domain::typical_period;
 use std::ops::Range;
 use tpm_core::harmonics::Hold;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, tolerance};
 
 /// Smaller limits are not tried where one leaves so many times the squares that are left without one.
-const HOPELESS: f64 = 4.0;
+const MOST_SQUARES_RATIO: f64 = 4.0;
 /// Limits that are tried between the smallest share of the peak and the peak.
-const TRIED: usize = 104;
+const LIMITS_TRIED: usize = 104;
 /// Smallest limit that is tried, as a share of the peak: a loop that cannot follow commands many times what acts.
-const LEAST: f64 = 0.004;
-/// Power of a combination of regressors of unit length below which the regression leaves it out.
-const COLLINEAR: f64 = 1e-9;
+const LEAST_LIMIT: f64 = 0.004;
 /// A low pass that reaches fewer samples than this to either side leaves derivatives too far off for the regression.
-const SHORT: usize = 5;
+const LEAST_REACH_SAMPLES: usize = 5;
 /// Reach of the low pass on either side of a sample, as a share of the time in which the fastest coordinate goes to and fro.
-const WINDOW: f64 = 0.05;
+const WINDOW_OF_PERIOD: f64 = 0.05;
 
 /// A limit of an input.
 #[derive(Clone, Debug)]
@@ -68,8 +66,8 @@ pub(super) fn promising(
     let periods = periods.map(|(signal, white)| typical_period(signal, problem.sample_time, *white));
     let period = periods.fold(f64::INFINITY, f64::min);
     // What hardly moves within these samples shows no limit, and has no window that is short enough.
-    let half = (period / problem.sample_time * WINDOW).min(whole as f64) as usize;
-    let fast = half < SHORT && doubtful;
+    let half = (period / problem.sample_time * WINDOW_OF_PERIOD).min(whole as f64) as usize;
+    let fast = half < LEAST_REACH_SAMPLES && doubtful;
     // The low pass leaves nothing that needs every sample.
     let stride = (half / 6).max(1);
     let samples = whole.div_ceil(stride);
@@ -129,7 +127,7 @@ pub(super) fn promising(
         column /= *scale;
     }
     // A machine that swings at one frequency does not tell its mass from its stiffness here; a start needs none of both alone.
-    let Ok(inverse) = left.tr_mul(&left).pseudo_inverse(COLLINEAR) else { return Ok(Promising::default()) };
+    let Ok(inverse) = left.tr_mul(&left).pseudo_inverse(tolerance::GRAM) else { return Ok(Promising::default()) };
     // What is held until the next sample acts half a sample later than it was recorded.
     let held = |applied: &[f64], k: usize| match problem.hold {
         Hold::Zoh => 0.5 * (applied[k] + applied[k.saturating_sub(1)]),
@@ -168,9 +166,9 @@ pub(super) fn promising(
         };
         let (none, _) = fit(f64::INFINITY);
         let factors: Vec<f64> = (0..whole).map(|k| factor(k / stride, row, input)).collect();
-        let tried = (1..=TRIED).map(|i| peak * ratio().powi(i as i32)).map(|limit| (limit, fit(limit)));
+        let tried = (1..=LIMITS_TRIED).map(|i| peak * ratio().powi(i as i32)).map(|limit| (limit, fit(limit)));
         // Of a sound record a limit just below its peak leaves more than none does, and every smaller one more still.
-        let tried = tried.take_while(|(_, (squares, _))| *squares < HOPELESS * none);
+        let tried = tried.take_while(|(_, (squares, _))| *squares < MOST_SQUARES_RATIO * none);
         let promising = tried.filter(|(_, (squares, _))| fast || *squares < none);
         limits.extend(promising.map(|(size, (_, solved))| {
             let mut theta = start.to_vec();
@@ -185,7 +183,7 @@ pub(super) fn promising(
 
 /// A limit that is tried as a share of the one before.
 pub(super) fn ratio() -> f64 {
-    LEAST.powf(1.0 / TRIED as f64)
+    LEAST_LIMIT.powf(1.0 / LIMITS_TRIED as f64)
 }
 
 impl Limit {

@@ -19,19 +19,15 @@ use crate::output_error::signals::Signals;
 use crate::output_error::smoother::Smoothed;
 use crate::output_error::solution::Solution;
 use crate::output_error::state::{Active, State};
-use crate::output_error::tuning::BELIEVED;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, alarm, tolerance};
 
-/// Rate of false alarms of all candidates together.
-const FALSE_ALARMS: f64 = 0.01;
 /// Most candidates that are taken in.
 const MOST_TERMS: usize = 3;
-/// A first candidate whose column is explained by the parameters but for this share of its power says nothing of its own.
-const OWN: f64 = 1e-9;
-/// The same for dry friction in a model that has dry friction.
-const SHARP: f64 = 0.1;
-/// The same for a further candidate, beside the parameters and those before it.
-const DISTINCT: f64 = 1e-4;
+/// Share of the power of the column of dry friction that the parameters must leave, in a model that has dry friction, for the
+/// candidate to say something of its own.
+const LEAST_OWN_POWER_OF_FRICTION: f64 = 0.1;
+/// Share of the power of the column of a further candidate that the parameters and the candidates before it must leave.
+const LEAST_OWN_POWER_OF_FURTHER: f64 = 1e-4;
 
 /// A term that is taken in.
 pub(super) struct Chosen {
@@ -88,7 +84,7 @@ impl Explanation {
         let usual = usual?;
         let mut best: Option<Explanation> = None;
         for other in others?.into_iter().flatten() {
-            let least = best.as_ref().map_or(usual.cost - BELIEVED, |best| best.cost);
+            let least = best.as_ref().map_or(usual.cost - alarm::LIKELIHOOD_GAIN, |best| best.cost);
             if !other.terms.is_empty() && other.cost < least {
                 best = Some(other);
             }
@@ -115,7 +111,7 @@ impl Explanation {
         let columns = DMatrix::from_fn(m, m, |i, j| smoothed.entry(p + i, p + j));
         // With quantised readings the noise is stated, and never less than that.
         let least = if signals.counted() { 1.0 } else { 0.0 };
-        let significant = 2.0 * (m.max(1) as f64 / FALSE_ALARMS).ln();
+        let significant = 2.0 * alarm::exponential(alarm::MISSING_TERM_RATE, m.max(1));
         let mut left = target.clone();
         let mut basis: Vec<DVector<f64>> = Vec::new();
         let mut chosen: Vec<(usize, f64)> = Vec::new();
@@ -131,11 +127,11 @@ impl Explanation {
             // One term may be all but explained by the parameters, as a cubic spring is where the motion has few harmonics. A
             // further one that is would only trade with the first.
             let least = if same(j) {
-                SHARP
+                LEAST_OWN_POWER_OF_FRICTION
             } else if basis.is_empty() {
-                OWN
+                tolerance::GRAM
             } else {
-                DISTINCT
+                LEAST_OWN_POWER_OF_FURTHER
             };
             let whole: f64 = (0..p + m).map(|r| smoothed.entry(r, p + j).powi(2)).sum();
             (column.norm_squared() > least * whole.max(f64::MIN_POSITIVE)).then_some(column)

@@ -11,20 +11,17 @@ use crate::output_error::signals::Signals;
 use crate::output_error::smoother::Smoothed;
 use crate::output_error::solution::Solution;
 use crate::output_error::state::State;
-use crate::output_error::tuning::BELIEVED;
 use std::ops::Range;
-use tpm_numerics::{DMatrix, root_mean_square};
+use tpm_numerics::{DMatrix, alarm, root_mean_square};
 
-/// A limit of an input is told from none when it is so many times its deviation.
-const TOLD: f64 = 5.0;
 /// How often the distance between limits that are tried is halved about the most likely one.
-const HALVINGS: usize = 6;
+const LIMIT_HALVINGS: usize = 6;
 /// Limits of an input that are weighed on either side of the most likely one.
-const LIMITS: i32 = 20;
+const LIMITS_PER_SIDE: i32 = 20;
 /// How far the limits that are weighed reach from the most likely one, in deviations by the curvature there.
-const REACH: f64 = 6.0;
+const LIMITS_REACH: f64 = 6.0;
 /// Samples of a record by which limits are told from each other, and from none, before the whole of it is asked.
-const WEIGHED: usize = 16_000;
+const LIMIT_SAMPLES: usize = 16_000;
 
 /// Parameters that explain every sample of a record.
 #[derive(Clone, Debug)]
@@ -87,7 +84,9 @@ impl OutputError {
         let limited = limited.and_then(|state| fitted(&problem, signals, state).ok());
         let least = whole.as_ref().map_or(f64::INFINITY, |fitted| fitted.examined.cost);
         let Fitted { mut state, iterations, mut examined } = match limited {
-            Some(limited) if limited.knows_its_limit() && limited.examined.cost < least - BELIEVED => limited,
+            Some(limited) if limited.knows_its_limit() && limited.examined.cost < least - alarm::LIKELIHOOD_GAIN => {
+                limited
+            }
             _ => whole?,
         };
         over_limits(&problem, &mut state, &mut examined)?;
@@ -131,7 +130,7 @@ impl Fitted {
     fn knows_its_limit(&self) -> bool {
         let at = self.examined.covariance.ncols() - 1;
         let deviation = self.examined.covariance[(at, at)].sqrt();
-        self.state.limit.as_ref().is_some_and(|limit| TOLD * deviation < limit.size)
+        self.state.limit.as_ref().is_some_and(|limit| alarm::LIMIT_SHOWN * deviation < limit.size)
     }
 }
 
@@ -169,7 +168,7 @@ fn most_likely_limit(
     if limits.is_empty() {
         return Ok(None);
     }
-    let samples = strongest(&problem.inputs, WEIGHED);
+    let samples = strongest(&problem.inputs, LIMIT_SAMPLES);
     let part = problem.part(samples.clone());
     let partly = begun.part(problem, samples.clone());
     let within = |(limit, theta): &(Limit, Vec<f64>)| (limit.part(samples.clone()), theta.clone());
@@ -184,7 +183,7 @@ fn most_likely_limit(
                 let limits = starts[0].1.iter().map(|(limit, _)| (limit.clone(), without.theta.clone())).collect();
                 starts.push((without.theta.clone(), limits));
             }
-            let mut least = cost(&part, &without, &without.noise)? - BELIEVED;
+            let mut least = cost(&part, &without, &without.noise)? - alarm::LIKELIHOOD_GAIN;
             let mut best = None;
             for (theta, limits) in starts {
                 let begun = State { theta, ..partly.clone() };
@@ -234,7 +233,7 @@ fn nearest_limit(
     let Some((mut least, mut state, limit)) = best else { return Ok(None) };
     // Limits were tried far apart, and the likelihood of the right one is sharp.
     let (mut size, mut factor) = (limit.size, clipping::ratio());
-    for _ in 0..HALVINGS {
+    for _ in 0..LIMIT_HALVINGS {
         factor = factor.sqrt();
         for nearer in [size * factor, size / factor] {
             let (cost, other) = limited(Limit { size: nearer, ..limit.clone() }, &state.theta)?;
@@ -244,7 +243,7 @@ fn nearest_limit(
         }
     }
     let unlimited = cost(problem, begun, &begun.noise)?;
-    Ok((least < unlimited - BELIEVED).then_some(state))
+    Ok((least < unlimited - alarm::LIKELIHOOD_GAIN).then_some(state))
 }
 
 /// So many samples, at most, where the inputs are largest, each beside its mean square.
@@ -287,8 +286,8 @@ fn over_limits(problem: &Problem<'_>, state: &mut State, examined: &mut Examined
     let p = problem.free.len();
     let deviation = examined.covariance[(p, p)].sqrt();
     let mut tried: Vec<Weighed> = Vec::new();
-    for i in -LIMITS..=LIMITS {
-        let size = found.size + f64::from(i) / f64::from(LIMITS) * REACH * deviation;
+    for i in -LIMITS_PER_SIDE..=LIMITS_PER_SIDE {
+        let size = found.size + f64::from(i) / f64::from(LIMITS_PER_SIDE) * LIMITS_REACH * deviation;
         if size <= 0.0 {
             continue;
         }

@@ -74,7 +74,7 @@ fn fit_with_rate(
         joins: Vec::new(),
         white: vec![white_noise(channels[0])],
         steps: vec![0.0],
-        calm: OnceLock::new(),
+        denoised_inputs: OnceLock::new(),
     };
     let machine = Differentiable { model, derivatives };
     OutputError::fit(machine, &[], &signals, &start, &[0, 1, 2], &[]).expect("settles")

@@ -17,9 +17,9 @@ use tpm_motion::{Plant, PlantError};
 use tpm_numerics::root_mean_square;
 
 /// Deviation of the first state of a stretch, in units of what the state varies over the record: nothing is known of it beforehand.
-const UNKNOWN: f64 = 10.0;
+const FIRST_STATE_DEVIATION: f64 = 10.0;
 /// Deviation of what a reading adds to sensor noise of a colour, as a share of that noise.
-const EXACT: f64 = 1e-4;
+const COLOURED_READING_DEVIATION: f64 = 1e-4;
 
 /// Readings predicted one sample ahead.
 pub(super) struct Predictions {
@@ -122,7 +122,7 @@ pub(super) fn predict(
     let order = if coloured { n + outputs } else { n };
     let typical: Vec<f64> = (0..outputs).map(|c| noise.typical(c, outputs)).collect();
     let smoothed = |k: usize| &state.trajectory.states[k * n..(k + 1) * n];
-    let spread = |s: usize| UNKNOWN * root_mean_square((0..samples).map(|k| smoothed(k)[s]));
+    let spread = |s: usize| FIRST_STATE_DEVIATION * root_mean_square((0..samples).map(|k| smoothed(k)[s]));
     let unknown: Vec<f64> = (0..n).map(spread).chain(typical.iter().copied()).take(order).collect();
     let mut filter = Filter { order, state: vec![0.0; order], covariance: vec![0.0; order * order] };
     let mut predicted = Predictions {
@@ -144,7 +144,7 @@ pub(super) fn predict(
             }
         }
         let variance = |c: usize| {
-            let sigma = noise.readings[k * outputs + c] * if coloured { EXACT } else { 1.0 };
+            let sigma = noise.readings[k * outputs + c] * if coloured { COLOURED_READING_DEVIATION } else { 1.0 };
             sigma * sigma
         };
         for (c, read) in read.iter().enumerate() {

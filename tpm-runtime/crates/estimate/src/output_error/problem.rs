@@ -4,39 +4,36 @@ use crate::output_error::chain::Chain;
 use crate::output_error::error::OutputErrorFault;
 use crate::output_error::noise::Noise;
 use crate::output_error::signals::Signals;
+use crate::time_domain::LEAST_ARGUMENT;
 use rayon::prelude::*;
 use std::ops::Range;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::harmonics::Hold;
 use tpm_core::linear;
 use tpm_core::model::{EvalError, Model};
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{Doubling, root_mean_square};
 
-/// A sign is believed where its argument is above this share of its root mean square: nearer to rest, friction takes any value
-/// between its two.
-const AT_REST: f64 = 0.02;
 /// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.
-const TURNING: f64 = 0.05;
+const TURNING_VELOCITY: f64 = 0.05;
 /// How much larger than friction's impulse the unknown force of a machine at rest may be.
-const FREE: f64 = 5.0;
+const REST_FORCE_RATIO: f64 = 5.0;
 /// How much of the force is unsure in the transitions beside one in which a sign jumps, as multiples of half the jump. The jump lies
 /// anywhere within its sample, which moves the position by up to an eighth of what it would move in a sample with the whole jump.
-const BESIDE: [f64; 2] = [0.25, 0.0];
+const UNSURE_BESIDE_JUMP: [f64; 2] = [0.25, 0.0];
 /// What is added where an input that jumps with the sign is interpolated: the mean errors of the polynomial through six samples of a
 /// step.
-const INTERPOLATED: [f64; 2] = [0.114, 0.016];
+const UNSURE_BY_INTERPOLATION: [f64; 2] = [0.114, 0.016];
 /// Shortest time between two stops of a machine, as a share of the period.
 const SHORTEST_PASSAGE: f64 = 0.02;
-/// Most steps of integration from one sample to the next.
-const MOST_STEPS: usize = 16;
-/// Largest error of the integration, as a share of what a state changes in the whole record's typical sample.
-const INTEGRATION: f64 = 1e-9;
+/// Steps of integration from one sample to the next: doubled until the error is a small share of what a state changes in the whole
+/// record's typical sample.
+const INTEGRATION: Doubling = Doubling { least: 1, most: 16, settled: 1e-9 };
 /// The same where a sign jumps within a step.
-const JUMPING: f64 = 1e-3;
+const INTEGRATION_OF_JUMPS: Doubling = Doubling { settled: 1e-3, ..INTEGRATION };
 /// Transitions on which the number of steps is decided.
-const TRIED: usize = 64;
+const TRANSITIONS_TRIED: usize = 64;
 /// Transitions that one task linearises.
-const TASK: usize = 256;
+const TRANSITIONS_PER_TASK: usize = 256;
 
 /// A model that can be simulated, with the derivatives of its rows.
 #[derive(Clone, Copy)]
@@ -315,11 +312,13 @@ impl<'a> Problem<'a> {
     pub(super) fn needed_steps(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<usize, EvalError> {
         let n = self.states.len();
         let transitions = self.samples().saturating_sub(1);
-        let stride = (transitions / TRIED).max(1);
+        let stride = (transitions / TRANSITIONS_TRIED).max(1);
         let mut scratch = self.scratch();
         let (mut coarse, mut fine) = (vec![0.0; n], vec![0.0; n]);
-        let mut steps = 1;
-        while steps < MOST_STEPS {
+        // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
+        let integration = if self.machine.derivatives.switches() > 0 { INTEGRATION_OF_JUMPS } else { INTEGRATION };
+        let mut steps = integration.least;
+        while steps < integration.most {
             let (mut moved, mut wrong) = (vec![0.0; n], vec![0.0; n]);
             for k in (0..transitions).step_by(stride) {
                 let from = self.state(trajectory, k);
@@ -330,9 +329,7 @@ impl<'a> Problem<'a> {
                     wrong[i] += (fine[i] - coarse[i]).abs();
                 }
             }
-            // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
-            let bound = if self.machine.derivatives.switches() > 0 { JUMPING } else { INTEGRATION };
-            if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= bound * moved) {
+            if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= integration.settled * moved) {
                 break;
             }
             steps *= 2;
@@ -379,16 +376,16 @@ impl<'a> Problem<'a> {
             disturbed: trajectory.disturbed.clone(),
             nothing: vec![0.0; p],
         };
-        let parts = (chain.transition.par_chunks_mut(n * n * TASK))
-            .zip(chain.forcing.par_chunks_mut((n * width).max(1) * TASK))
-            .zip(chain.defect.par_chunks_mut(n * TASK))
+        let parts = (chain.transition.par_chunks_mut(n * n * TRANSITIONS_PER_TASK))
+            .zip(chain.forcing.par_chunks_mut((n * width).max(1) * TRANSITIONS_PER_TASK))
+            .zip(chain.defect.par_chunks_mut(n * TRANSITIONS_PER_TASK))
             .enumerate();
         parts.try_for_each(|(task, ((transition, forcing), defect))| {
             let mut scratch = self.scratch();
             let mut next = vec![0.0; n];
             let parts = transition.chunks_exact_mut(n * n).zip(forcing.chunks_exact_mut(n * width));
             for (i, ((transition, forcing), defect)) in parts.zip(defect.chunks_exact_mut(n)).enumerate() {
-                let k = task * TASK + i;
+                let k = task * TRANSITIONS_PER_TASK + i;
                 let (from, to) = (self.state(trajectory, k), self.state(trajectory, k + 1));
                 self.advance(k, trajectory, theta, self.steps, &mut scratch, &mut next)?;
                 for (s, value) in defect.iter_mut().enumerate() {
@@ -549,10 +546,10 @@ impl<'a> Problem<'a> {
         evaluate: impl Fn(&mut Scratch, &mut [f64]) -> Result<(), EvalError> + Sync,
     ) -> Result<Vec<f64>, EvalError> {
         let mut values = vec![0.0; self.samples() * width];
-        values.par_chunks_mut(width.max(1) * TASK).enumerate().try_for_each(|(task, values)| {
+        values.par_chunks_mut(width.max(1) * TRANSITIONS_PER_TASK).enumerate().try_for_each(|(task, values)| {
             let mut scratch = self.scratch();
             for (i, values) in values.chunks_exact_mut(width).enumerate() {
-                let k = task * TASK + i;
+                let k = task * TRANSITIONS_PER_TASK + i;
                 self.at((k, 0.0), self.state(trajectory, k), trajectory, theta, &mut scratch.now)?;
                 evaluate(&mut scratch, values)?;
             }
@@ -576,8 +573,10 @@ impl<'a> Problem<'a> {
     /// How much of the force is unsure one and two transitions beside one in which a sign jumps.
     fn unsure_beside(&self) -> [f64; 2] {
         match self.hold {
-            Hold::Zoh => BESIDE,
-            Hold::None => [BESIDE[0] + INTERPOLATED[0], BESIDE[1] + INTERPOLATED[1]],
+            Hold::Zoh => UNSURE_BESIDE_JUMP,
+            Hold::None => {
+                [UNSURE_BESIDE_JUMP[0] + UNSURE_BY_INTERPOLATION[0], UNSURE_BESIDE_JUMP[1] + UNSURE_BY_INTERPOLATION[1]]
+            }
         }
     }
 
@@ -587,7 +586,7 @@ impl<'a> Problem<'a> {
         let mut turns = vec![false; samples.saturating_sub(1)];
         for s in (0..n).filter(|&s| self.states[s].1 == 1) {
             let rate = |k: usize| trajectory.states[k * n + s];
-            let band = TURNING * root_mean_square((0..samples).map(rate));
+            let band = TURNING_VELOCITY * root_mean_square((0..samples).map(rate));
             for (k, turn) in turns.iter_mut().enumerate() {
                 *turn |= slow(rate(k), rate(k + 1), band);
             }
@@ -599,7 +598,7 @@ impl<'a> Problem<'a> {
     ///
     /// While a machine is at rest for L samples its friction is unknown but the same for all of them; independent forces have its impulse
     /// when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
-    /// given [`FREE`] times that size.
+    /// given [`REST_FORCE_RATIO`] times that size.
     pub(super) fn loose(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
         let (switches, rows) = (self.machine.derivatives.switches(), self.machine.model.dims().rows);
         if switches == 0 {
@@ -615,7 +614,7 @@ impl<'a> Problem<'a> {
         let mut loose = vec![0.0; samples.saturating_sub(1) * switches];
         for s in 0..switches {
             let of = |k: usize| arguments[k * switches + s];
-            let band = AT_REST * root_mean_square((0..samples).map(of));
+            let band = LEAST_ARGUMENT * root_mean_square((0..samples).map(of));
             let unsure = |k: usize| slow(of(k), of(k + 1), band);
             // While it is at rest a machine's velocity is noise, which may stand above the band for some samples.
             let mut free: Vec<bool> = (0..samples.saturating_sub(1)).map(unsure).collect();
@@ -634,7 +633,7 @@ impl<'a> Problem<'a> {
                 while k + 1 < samples && free[k] {
                     k += 1;
                 }
-                let size = FREE * ((k - first) as f64).sqrt();
+                let size = REST_FORCE_RATIO * ((k - first) as f64).sqrt();
                 for transition in first..k {
                     loose[transition * switches + s] = size;
                 }
@@ -642,7 +641,7 @@ impl<'a> Problem<'a> {
                     for (distance, share) in self.unsure_beside().into_iter().enumerate() {
                         for beside in [first.checked_sub(distance + 1), Some(k + distance)].into_iter().flatten() {
                             if let Some(at) = loose.get_mut(beside * switches + s) {
-                                *at = at.max(FREE * share);
+                                *at = at.max(REST_FORCE_RATIO * share);
                             }
                         }
                     }

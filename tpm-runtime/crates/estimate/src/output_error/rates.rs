@@ -12,10 +12,7 @@
 use crate::output_error::problem::{Differentiable, Problem};
 use crate::output_error::signals::{Rate, Signals};
 use crate::output_error::state::State;
-use tpm_numerics::{DMatrix, DVector};
-
-/// Standard deviations beyond which a fault of a rate is no chance.
-const CHANCE: f64 = 4.5;
+use tpm_numerics::{DMatrix, DVector, alarm};
 
 /// What a measured rate is to the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +113,9 @@ fn compared(rate: &[f64], velocity: &[f64], apart: &[bool], sample_time: f64) ->
     let noise = (left.norm_squared() / (count - 3.0).max(1.0)).sqrt();
     let inverse = normal.inverse();
     let deviations = |at: usize| found[at].abs() / (noise * inverse[(at, at)].sqrt()).max(f64::MIN_POSITIVE);
-    let surest = (0..3).max_by(|&a, &b| deviations(a).total_cmp(&deviations(b))).filter(|&at| deviations(at) > CHANCE);
+    let surest = (0..3)
+        .max_by(|&a, &b| deviations(a).total_cmp(&deviations(b)))
+        .filter(|&at| deviations(at) > alarm::RATE_FAULT);
     let products: f64 =
         (1..places.len()).filter(|&i| places[i] == places[i - 1] + 1).map(|i| left[i] * left[i - 1]).sum();
     let correlation = products / left.norm_squared().max(f64::MIN_POSITIVE);
@@ -124,7 +123,7 @@ fn compared(rate: &[f64], velocity: &[f64], apart: &[bool], sample_time: f64) ->
         Some(0) => Some(RateFault::Gain(1.0 + found[0])),
         Some(1) => Some(RateFault::Late(found[1])),
         Some(_) => Some(RateFault::Offset(found[2])),
-        None => (correlation.abs() * count.sqrt() > CHANCE).then_some(RateFault::Coloured(correlation)),
+        None => (correlation.abs() * count.sqrt() > alarm::RATE_FAULT).then_some(RateFault::Coloured(correlation)),
     };
     Some((noise, fault))
 }

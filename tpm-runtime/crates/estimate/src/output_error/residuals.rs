@@ -3,20 +3,17 @@
 use crate::output_error::signals::Signals;
 use num_complex::Complex;
 use std::f64::consts::PI;
+use tpm_numerics::alarm;
 use tpm_numerics::fourier::forward;
 
 /// Harmonics at which the innovations are compared with their neighbours.
-const HARMONICS: usize = 24;
-/// Standard deviations beyond which the power at the harmonics, or the correlation of neighbouring innovations, is no chance.
-const CHANCE: f64 = 4.5;
-/// Chance of a false alarm about a vibration.
-const VIBRATION: f64 = 0.002;
+const MOST_HARMONICS: usize = 24;
 /// A vibration of the machine lies above this multiple of the highest harmonic of its motion.
-const BEYOND_MOTION: f64 = 2.0;
+const VIBRATION_OVER_MOTION: f64 = 2.0;
 /// Samples that a vibration must have in one of its periods.
-const NEAR_SAMPLING: usize = 5;
+const LEAST_SAMPLES_PER_VIBRATION: usize = 5;
 /// Bins on either side over which the power of the innovations is averaged.
-const SMOOTHED: usize = 10;
+const BINS_PER_SIDE: usize = 10;
 
 /// Innovations of every sensor, each with the sample to which it belongs.
 pub(super) struct Innovations {
@@ -46,7 +43,7 @@ impl Innovations {
         let pairs = self.sensors.iter().flat_map(|sensor| sensor.windows(2));
         let product: f64 = pairs.map(|pair| pair[0].1 * pair[1].1).sum();
         let value = if power > 0.0 { product / power } else { 0.0 };
-        Finding { value, beyond_chance: value * f64::sqrt(count) > CHANCE }
+        Finding { value, beyond_chance: value * f64::sqrt(count) > alarm::INNOVATIONS_NOT_WHITE }
     }
 
     /// Mean power at the lowest harmonics in units of the mean power; one where the motion has no harmonics.
@@ -62,7 +59,7 @@ impl Innovations {
             if variance <= 0.0 {
                 continue;
             }
-            for k in 1..=HARMONICS.min((samples_per_period / 4.0) as usize) {
+            for k in 1..=MOST_HARMONICS.min((samples_per_period / 4.0) as usize) {
                 let angle = -2.0 * PI * k as f64 / samples_per_period;
                 let line: Complex<f64> =
                     sensor.iter().map(|&(sample, e)| Complex::from_polar(e, angle * f64::from(sample))).sum();
@@ -73,7 +70,7 @@ impl Innovations {
         if count > 0.0 {
             let value: f64 = power / count;
             // |line|^2 over its mean is exponential: mean one, variance one.
-            Finding { value, beyond_chance: (value - 1.0) * f64::sqrt(count) > CHANCE }
+            Finding { value, beyond_chance: (value - 1.0) * f64::sqrt(count) > alarm::INNOVATIONS_NOT_WHITE }
         } else {
             Finding { value: 1.0, beyond_chance: false }
         }
@@ -85,13 +82,13 @@ impl Innovations {
         for ((c, _), sensor) in signals.sensors().zip(&self.sensors) {
             let mut series: Vec<f64> = sensor.iter().map(|(_, e)| *e).collect();
             let samples = series.len();
-            if samples < 16 * SMOOTHED {
+            if samples < 16 * BINS_PER_SIDE {
                 continue;
             }
             let transform = forward(samples);
             let mut spectrum = transform.make_output_vec();
             transform.process(&mut series, &mut spectrum).ok()?;
-            let above = BEYOND_MOTION * signals.highest(c) * samples as f64 * signals.sample_time;
+            let above = VIBRATION_OVER_MOTION * signals.highest(c) * samples as f64 * signals.sample_time;
             // Bins at the harmonics tell of terms, not of vibrations.
             let between = |bin: usize| {
                 let Some(period) = signals.samples_per_period().map(|of| samples as f64 / of) else { return true };
@@ -103,7 +100,7 @@ impl Innovations {
                 .map(|(bin, z)| (bin, z.norm_sqr()))
                 .collect();
             let mean = powers.iter().map(|p| p.1).sum::<f64>() / powers.len().max(1) as f64;
-            let count = 2 * SMOOTHED + 1;
+            let count = 2 * BINS_PER_SIDE + 1;
             if mean <= 0.0 || powers.len() < 4 * count {
                 continue;
             }
@@ -112,12 +109,12 @@ impl Innovations {
                 // Chernoff's bound on the mean of exponential variables.
                 let unlikely = count as f64 * (level - 1.0 - level.ln());
                 if level > 1.0
-                    && unlikely > (powers.len() as f64 / VIBRATION).ln()
+                    && unlikely > alarm::exponential(alarm::VIBRATION_RATE, powers.len())
                     && worst.is_none_or(|(most, _)| level > most)
                 {
                     let strongest = window.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
                     // Nearer to the sampling frequency it is how the record was sampled that shows.
-                    if strongest.0 * NEAR_SAMPLING < samples && strongest.0 as f64 > above {
+                    if strongest.0 * LEAST_SAMPLES_PER_VIBRATION < samples && strongest.0 as f64 > above {
                         worst = Some((level, strongest.0 as f64 / (samples as f64 * signals.sample_time)));
                     }
                 }

@@ -5,15 +5,13 @@ use crate::output_error::noise::Noise;
 use num_complex::Complex;
 use std::sync::OnceLock;
 use tpm_core::harmonics::Hold;
-use tpm_motion::alike;
-use tpm_numerics::root_mean_square;
+use tpm_motion::equal_rounding_runs;
+use tpm_numerics::{root_mean_square, tolerance};
 
-/// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
-const ROUNDING: f64 = 1e-9;
 /// Power that harmonics leave of a record, in units of its noise, above which they are no description of its motion.
-const UNEXPLAINED: f64 = 100.0;
+const MOST_UNEXPLAINED_POWER: f64 = 100.0;
 /// Share of a period over which a polynomial is fitted on either side of a sample, as one over this.
-const LOCAL: f64 = 60.0;
+const POLYNOMIAL_PERIOD_DIVISOR: f64 = 60.0;
 
 /// What is known of a record's motion before it is simulated.
 #[derive(Clone, Debug)]
@@ -72,13 +70,13 @@ pub struct Signals<'a> {
     pub white: Vec<f64>,
     /// Step of each sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
-    /// The inputs without their noise, once they were asked for: hundreds of harmonics take longer to add up than a fit takes for a step.
-    pub calm: OnceLock<Vec<Vec<f64>>>,
+    /// The inputs without their noise, computed on first use: hundreds of harmonics take longer to add up than a fit takes for a step.
+    pub denoised_inputs: OnceLock<Vec<Vec<f64>>>,
 }
 
 /// Samples on either side of a sample over which a polynomial follows a motion that repeats.
 pub fn reach_in(samples_per_period: f64) -> usize {
-    (samples_per_period / LOCAL) as usize
+    (samples_per_period / POLYNOMIAL_PERIOD_DIVISOR) as usize
 }
 
 /// Variance of a sensor's noise beside its rounding to counts, given what is white in its readings and the size of a count. Nothing where
@@ -164,7 +162,7 @@ impl Signals<'_> {
         let errors = self.coordinates[coordinate].iter().zip(&periodic).map(|(x, y)| x - y);
         let left = errors.map(|e| e * e).sum::<f64>() / samples.max(1) as f64;
         let noise = self.white[coordinate].powi(2) + self.steps[coordinate].powi(2) / 12.0;
-        left <= UNEXPLAINED * noise
+        left <= MOST_UNEXPLAINED_POWER * noise
     }
 
     /// Derivatives 0 to `order` of a signal at every sample, sample by sample, by polynomials that reach over no join. Nothing where
@@ -213,7 +211,7 @@ impl Signals<'_> {
             };
             self.smooth(signal, lines)
         };
-        self.calm.get_or_init(|| self.inputs.iter().enumerate().map(of).collect())
+        self.denoised_inputs.get_or_init(|| self.inputs.iter().enumerate().map(of).collect())
     }
 
     fn smooth(&self, signal: &[f64], lines: Option<&Vec<Complex<f64>>>) -> Vec<f64> {
@@ -271,12 +269,12 @@ impl Signals<'_> {
         let samples = self.samples();
         let mut readings = vec![0.0; samples * outputs];
         for (sensor, rate) in (self.coordinates.len()..).zip(&self.rates) {
-            let least = ROUNDING * root_mean_square(rate.readings.iter().copied());
+            let least = tolerance::READING * root_mean_square(rate.readings.iter().copied());
             let sigma = rate.noise.max(least).max(f64::MIN_POSITIVE);
             readings.iter_mut().skip(sensor).step_by(outputs).for_each(|slot| *slot = sigma);
         }
         for (c, signal) in self.coordinates.iter().enumerate() {
-            let least = (ROUNDING * root_mean_square(signal.iter().copied())).powi(2).max(f64::MIN_POSITIVE);
+            let least = (tolerance::READING * root_mean_square(signal.iter().copied())).powi(2).max(f64::MIN_POSITIVE);
             let step = self.steps[c];
             if let Some(own) = self.beside_counts(c) {
                 let rounded = step * step / 12.0;
@@ -288,7 +286,7 @@ impl Signals<'_> {
                 let copies = copies.max(1.0);
                 let motion = self.without_noise(c);
                 let mut first = 0;
-                for length in alike(&motion, step) {
+                for length in equal_rounding_runs(&motion, step) {
                     let variance = (rounded * length as f64 + own) * copies;
                     for sample in first..first + length {
                         readings[sample * outputs + c] = variance.max(least).sqrt();

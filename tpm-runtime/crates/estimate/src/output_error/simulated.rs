@@ -13,13 +13,13 @@ use crate::output_error::state::State;
 use tpm_motion::{Plant, PlantError};
 
 /// A free run that is farther from the record than so many of its standard deviations has left it.
-const LEFT: f64 = 10.0;
+const FARTHEST_DEVIATIONS: f64 = 10.0;
 /// Samples at the beginning of a stretch that are not counted one step ahead, in units of the highest order of a coordinate: they
 /// determine the state.
-const BEGINNING: usize = 2;
+const UNCOUNTED_PER_ORDER: usize = 2;
 
 /// Deviation of a predicted reading, in units of the median, above which the filter has not forgotten a start or a stop.
-const FORGOTTEN: f64 = 1.1;
+const MOST_OVER_MEDIAN: f64 = 1.1;
 
 /// Where a free run leaves the record.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,7 +80,7 @@ impl Simulated {
         let samples = problem.samples();
         let mut counts = vec![true; samples];
         for start in starts(&problem.breaks) {
-            counts[start..samples.min(start + BEGINNING * highest)].fill(false);
+            counts[start..samples.min(start + UNCOUNTED_PER_ORDER * highest)].fill(false);
         }
         let outputs = problem.coordinates.len();
         let by_coordinate = |values: &[f64]| -> Vec<Vec<f64>> {
@@ -134,7 +134,7 @@ fn regular(chain: &Chain, deviations: &[f64], counts: &[bool]) -> Vec<bool> {
         }
         let middle = usual.len() / 2;
         let median = *usual.select_nth_unstable_by(middle, f64::total_cmp).1;
-        (0..samples).for_each(|k| regular[k] &= own(k) <= FORGOTTEN * median);
+        (0..samples).for_each(|k| regular[k] &= own(k) <= MOST_OVER_MEDIAN * median);
     }
     regular
 }
@@ -158,7 +158,7 @@ struct FreeRun {
     readings: Vec<Vec<f64>>,
     /// Where it is first farther from the record than the record's own standard deviation.
     away: Option<Divergence>,
-    /// Where it is so first and then leaves the record by [`LEFT`] of it.
+    /// Where it is so first and then leaves the record by [`FARTHEST_DEVIATIONS`] of it.
     left: Option<Divergence>,
 }
 
@@ -193,7 +193,7 @@ fn free_run(problem: &Problem<'_>, state: &State, plant: &mut Plant<'_>) -> Resu
             first = first.or(away.map(at));
             let advanced = if k + 1 < end { advance(problem, k, plant) } else { Ok(()) };
             let diverged = match advanced {
-                Ok(()) => farthest > LEFT,
+                Ok(()) => farthest > FARTHEST_DEVIATIONS,
                 Err(PlantError::Evaluation(fault)) => return Err(fault.into()),
                 Err(PlantError::Diverged { .. }) => true,
             };

@@ -64,7 +64,7 @@ fn signals<'a>(position: &'a [f64], force: &'a [f64], joins: &[usize], highest: 
         joins: joins.to_vec(),
         white: vec![white_noise(position)],
         steps: vec![0.0],
-        calm: OnceLock::new(),
+        denoised_inputs: OnceLock::new(),
     }
 }
 

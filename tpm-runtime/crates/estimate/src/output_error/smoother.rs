@@ -19,9 +19,9 @@ use crate::output_error::noise::Noise;
 use crate::output_error::reflect::triangularise;
 
 /// Rows in the parameters that are gathered before they are reduced.
-const GATHERED: usize = 48;
+const ROWS_GATHERED: usize = 48;
 /// Standard deviation of what is exact, beside that of a reading.
-const EXACT: f64 = 1e-8;
+const EXACT_STATE_DEVIATION: f64 = 1e-8;
 
 /// What the record says of the parameters, and of the states.
 #[derive(Clone, Debug)]
@@ -59,9 +59,10 @@ impl Smoothed {
             width: p + 1,
             order,
         };
-        let exact = |derivative: usize, scale: f64| EXACT * scale / chain.duration().powi(derivative as i32);
+        let exact =
+            |derivative: usize, scale: f64| EXACT_STATE_DEVIATION * scale / chain.duration().powi(derivative as i32);
         let typical: Vec<f64> = (0..outputs).map(|c| noise.typical(c, outputs)).collect();
-        let mut gathered: Vec<f64> = Vec::with_capacity((GATHERED + p + 1) * (p + 1));
+        let mut gathered: Vec<f64> = Vec::with_capacity((ROWS_GATHERED + p + 1) * (p + 1));
         let (mut work, mut factors): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let mut disturbed: Vec<(usize, f64)> = Vec::new();
         // Rows in the present state and the columns.
@@ -150,7 +151,7 @@ impl Smoothed {
                 if !sigma.is_finite() {
                     continue;
                 }
-                let sigma = if coloured { EXACT.sqrt() * sigma } else { sigma };
+                let sigma = if coloured { EXACT_STATE_DEVIATION.sqrt() * sigma } else { sigma };
                 let at = work.len();
                 work.resize(at + width, 0.0);
                 let row = &mut work[at..];
@@ -172,7 +173,7 @@ impl Smoothed {
                 this.innovations.extend_from_slice(&row[order..]);
                 gathered.extend_from_slice(&row[order..]);
             }
-            if gathered.len() >= GATHERED * (p + 1) {
+            if gathered.len() >= ROWS_GATHERED * (p + 1) {
                 this.reduce(&mut gathered);
             }
         }

@@ -2,10 +2,7 @@
 
 use crate::output_error::error::OutputErrorFault;
 use crate::output_error::smoother::Smoothed;
-use tpm_numerics::{DMatrix, DVector};
-
-/// Least size of a column of unit length, beside those before it, that is told from them.
-const SINGULAR: f64 = 1e-9;
+use tpm_numerics::{DMatrix, DVector, tolerance};
 
 /// A step of the first columns, and their covariance for noise of the stated size.
 pub(super) struct Solution {
@@ -33,7 +30,7 @@ impl Solution {
             row.scale_mut(1e3 / norm);
         }
         let (q, r) = rows.qr().unpack();
-        if !(0..p).all(|i| r[(i, i)].abs() > SINGULAR) {
+        if !(0..p).all(|i| r[(i, i)].abs() > tolerance::COLUMN) {
             return Err(OutputErrorFault::Singular);
         }
         let mut inverse = r.solve_upper_triangular(&DMatrix::identity(p, p)).ok_or(OutputErrorFault::Singular)?;

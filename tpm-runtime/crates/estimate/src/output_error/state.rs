@@ -10,23 +10,35 @@ use crate::output_error::smoother::Smoothed;
 use crate::output_error::solution::Solution;
 use crate::output_error::tuning::tune;
 use std::ops::Range;
+use tpm_numerics::Iteration;
 
-/// Most Gauss-Newton steps.
-const MOST_STEPS: usize = 25;
-/// The iteration has converged when no parameter moves by more than this share of its deviation.
-const CONVERGED: f64 = 1e-2;
-/// After this many steps a parameter may still move by [`SETTLED`].
-const PATIENT: usize = 6;
-/// Share of its deviation by which a parameter may move when the steps no longer become smaller.
-const SETTLED: f64 = 0.5;
-/// A step of more deviations than this leaves the motion from which the noise was told.
-const FAR: f64 = 1.0;
-/// Most searches for the noise after the steps have become small.
-const MOST_SEARCHES: usize = 2;
-/// Share of itself by which a limit moves at most in one step.
-const FARTHEST: f64 = 0.2;
-/// Variance of the first innovations, in units of the sensors' white noise, above which there is more than that.
-const NOISY: f64 = 10.0;
+/// The numbers of the Gauss-Newton iteration. Moves of parameters are in standard deviations of the parameter.
+struct GaussNewton {
+    /// Converged when no parameter moves by more than `settled`.
+    steps: Iteration,
+    /// Steps after which signs that turn and limits that are reached make whole steps go to and fro: half steps are made from there on.
+    whole_steps: usize,
+    /// Converged, in half steps, when no parameter moves by more than this.
+    settled_in_half_steps: f64,
+    /// A longer step leaves the motion from which the noise was found.
+    longest_near_step: f64,
+    /// Most searches for the noise after the steps have become small.
+    most_searches: usize,
+    /// Longest step of a limit, as a share of it: what is cut off depends on it.
+    longest_step_of_limit: f64,
+    /// Largest variance of the first innovations, as a multiple of that of the sensors' white noise, that this noise alone explains.
+    most_white_variance: f64,
+}
+
+const GAUSS_NEWTON: GaussNewton = GaussNewton {
+    steps: Iteration { most: 25, settled: 1e-2 },
+    whole_steps: 6,
+    settled_in_half_steps: 0.5,
+    longest_near_step: 1.0,
+    most_searches: 2,
+    longest_step_of_limit: 0.2,
+    most_white_variance: 10.0,
+};
 
 /// A candidate term that is part of the model.
 #[derive(Clone, Copy, Debug)]
@@ -92,7 +104,7 @@ impl State {
         let mut due = false;
         // How often the noise was told once more; never without end, since every time may move the motion.
         let mut again = 0;
-        for iteration in 0..MOST_STEPS {
+        for iteration in 0..GAUSS_NEWTON.steps.most {
             let columns = self.columns(problem, signals)?;
             let mut values = vec![0.0; self.base()];
             values.extend(self.terms.iter().map(|active| active.value));
@@ -108,7 +120,7 @@ impl State {
                 }
             }
             let mut smoothed = Smoothed::new(&chain, &self.noise, chain.columns, true);
-            if tuned && iteration == 0 && smoothed.scale() > NOISY {
+            if tuned && iteration == 0 && smoothed.scale() > GAUSS_NEWTON.most_white_variance {
                 self.noise = tune(&chain, &self.noise, signals, false);
                 smoothed = Smoothed::new(&chain, &self.noise, chain.columns, true);
             }
@@ -117,7 +129,7 @@ impl State {
                 smoothed.corrections(&chain, &self.noise, &solution.step).ok_or(OutputErrorFault::Singular)?;
             // Signs that turn, and limits that are reached, a sample earlier or later make whole steps go to and fro.
             let corners = problem.machine.derivatives.switches() > 0 || self.limit.is_some();
-            let turning = iteration >= PATIENT && corners;
+            let turning = iteration >= GAUSS_NEWTON.whole_steps && corners;
             let whole = if turning { 0.5 } else { 1.0 };
             let mut share: f64 = whole;
             for (at, &j) in problem.free.iter().enumerate() {
@@ -137,7 +149,8 @@ impl State {
             if let Some(limit) = &mut self.limit {
                 // What is cut off depends on the limit, which therefore moves by a part of itself only.
                 let step: f64 = (&mut steps).take(1).sum();
-                limit.size += step.clamp(-FARTHEST * limit.size, FARTHEST * limit.size);
+                let longest = GAUSS_NEWTON.longest_step_of_limit * limit.size;
+                limit.size += step.clamp(-longest, longest);
                 self.trajectory.applied = Some(limit.applied(&problem.inputs));
             }
             let first = problem.free.len() + self.base();
@@ -145,19 +158,19 @@ impl State {
                 active.value += step;
                 active.std = solution.deviation(first + at);
             }
-            let small = if turning { SETTLED } else { CONVERGED };
+            let small = if turning { GAUSS_NEWTON.settled_in_half_steps } else { GAUSS_NEWTON.steps.settled };
             let within =
                 |most: f64| (0..chain.columns).all(|at| solution.step[at].abs() <= most * solution.deviation(at));
-            stale |= !within(FAR);
+            stale |= !within(GAUSS_NEWTON.longest_near_step);
             if share >= whole && within(small) && (iteration > 3 || iteration > 1 && self.noise.is_plain() || !tuned) {
-                due = tuned && stale && !self.noise.is_plain() && again < MOST_SEARCHES;
+                due = tuned && stale && !self.noise.is_plain() && again < GAUSS_NEWTON.most_searches;
                 if !due {
                     return Ok(iteration + 1);
                 }
                 again += 1;
             }
         }
-        Err(OutputErrorFault::NotConverged { steps: MOST_STEPS })
+        Err(OutputErrorFault::NotConverged { steps: GAUSS_NEWTON.steps.most })
     }
 
     /// Number of columns that are part of the model beside its parameters.

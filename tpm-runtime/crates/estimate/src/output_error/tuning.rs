@@ -8,25 +8,27 @@ use crate::output_error::noise::Noise;
 use crate::output_error::signals::Signals;
 use crate::output_error::smoother::Smoothed;
 use rayon::prelude::*;
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{alarm, root_mean_square};
 
 /// Samples on which the search for the noise begins.
-const STRETCH: usize = 4000;
-/// Least gain of twice the logarithm of the likelihood at which a kind of noise is believed.
-pub(super) const BELIEVED: f64 = 10.0;
+const FIRST_SAMPLES: usize = 4000;
 /// Decades below the size of an input in which its noise is looked for.
-const DECADES: u32 = 6;
+const INPUT_NOISE_DECADES: u32 = 6;
 /// Decades on either side of what a stretch says in which the record is asked.
-const BESIDE: f64 = 1.0;
+const DECADES_BESIDE: f64 = 1.0;
 /// Correlations of successive readings from which the search for a colour begins.
-const COLOURS: [f64; 4] = [0.5, 0.8, 0.9, 0.96];
-/// First and last width of the search for the noise of the inputs, in decades.
-const WIDTHS: (f64, f64) = (0.5, 0.1);
-/// First and last width of the search for what is new in every sample of coloured noise, as a logarithm.
-const WIDTHS_OF_COLOUR: (f64, f64) = (0.25, 0.05);
+const COLOURS_TRIED: [f64; 4] = [0.5, 0.8, 0.9, 0.96];
+/// A search of a place where a function is least: the width of its steps is halved from the first to the last.
+struct Descent {
+    first_width: f64,
+    last_width: f64,
+    most_steps: usize,
+}
 
-/// Most steps of a search.
-const MOST_STEPS: usize = 20;
+/// The search for the noise of the inputs, in decades.
+const INPUT_DESCENT: Descent = Descent { first_width: 0.5, last_width: 0.1, most_steps: 20 };
+/// The search for what is new in every sample of coloured noise, in natural logarithms.
+const COLOUR_DESCENT: Descent = Descent { first_width: 0.25, last_width: 0.05, most_steps: 20 };
 
 /// A place with the cost that it has.
 type Place = (f64, f64);
@@ -81,14 +83,14 @@ pub(super) fn tune(chain: &Chain, before: &Noise, signals: &Signals<'_>, whole: 
         sizes: &sizes,
         coordinates: signals.coordinates.len(),
     };
-    let length = chain.samples.min(STRETCH);
+    let length = chain.samples.min(FIRST_SAMPLES);
     let stretch = evidence((chain.samples - length) / 2, length);
-    let inputs: Vec<f64> = (1..=DECADES).map(|decade| -f64::from(decade)).collect();
-    let colours = COLOURS.map(|colour: f64| (1.0 - colour).ln());
+    let inputs: Vec<f64> = (1..=INPUT_NOISE_DECADES).map(|decade| -f64::from(decade)).collect();
+    let colours = COLOURS_TRIED.map(|colour: f64| (1.0 - colour).ln());
     let rough = search(&stretch, &inputs, &colours);
     let found = if whole && length < chain.samples {
         let about = rough.input.0;
-        let near = [about - BESIDE, about, about + BESIDE];
+        let near = [about - DECADES_BESIDE, about, about + DECADES_BESIDE];
         search(
             &evidence(0, chain.samples),
             if rough.noise.inputs == white.inputs { &inputs } else { &near },
@@ -115,8 +117,8 @@ fn search(evidence: &Evidence<'_>, inputs: &[f64], colours: &[f64]) -> Found {
     let (mut best, mut least) = (evidence.white.clone(), evidence.cost(&evidence.white));
     let of_input = |log: f64| evidence.cost(&evidence.noisy(log));
     let mut input = Evidence::least(inputs, of_input);
-    if input.1 <= least - BELIEVED {
-        input = descend(input, WIDTHS, of_input);
+    if input.1 <= least - alarm::LIKELIHOOD_GAIN {
+        input = descend(input, &INPUT_DESCENT, of_input);
         (best, least) = (evidence.noisy(input.0), input.1);
     }
     let mut bases = vec![evidence.white.clone()];
@@ -132,8 +134,8 @@ fn search(evidence: &Evidence<'_>, inputs: &[f64], colours: &[f64]) -> Found {
             (base, colour) = (own, found);
         }
     }
-    if colour.1 < least - BELIEVED {
-        colour = descend(colour, WIDTHS_OF_COLOUR, |log| evidence.cost(&evidence.coloured(base, log)));
+    if colour.1 < least - alarm::LIKELIHOOD_GAIN {
+        colour = descend(colour, &COLOUR_DESCENT, |log| evidence.cost(&evidence.coloured(base, log)));
         best = evidence.coloured(base, colour.0);
     }
     Found { noise: best, input, colour }
@@ -141,18 +143,18 @@ fn search(evidence: &Evidence<'_>, inputs: &[f64], colours: &[f64]) -> Found {
 
 /// The place, with its cost before the last step, where a function is least near a start: steps are halved from the first width to the
 /// last, and the last one goes to the vertex of the parabola through three places.
-fn descend(start: Place, (mut width, until): (f64, f64), of: impl Fn(f64) -> f64 + Sync) -> Place {
-    let mut best = start;
-    for _ in 0..MOST_STEPS {
+fn descend(start: Place, descent: &Descent, of: impl Fn(f64) -> f64 + Sync) -> Place {
+    let (mut best, mut width) = (start, descent.first_width);
+    for _ in 0..descent.most_steps {
         let (below, above) = rayon::join(|| of(best.0 - width), || of(best.0 + width));
         if below.min(above) < best.1 {
             best = if below < above { (best.0 - width, below) } else { (best.0 + width, above) };
-        } else if width <= until {
+        } else if width <= descent.last_width {
             let curvature = below + above - 2.0 * best.1;
             let vertex = if curvature > 0.0 { 0.5 * width * (below - above) / curvature } else { 0.0 };
             return (best.0 + vertex, best.1);
         }
-        if width > until {
+        if width > descent.last_width {
             width *= 0.5;
         }
     }

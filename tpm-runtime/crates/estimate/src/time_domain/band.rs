@@ -19,15 +19,15 @@ use tpm_core::model::Model;
 use tpm_numerics::Matrix;
 
 /// Cut-offs that are tried, in units of the highest frequency that stands out of the noise.
-const TRIED: [f64; 6] = [0.7, 1.0, 1.5, 2.2, 3.3, 5.0];
+const CUT_OFFS_TRIED: [f64; 6] = [0.7, 1.0, 1.5, 2.2, 3.3, 5.0];
 /// Largest cut-off, as a share of the sampling frequency.
-const LARGEST: f64 = 0.125;
+const LARGEST_CUT_OFF: f64 = 0.125;
 /// Largest share of a stretch that a low pass may take from its ends.
-const LOST: f64 = 0.5;
+const MOST_LOST: f64 = 0.5;
 /// A band whose deviations are not more than this many times the smallest ones tells whether the parameters move with the band.
-const COMPARABLE: f64 = 2.0;
+const MOST_DEVIATION_RATIO: f64 = 2.0;
 /// Samples in one oscillation at the cut-off, times this, are those over which polynomials follow the motion on either side.
-const POLYNOMIAL: f64 = 0.45;
+const POLYNOMIAL_REACH: f64 = 0.45;
 
 /// The bands that were tried, and what they said.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -102,7 +102,7 @@ impl Tried {
 
 /// Samples on either side of a sample over which a polynomial follows a motion below a cut-off, Hz.
 pub(super) fn reach(cut_off: f64, sample_time: f64) -> usize {
-    (POLYNOMIAL / (cut_off * sample_time)) as usize
+    (POLYNOMIAL_REACH / (cut_off * sample_time)) as usize
 }
 
 /// The cut-offs that are tried for a motion, rad/s, ascending; none where all stretches are too short.
@@ -111,10 +111,13 @@ pub(super) fn cut_offs(motion: &Motion, sample_time: f64) -> Vec<f64> {
     let sampling = 2.0 * PI / sample_time;
     let longest = motion.stretches.iter().map(|stretch| stretch.samples).max().unwrap_or(0) as f64 * sample_time;
     // A low pass reaches the farther the lower it is, so that a short stretch needs a high one.
-    let lowest = 2.0 * Equations::lost(LowPass { cut_off: 1.0 }) / (LOST * longest);
-    let largest = LARGEST * sampling;
-    let mut cut_offs: Vec<f64> =
-        TRIED.iter().map(|times| (times * fastest).min(largest)).filter(|cut_off| *cut_off >= lowest).collect();
+    let lowest = 2.0 * Equations::lost(LowPass { cut_off: 1.0 }) / (MOST_LOST * longest);
+    let largest = LARGEST_CUT_OFF * sampling;
+    let mut cut_offs: Vec<f64> = CUT_OFFS_TRIED
+        .iter()
+        .map(|times| (times * fastest).min(largest))
+        .filter(|cut_off| *cut_off >= lowest)
+        .collect();
     if cut_offs.is_empty() && lowest <= largest {
         cut_offs = vec![lowest, largest];
     }
@@ -158,10 +161,9 @@ pub fn estimate_time_domain(
     let best = best.ok_or(EstimateError::NoSignal)?;
     let moved = |j: usize| -> f64 {
         let own = &best.fitted.estimate;
-        let others = tried
-            .iter()
-            .map(|tried| &tried.fitted.estimate)
-            .filter(|other| other.rank == most && own.std[j].is_finite() && other.std[j] <= COMPARABLE * own.std[j]);
+        let others = tried.iter().map(|tried| &tried.fitted.estimate).filter(|other| {
+            other.rank == most && own.std[j].is_finite() && other.std[j] <= MOST_DEVIATION_RATIO * own.std[j]
+        });
         // Noise alone moves a value by what the variances of two bands differ.
         let beyond_noise = |other: &Estimate| {
             let noise = (other.std[j].powi(2) - own.std[j].powi(2)).abs();

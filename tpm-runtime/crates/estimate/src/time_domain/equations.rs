@@ -10,23 +10,21 @@ use std::f64::consts::PI;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{EvalError, Model};
 use tpm_motion::held;
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{alarm, root_mean_square};
 
 /// Cut-off of the low pass on the motion, in units of that on the rows: what the rows' own low pass takes later need not be taken here.
-const WIDER: f64 = 2.0;
+const MOTION_CUT_OFF_RATIO: f64 = 2.0;
 /// Samples of the motion in one oscillation at the cut-off: a sign that jumps does so at one of them.
-const FINE: f64 = 32.0;
-/// Deviations of the noise of a sign's argument within which the sign is not known.
-const UNSURE: f64 = 3.0;
+const SAMPLES_PER_OSCILLATION: f64 = 32.0;
 /// A sign is believed where its argument is above this share of its root mean square: nearer to rest, friction takes any value
 /// between its two.
-const AT_REST: f64 = 0.02;
+pub(crate) const LEAST_ARGUMENT: f64 = 0.02;
 /// Share of the time around an equation for which a sign in it may be unknown: a passage through rest, but no stop.
-const PASSING: f64 = 0.25;
+const MOST_UNKNOWN_TIME: f64 = 0.25;
 /// Share of the low pass's reach within which it has most of its weight.
-const HEAVY: f64 = 0.25;
+const HEAVY_REACH: f64 = 0.25;
 /// Samples that one task evaluates.
-const TASK: usize = 1024;
+const SAMPLES_PER_TASK: usize = 1024;
 
 /// What is evaluated: a model, its constants, and the derivatives of its rows where they are known.
 #[derive(Clone, Copy)]
@@ -98,7 +96,7 @@ impl Equations {
 
     /// The longest time that a band takes from either end of a stretch, s.
     pub(super) fn lost(low_pass: LowPass) -> f64 {
-        low_pass.reach() * (1.0 + 1.0 / WIDER)
+        low_pass.reach() * (1.0 + 1.0 / MOTION_CUT_OFF_RATIO)
     }
 }
 
@@ -141,9 +139,9 @@ impl Band<'_> {
         if first >= last {
             return Ok(());
         }
-        let wanted = duration * FINE * self.low_pass.cut_off / (2.0 * PI);
+        let wanted = duration * SAMPLES_PER_OSCILLATION * self.low_pass.cut_off / (2.0 * PI);
         let fine = quick(wanted as usize).min(self.stretch.points);
-        let wide = LowPass { cut_off: WIDER * self.low_pass.cut_off };
+        let wide = LowPass { cut_off: MOTION_CUT_OFF_RATIO * self.low_pass.cut_off };
         let inputs: Vec<Vec<f64>> = (self.stretch.inputs.iter().enumerate())
             .map(|(i, input)| {
                 let actuator = self.record.actuators.get(i).copied().unwrap_or_default();
@@ -184,11 +182,13 @@ impl Band<'_> {
             }
             row.driven |= right.driven[r];
             let counts = kept.clone().map(|k| {
-                let near = HEAVY * self.low_pass.reach();
+                let near = HEAVY_REACH * self.low_pass.reach();
                 let middle = k as f64 / instants;
                 let from = (((middle - near) / apart) as usize).min(fine - 1);
                 let to = (((middle + near) / apart) as usize).clamp(from + 1, fine);
-                unsure[r].as_ref().is_none_or(|sums| f64::from(sums[to] - sums[from]) <= PASSING * (to - from) as f64)
+                unsure[r]
+                    .as_ref()
+                    .is_none_or(|sums| f64::from(sums[to] - sums[from]) <= MOST_UNKNOWN_TIME * (to - from) as f64)
             });
             row.counts.extend(counts);
         }
@@ -222,9 +222,9 @@ impl Band<'_> {
         let dims = model.dims();
         let width = dims.parameters + 1;
         let mut entries = vec![0.0; fine * dims.rows * width];
-        let tasks = entries.par_chunks_mut(dims.rows * width * TASK).enumerate();
+        let tasks = entries.par_chunks_mut(dims.rows * width * SAMPLES_PER_TASK).enumerate();
         let signs: Vec<Signs> = tasks
-            .map(|(task, entries)| self.evaluate(task * TASK, entries, motion, inputs))
+            .map(|(task, entries)| self.evaluate(task * SAMPLES_PER_TASK, entries, motion, inputs))
             .collect::<Result<_, _>>()?;
         if let Some(at) = entries.iter().position(|entry| !entry.is_finite()) {
             let (row, column) = (at / width % dims.rows, at % width);
@@ -296,7 +296,7 @@ impl Band<'_> {
         for s in 0..switches {
             let argument = |k: usize| right.arguments[k * switches + s];
             let noise = root_mean_square((0..fine).map(|k| noisy.arguments[k * switches + s] - argument(k)));
-            let bound = (UNSURE * noise).max(AT_REST * root_mean_square((0..fine).map(argument)));
+            let bound = (alarm::SIGN_KNOWN * noise).max(LEAST_ARGUMENT * root_mean_square((0..fine).map(argument)));
             (0..fine).for_each(|k| unsure[k * switches + s] = argument(k).abs() <= bound);
         }
         let of = |r: usize| {

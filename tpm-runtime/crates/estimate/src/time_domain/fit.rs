@@ -8,14 +8,12 @@ use crate::time_domain::equations::{Equations, RowEquations};
 use crate::verdict::Verdict;
 use tpm_core::model::Dims;
 use tpm_numerics::singular::{Singular, unit_columns};
-use tpm_numerics::{DMatrix, DVector, Matrix, root_mean_square};
+use tpm_numerics::{DMatrix, DVector, Matrix, root_mean_square, tolerance};
 
-/// Singular values of the column-scaled equations below this share of the largest are taken for zero.
-const RANK_TOLERANCE: f64 = 1e-10;
 /// Share of its information that noise of the sensors alone would give: a direction above it is hidden.
-const NOISE_ALONE: f64 = 0.5;
+const MOST_NOISE_INFORMATION: f64 = 0.5;
 /// Times that the rows are weighed by what they leave.
-const WEIGHINGS: usize = 3;
+const WEIGHING_PASSES: usize = 3;
 
 /// The weighted equations of one row, over the free parameters.
 struct Part {
@@ -52,7 +50,7 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
         let part = &parts[row];
         (&part.right - &part.rows * &solved.values).norm_squared() / counted(row).max(1) as f64
     };
-    for pass in 0..WEIGHINGS {
+    for pass in 0..WEIGHING_PASSES {
         for (row, weight) in weights.iter_mut().enumerate() {
             // A row without an input is small where its parameters are, so that it is weighed once only.
             if equations.rows[row].driven || pass == 0 {
@@ -188,7 +186,7 @@ fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>, known: &[Vec<f64
         Some(basis) => basis * directions,
         None => directions,
     };
-    let singular = Singular::new(&triangle, RANK_TOLERANCE);
+    let singular = Singular::new(&triangle, tolerance::RANK);
     let rank = singular.rank();
     if rank == 0 {
         return None;
@@ -203,8 +201,8 @@ fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>, known: &[Vec<f64
         row /= *scale;
     }
     let of_noise = (to_parameters.tr_mul(&noise) * &to_parameters).symmetric_eigen();
-    let shown: Vec<usize> = (0..rank).filter(|&i| of_noise.eigenvalues[i] < NOISE_ALONE).collect();
-    let lost: Vec<usize> = (0..rank).filter(|&i| of_noise.eigenvalues[i] >= NOISE_ALONE).collect();
+    let shown: Vec<usize> = (0..rank).filter(|&i| of_noise.eigenvalues[i] < MOST_NOISE_INFORMATION).collect();
+    let lost: Vec<usize> = (0..rank).filter(|&i| of_noise.eigenvalues[i] >= MOST_NOISE_INFORMATION).collect();
     let right = singular.left.tr_mul(&right) - to_parameters.tr_mul(&cross);
     let mut values = start.clone();
     let mut inverse = DMatrix::zeros(n, n);

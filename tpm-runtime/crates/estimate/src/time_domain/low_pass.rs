@@ -5,11 +5,11 @@
 //! with as little.
 
 /// Width of the bell as a share of the cut-off.
-const WIDTH: f64 = 0.2;
+const BELL_WIDTH: f64 = 0.2;
 /// Widths from the cut-off beyond which nothing passes: a share below 4e-7.
-const BEYOND: f64 = 5.0;
+const STOP_WIDTHS: f64 = 5.0;
 /// Widths of the impulse response's bell within which it counts: beyond, less than 1e-4 of it is left.
-const REACH: f64 = 4.5;
+const IMPULSE_WIDTHS: f64 = 4.5;
 
 /// A low pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,19 +21,19 @@ pub(super) struct LowPass {
 impl LowPass {
     /// Share of a wave that passes, given its angular frequency (rad/s).
     pub(super) fn response(self, frequency: f64) -> f64 {
-        let width = WIDTH * self.cut_off;
+        let width = BELL_WIDTH * self.cut_off;
         let below = (self.cut_off - frequency) / width;
-        if below < -BEYOND { 0.0 } else { 0.5 * libm::erfc(-below / 2.0_f64.sqrt()) }
+        if below < -STOP_WIDTHS { 0.0 } else { 0.5 * libm::erfc(-below / 2.0_f64.sqrt()) }
     }
 
     /// Angular frequency above which nothing passes, rad/s.
     pub(super) fn stop(self) -> f64 {
-        self.cut_off * (1.0 + BEYOND * WIDTH)
+        self.cut_off * (1.0 + STOP_WIDTHS * BELL_WIDTH)
     }
 
     /// Time over which it reaches to either side, s.
     pub(super) fn reach(self) -> f64 {
-        REACH / (WIDTH * self.cut_off)
+        IMPULSE_WIDTHS / (BELL_WIDTH * self.cut_off)
     }
 }
 

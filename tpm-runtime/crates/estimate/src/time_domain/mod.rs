@@ -32,6 +32,7 @@ mod transform;
 pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub use bands::Swiftness;
 pub(crate) use bands::typical_period;
+pub(crate) use equations::LEAST_ARGUMENT;
 pub use motion::{Stretch, TimeRecord};
 pub use one_band::OneBand;
 pub use predict::{ForceCourse, Missed, Pace, Prediction, predict_in_band};

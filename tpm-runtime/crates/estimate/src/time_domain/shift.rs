@@ -16,12 +16,17 @@ use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::Model;
 use tpm_motion::Dynamics;
 
-/// Most steps, each twice as long as the one before, by which the least residual is bracketed.
-const DOUBLINGS: i32 = 6;
-/// Times that the bracket is narrowed by a parabola.
-const NARROWINGS: usize = 3;
-/// Least spacing of the shifts that are tried, samples.
-const FINEST: f64 = 0.125;
+/// The search for the shift that leaves least.
+struct Search {
+    /// Most steps, each twice as long as the one before, by which the least residual is bracketed.
+    doublings: i32,
+    /// Times that the bracket is narrowed by a parabola.
+    narrowings: usize,
+    /// Least spacing of the shifts that are tried, samples.
+    least_spacing: f64,
+}
+
+const SEARCH: Search = Search { doublings: 6, narrowings: 3, least_spacing: 0.125 };
 
 /// The time by which the inputs act later than they were recorded, all of them alike.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -94,7 +99,7 @@ pub fn input_shift(
         let sign = if after < before { 1.0 } else { -1.0 };
         points = [(0.0, left), (0.0, left), (sign, before.min(after))];
         let mut bracketed = false;
-        for doubling in 1..=DOUBLINGS {
+        for doubling in 1..=SEARCH.doublings {
             let next = sign * 2.0_f64.powi(doubling);
             let Some(value) = at(next)? else { return Ok(None) };
             points = [points[1], points[2], (next, value)];
@@ -108,9 +113,9 @@ pub fn input_shift(
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    for _ in 0..NARROWINGS {
+    for _ in 0..SEARCH.narrowings {
         let (best, _) = lowest(&points);
-        let spacing = (0.25 * (points[2].0 - points[0].0)).max(FINEST);
+        let spacing = (0.25 * (points[2].0 - points[0].0)).max(SEARCH.least_spacing);
         let mut around = [(best - spacing, 0.0), (best, 0.0), (best + spacing, 0.0)];
         for point in &mut around {
             let Some(value) = at(point.0)? else { return Ok(None) };

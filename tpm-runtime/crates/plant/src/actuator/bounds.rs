@@ -9,9 +9,14 @@ use crate::actuator::motor::{Limit, Motor};
 use crate::actuator::requirement::{Requirement, requirements};
 use tpm_motion::TrialError;
 use tpm_motion::trajectory::Trajectory;
+use tpm_numerics::Iteration;
 
-/// Samples of a period while the bound is bracketed, and while it is refined.
-const SAMPLES: (usize, usize) = (512, 2048);
+/// Samples of a period while the bound is bracketed.
+const BRACKET_SAMPLES: usize = 512;
+/// Samples of a period while the bound is refined.
+const ROOT_SAMPLES: usize = 2048;
+/// The search for the root in its bracket, which ends at rounding of the root.
+const ROOT_SEARCH: Iteration = Iteration { most: 80, settled: 4.0 * f64::EPSILON };
 /// Ratio of neighbouring values of the grid.
 const GRID_RATIO: f64 = 1.2;
 /// Factor by which the grid reaches below and above the given value.
@@ -66,13 +71,13 @@ pub fn bound(
     };
     // 1. The smallest value of the grid, which must be feasible.
     let mut low = near / GRID_REACH;
-    let (first, input, limit) = used(low, SAMPLES.0)?;
+    let (first, input, limit) = used(low, BRACKET_SAMPLES)?;
     if first > 1.0 {
         return Ok(Bound::Never { input, limit });
     }
     // 2. A bracket of the first value at which a limit is met.
     let mut high = low * GRID_RATIO;
-    while used(high, SAMPLES.0)?.0 <= 1.0 {
+    while used(high, BRACKET_SAMPLES)?.0 <= 1.0 {
         low = high;
         high *= GRID_RATIO;
         if high > near * GRID_REACH {
@@ -81,19 +86,19 @@ pub fn bound(
     }
     // The finer period may move the root a little beyond the bracket.
     (low, high) = (low / 1.01, high * 1.01);
-    let mut ends = [used(low, SAMPLES.1)?.0 - 1.0, used(high, SAMPLES.1)?.0 - 1.0];
+    let mut ends = [used(low, ROOT_SAMPLES)?.0 - 1.0, used(high, ROOT_SAMPLES)?.0 - 1.0];
     let (mut a, mut b) = (low, high);
     // 3. The root, by the method of false position with halved weights (the Illinois rule): the share is smooth but for
     // corners where another limit takes over.
-    for _ in 0..80 {
-        if (b - a).abs() <= 4.0 * f64::EPSILON * b {
+    for _ in 0..ROOT_SEARCH.most {
+        if (b - a).abs() <= ROOT_SEARCH.settled * b {
             break;
         }
         let mut middle = (a * ends[1] - b * ends[0]) / (ends[1] - ends[0]);
         if !(middle > a && middle < b) {
             middle = 0.5 * (a + b);
         }
-        let value = used(middle, SAMPLES.1)?.0 - 1.0;
+        let value = used(middle, ROOT_SAMPLES)?.0 - 1.0;
         if value == 0.0 {
             (a, b) = (middle, middle);
         } else if value > 0.0 {
@@ -102,7 +107,7 @@ pub fn bound(
             (a, ends) = (middle, [value, ends[1] / 2.0]);
         }
     }
-    let (_, input, limit) = used(b, SAMPLES.1)?;
+    let (_, input, limit) = used(b, ROOT_SAMPLES)?;
     Ok(Bound::At { value: a, input, limit })
 }
 

@@ -24,18 +24,18 @@ use tpm_motion::trajectory::Trajectory;
 use tpm_motion::{LowPass, TrialError};
 use tpm_numerics::DMatrix;
 use tpm_numerics::eigenvalues::eigenvalues;
+use tpm_numerics::tolerance;
 
 /// Number of states of one input: three filters of two states, and a current.
-const PER_INPUT: usize = 7;
+const STATES_PER_INPUT: usize = 7;
 /// Largest product of an integration step and the magnitude of the fastest pole.
-const MOST_STEP: f64 = 0.35;
-/// Fewest and most integration steps of a period.
-const STEPS: (usize, usize) = (2000, 400_000);
-/// Least real part of a pole that counts as unstable, as a share of the largest magnitude of a pole: smaller real parts
-/// are within the error of the linearisation by differences.
-const UNDECIDED: f64 = 1e-6;
+const MOST_STEP_OF_POLE: f64 = 0.35;
+/// Fewest integration steps of a period.
+const LEAST_STEPS: usize = 2000;
+/// Most integration steps of a period.
+const MOST_STEPS: usize = 400_000;
 /// Multiple of the reference's largest magnitude (at least one unit) beyond which a coordinate has diverged.
-const DIVERGED: f64 = 1e6;
+const DIVERGED_RATIO: f64 = 1e6;
 
 /// The structure of the loop: how feed-forward and feedback are filtered and added to the inputs.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,7 +99,7 @@ impl LoopPoles {
     /// Whether a pole lies in the right half plane.
     #[must_use]
     pub fn unstable(&self) -> bool {
-        self.poles.first().is_some_and(|pole| pole.re > UNDECIDED * self.fastest())
+        self.poles.first().is_some_and(|pole| pole.re > tolerance::DIFFERENCED_POLE * self.fastest())
     }
 }
 
@@ -185,7 +185,7 @@ impl<'a> Drive<'a> {
     }
 
     fn len(&self) -> usize {
-        self.slots.len() + PER_INPUT * self.motors.len()
+        self.slots.len() + STATES_PER_INPUT * self.motors.len()
     }
 
     /// Commanded current of a motor, A, for a command on its input, which includes the inertial force of the rotor.
@@ -218,7 +218,7 @@ impl<'a> Drive<'a> {
         });
         // 2. Per input: feedback, filters, and the motor.
         let (machine_out, drives_out) = out.split_at_mut(self.slots.len());
-        let states = drives.chunks_exact(PER_INPUT).zip(drives_out.chunks_exact_mut(PER_INPUT));
+        let states = drives.chunks_exact(STATES_PER_INPUT).zip(drives_out.chunks_exact_mut(STATES_PER_INPUT));
         for (i, ((state, out), motor)) in states.zip(&self.motors).enumerate() {
             out.fill(0.0);
             let feedback: f64 = self
@@ -411,8 +411,8 @@ impl<'a> Drive<'a> {
 
     fn is_used(&self, state: usize) -> bool {
         let Some(at) = state.checked_sub(self.slots.len()) else { return true };
-        let motor = self.motors[at / PER_INPUT].as_ref();
-        match at % PER_INPUT {
+        let motor = self.motors[at / STATES_PER_INPUT].as_ref();
+        match at % STATES_PER_INPUT {
             0 | 1 => self.scheme.filter.is_some(),
             2 | 3 => self.scheme.independent_filter.is_some(),
             4 | 5 => motor.is_some_and(|motor| motor.amplifier.filter.is_some()),
@@ -432,9 +432,9 @@ impl<'a> Drive<'a> {
         let dims = self.demand.model().dims();
         let (n, inputs) = (dims.coordinates, dims.inputs);
         let period = std::f64::consts::TAU / reference.frequency;
-        let asked = (period * poles.fastest() / MOST_STEP).ceil();
-        let asked = if asked.is_finite() { asked as usize } else { STEPS.1 };
-        let steps = asked.max(200 * reference.highest_harmonic() as usize).clamp(STEPS.0, STEPS.1);
+        let asked = (period * poles.fastest() / MOST_STEP_OF_POLE).ceil();
+        let asked = if asked.is_finite() { asked as usize } else { MOST_STEPS };
+        let steps = asked.max(200 * reference.highest_harmonic() as usize).clamp(LEAST_STEPS, MOST_STEPS);
         let h = period / steps as f64;
         // 2. Reference and feed-forward at every half step.
         let width = dims.motion_len();
@@ -504,7 +504,7 @@ impl<'a> Drive<'a> {
                 *state += h / 6.0 * sum;
             }
             let beyond = |(&slot, value): (&usize, &f64)| {
-                !value.is_finite() || (slot < n && value.abs() > DIVERGED * sizes[slot])
+                !value.is_finite() || (slot < n && value.abs() > DIVERGED_RATIO * sizes[slot])
             };
             if self.slots.iter().zip(&state).any(beyond) {
                 return Err(DriveError::Diverged { time: step as f64 * h });

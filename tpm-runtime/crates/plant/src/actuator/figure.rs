@@ -9,7 +9,7 @@ use crate::actuator::requirement::{Requirement, Sample};
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 
 /// Points of a limit line.
-const POINTS: usize = 200;
+const LIMIT_POINTS: usize = 200;
 
 /// Torque over speed with the limits, and the voltage over one period, for every motor; `names` are those of the inputs.
 #[must_use]
@@ -37,7 +37,7 @@ fn plane(requirement: &Requirement, motor: &Motor, name: &str) -> Panel {
         Trace::new("motion-independent part of it", 2, Curve::Dashed(closed(|sample| sample.independent))),
     ];
     let reach = 1.15 * fastest.max(1e-3);
-    let speeds: Vec<f64> = (0..=POINTS).map(|i| reach * (2.0 * i as f64 / POINTS as f64 - 1.0)).collect();
+    let speeds: Vec<f64> = (0..=LIMIT_POINTS).map(|i| reach * (2.0 * i as f64 / LIMIT_POINTS as f64 - 1.0)).collect();
     let roof = 1.25 * highest.max((k * motor.limits.current).min(4.0 * highest)).max(1e-6);
     let mut line = |label: &str, colour: usize, torque: &dyn Fn(f64) -> f64| {
         for (sign, label) in [(1.0, label), (-1.0, "")] {

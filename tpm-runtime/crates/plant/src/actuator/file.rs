@@ -31,7 +31,7 @@ use tpm_motion::{Dynamics, LowPass};
 use tpm_report::Remedy;
 
 /// Bandwidth of a current loop where the file gives none, rad/s.
-const BANDWIDTH: f64 = 2000.0;
+const DEFAULT_BANDWIDTH_RAD_PER_S: f64 = 2000.0;
 
 /// A field of a motor file: its name, and its meaning with the unit.
 type Field = (&'static str, &'static str);
@@ -65,7 +65,7 @@ const AMPLIFIER: [Field; 3] = [
 ];
 /// Fields of a motor without which it is refused.
 #[cfg(feature = "schema")]
-const NEEDED: [&str; 3] = ["torque_constant", "resistance", "inductance"];
+const REQUIRED_OF_MOTOR: [&str; 3] = ["torque_constant", "resistance", "inductance"];
 
 /// The JSON schema of a motor file.
 #[cfg(feature = "schema")]
@@ -87,7 +87,7 @@ pub fn schema() -> serde_json::Value {
         let meaning = MOTOR.iter().find(|field| field.0 == name).map_or("", |field| field.1);
         motor["properties"][name] = table(fields, meaning);
     }
-    motor["required"] = serde_json::json!(NEEDED);
+    motor["required"] = serde_json::json!(REQUIRED_OF_MOTOR);
     serde_json::json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Motors",
@@ -274,10 +274,12 @@ impl MotorFile {
     }
 
     fn amplifier(&self, section: Option<&Table>) -> Result<Amplifier, FileFault> {
-        let Some(section) = section else { return Ok(Amplifier { bandwidth: BANDWIDTH, filter: None }) };
+        let Some(section) = section else {
+            return Ok(Amplifier { bandwidth: DEFAULT_BANDWIDTH_RAD_PER_S, filter: None });
+        };
         let text = &self.text;
         section.only(text, &names(&AMPLIFIER))?;
-        let bandwidth = section.positive(text, "bandwidth")?.map_or(BANDWIDTH, |found| found.value);
+        let bandwidth = section.positive(text, "bandwidth")?.map_or(DEFAULT_BANDWIDTH_RAD_PER_S, |found| found.value);
         let filter = match (section.positive(text, "natural_frequency")?, section.positive(text, "quality")?) {
             (None, None) => None,
             (None, Some(quality)) => {

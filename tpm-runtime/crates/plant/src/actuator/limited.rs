@@ -11,7 +11,7 @@ use tpm_core::model::Model;
 use tpm_numerics::fourier::synthesise;
 
 /// Least amplitude of a harmonic of the force that must lie within the bandwidth, as a share of the strongest one.
-const NEEDED: f64 = 0.01;
+const LEAST_HARMONIC: f64 = 0.01;
 
 /// Limits of an actuator, infinite where there is none.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,7 +114,8 @@ impl Limited {
         fundamental: f64,
     ) -> Option<LimitUse> {
         let largest = force.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-        let needed = |(k, line): &(usize, &Complex<f64>)| *k > 0 && largest > 0.0 && line.norm() > NEEDED * largest;
+        let needed =
+            |(k, line): &(usize, &Complex<f64>)| *k > 0 && largest > 0.0 && line.norm() > LEAST_HARMONIC * largest;
         let (highest, line) = force.iter().enumerate().rfind(needed)?;
         let value = highest as f64 * fundamental;
         self.bandwidth.is_finite().then(|| LimitUse {

@@ -31,9 +31,9 @@ use tpm_core::model::Model;
 use tpm_motion::LowPass;
 
 /// Periods before the one that is recorded, when the file gives none.
-const SETTLE: usize = 4;
+const DEFAULT_SETTLE_PERIODS: usize = 4;
 /// Most periods before the one that is recorded.
-const MOST_SETTLE: f64 = 1e6;
+const MOST_SETTLE_PERIODS: f64 = 1e6;
 
 /// A loop file as it was read.
 #[derive(Clone, Debug)]
@@ -68,12 +68,13 @@ impl LoopFile {
     /// [`FileFault`] when it is no whole number.
     pub fn settle_periods(&self) -> Result<usize, FileFault> {
         match self.whole.number(&self.text, "settle_periods")? {
-            None => Ok(SETTLE),
-            Some(Placed { value, .. }) if (0.0..=MOST_SETTLE).contains(&value) && value.fract() == 0.0 => {
+            None => Ok(DEFAULT_SETTLE_PERIODS),
+            Some(Placed { value, .. }) if (0.0..=MOST_SETTLE_PERIODS).contains(&value) && value.fract() == 0.0 => {
                 Ok(value as usize)
             }
             Some(Placed { value, offset }) => {
-                let message = format!("settle_periods = {value}: the value must be a whole number up to {MOST_SETTLE}");
+                let message =
+                    format!("settle_periods = {value}: the value must be a whole number up to {MOST_SETTLE_PERIODS}");
                 Err(FileFault::at(&self.text, offset, message))
             }
         }

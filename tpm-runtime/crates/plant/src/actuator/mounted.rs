@@ -17,7 +17,7 @@ use tpm_core::model::Model;
 use tpm_report::digits;
 
 /// Significant digits of a value beside its limit.
-const DIGITS: usize = 4;
+const VALUE_DIGITS: usize = 4;
 
 /// A motor on the coordinate that its rotor turns with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,7 +64,7 @@ impl fmt::Display for LimitUse {
             "the {} of {} takes {}{unit} of {}{unit} ({:.1} %) at sample {} of the period ({:.4} s)",
             self.limit,
             self.input,
-            digits(self.value, DIGITS),
+            digits(self.value, VALUE_DIGITS),
             self.available,
             100.0 * self.share,
             self.sample,
@@ -72,8 +72,10 @@ impl fmt::Display for LimitUse {
         )?;
         let written = match self.harmonic {
             Some((harmonic, _)) if self.limit == "bandwidth" => write!(f, ", by harmonic {harmonic} of its force"),
-            Some((0, value)) => write!(f, ", {}{unit} of it as its mean", digits(value, DIGITS)),
-            Some((harmonic, value)) => write!(f, ", {}{unit} of it by harmonic {harmonic}", digits(value, DIGITS)),
+            Some((0, value)) => write!(f, ", {}{unit} of it as its mean", digits(value, VALUE_DIGITS)),
+            Some((harmonic, value)) => {
+                write!(f, ", {}{unit} of it by harmonic {harmonic}", digits(value, VALUE_DIGITS))
+            }
             None => Ok(()),
         };
         written?;

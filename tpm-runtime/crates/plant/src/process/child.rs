@@ -13,15 +13,15 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// Interval at which a wait checks whether it was interrupted.
-const LOOK: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Longest wait for the rest of a process's standard error once the process has ended.
-const LAST_WAIT: Duration = Duration::from_millis(200);
+const LONGEST_ERROR_WAIT: Duration = Duration::from_millis(200);
 /// Longest line in bytes: a record of a million samples of ten signals.
-const LONGEST_LINE: u64 = 1 << 28;
+const LONGEST_LINE_BYTES: u64 = 1 << 28;
 /// Most lines of output that are buffered; beyond them the process blocks on writing.
-const WAITING_LINES: usize = 64;
+const MOST_BUFFERED_LINES: usize = 64;
 /// Last lines of the standard error that are kept.
-const LAST_WORDS: usize = 5;
+const KEPT_ERROR_LINES: usize = 5;
 
 /// The result of waiting for a line.
 #[derive(Debug)]
@@ -70,9 +70,9 @@ impl Process {
         let stderr = child.stderr.take().expect(piped);
         let (input, lines) = mpsc::channel();
         thread::spawn(move || write(stdin, &lines));
-        let (heard, output) = mpsc::sync_channel(WAITING_LINES);
+        let (heard, output) = mpsc::sync_channel(MOST_BUFFERED_LINES);
         thread::spawn(move || read(stdout, &heard));
-        let last_words = Arc::new(Mutex::new(VecDeque::with_capacity(LAST_WORDS)));
+        let last_words = Arc::new(Mutex::new(VecDeque::with_capacity(KEPT_ERROR_LINES)));
         let kept = Arc::clone(&last_words);
         let listener = thread::spawn(move || keep_last(stderr, &kept));
         Ok(Process { child, input: Some(input), output, last_words, listener, grace })
@@ -85,12 +85,12 @@ impl Process {
         }
     }
 
-    /// Waits at most `patience` for the next line; the wait is interrupted when `go_on` returns false.
-    pub(super) fn hear(&self, patience: Duration, go_on: &dyn Fn() -> bool) -> Heard {
+    /// Waits at most `timeout` for the next line; the wait is interrupted when `go_on` returns false.
+    pub(super) fn hear(&self, timeout: Duration, go_on: &dyn Fn() -> bool) -> Heard {
         let began = Instant::now();
         loop {
-            let left = patience.saturating_sub(began.elapsed());
-            match self.output.recv_timeout(left.min(LOOK)) {
+            let left = timeout.saturating_sub(began.elapsed());
+            match self.output.recv_timeout(left.min(POLL_INTERVAL)) {
                 Ok(heard) => return heard,
                 Err(RecvTimeoutError::Disconnected) => return Heard::Closed,
                 Err(RecvTimeoutError::Timeout) if !go_on() => return Heard::Interrupted,
@@ -105,7 +105,7 @@ impl Process {
     pub(super) fn ending(&mut self) -> String {
         self.input = None;
         let status = self.wait(self.grace);
-        let deadline = Instant::now() + LAST_WAIT;
+        let deadline = Instant::now() + LONGEST_ERROR_WAIT;
         while status.is_some() && !self.listener.is_finished() && Instant::now() < deadline {
             thread::sleep(Duration::from_millis(1));
         }
@@ -126,8 +126,8 @@ impl Process {
         format!("; its standard error ends with: {}", lines.join(" | "))
     }
 
-    fn wait(&mut self, patience: Duration) -> Option<ExitStatus> {
-        let deadline = Instant::now() + patience;
+    fn wait(&mut self, timeout: Duration) -> Option<ExitStatus> {
+        let deadline = Instant::now() + timeout;
         loop {
             match self.child.try_wait() {
                 Ok(Some(status)) => return Some(status),
@@ -164,12 +164,12 @@ fn read(stdout: impl Read, heard: &SyncSender<Heard>) {
     let mut stdout = BufReader::new(stdout);
     loop {
         let mut bytes = Vec::new();
-        let line = match stdout.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes) {
+        let line = match stdout.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', &mut bytes) {
             Ok(0) | Err(_) => return,
             Ok(_) => match String::from_utf8(bytes) {
                 Ok(line) if line.ends_with('\n') => Heard::Line(line.trim_end().to_string()),
-                Ok(line) if line.len() as u64 == LONGEST_LINE => {
-                    Heard::NoText(format!("the line is longer than {LONGEST_LINE} bytes"))
+                Ok(line) if line.len() as u64 == LONGEST_LINE_BYTES => {
+                    Heard::NoText(format!("the line is longer than {LONGEST_LINE_BYTES} bytes"))
                 }
                 Ok(line) => Heard::NoText(format!("the line does not end: {}", quoted(&line))),
                 Err(fault) => Heard::NoText(format!("the line is no text: {}", quoted(&lossy(fault.as_bytes())))),
@@ -185,14 +185,14 @@ fn read(stdout: impl Read, heard: &SyncSender<Heard>) {
 fn keep_last(stderr: impl Read, kept: &Mutex<VecDeque<String>>) {
     let mut stderr = BufReader::new(stderr);
     let mut bytes = Vec::new();
-    while let Ok(1..) = stderr.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes) {
+    while let Ok(1..) = stderr.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', &mut bytes) {
         let line = quoted(&lossy(&bytes));
         bytes.clear();
         if line.trim().is_empty() {
             continue;
         }
         let mut kept = kept.lock().unwrap_or_else(PoisonError::into_inner);
-        if kept.len() == LAST_WORDS {
+        if kept.len() == KEPT_ERROR_LINES {
             kept.pop_front();
         }
         kept.push_back(line);

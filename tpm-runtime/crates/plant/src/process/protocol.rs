@@ -11,7 +11,7 @@ use tpm_motion::RunFile;
 /// Name and version of the protocol.
 pub const PROTOCOL: &str = "tpm.machine/1";
 /// Most characters of a line that an error quotes.
-const QUOTED: usize = 80;
+const MOST_QUOTED_CHARACTERS: usize = 80;
 
 /// A message from the campaign to the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -170,7 +170,7 @@ impl ToMachine {
 /// The beginning of a line, for an error.
 pub(super) fn quoted(line: &str) -> String {
     let line = line.trim_end();
-    match line.char_indices().nth(QUOTED) {
+    match line.char_indices().nth(MOST_QUOTED_CHARACTERS) {
         Some((cut, _)) => format!("{} ... ({} characters)", &line[..cut], line.chars().count()),
         None => line.to_string(),
     }

@@ -10,15 +10,15 @@ pub(super) struct Talk<'a> {
     process: Process,
     lines: usize,
     /// Longest wait for a line.
-    patience: Duration,
+    timeout: Duration,
     /// Whether to go on waiting.
     go_on: &'a dyn Fn() -> bool,
 }
 
 impl<'a> Talk<'a> {
     /// A talk with a program that has just been started.
-    pub(super) const fn new(process: Process, patience: Duration, go_on: &'a dyn Fn() -> bool) -> Self {
-        Talk { process, lines: 0, patience, go_on }
+    pub(super) const fn new(process: Process, timeout: Duration, go_on: &'a dyn Fn() -> bool) -> Self {
+        Talk { process, lines: 0, timeout, go_on }
     }
 
     /// Sends a message.
@@ -34,8 +34,8 @@ impl<'a> Talk<'a> {
     /// Waits for the next message, for the usual time of a line and `longer`. `awaited` describes the expected message
     /// in faults.
     pub(super) fn hear(&mut self, awaited: &'static str, longer: Duration) -> Result<FromMachine, MachineFault> {
-        let patience = self.patience.saturating_add(longer);
-        let heard = self.process.hear(patience, self.go_on);
+        let timeout = self.timeout.saturating_add(longer);
+        let heard = self.process.hear(timeout, self.go_on);
         let lines = self.lines;
         match heard {
             Heard::Line(line) => {
@@ -53,7 +53,7 @@ impl<'a> Talk<'a> {
             }
             Heard::Closed => Err(MachineFault::Ended { ending: self.process.ending(), awaited, lines }),
             Heard::Silence => {
-                let (seconds, last_words) = (patience.as_secs_f64(), self.process.last_words());
+                let (seconds, last_words) = (timeout.as_secs_f64(), self.process.last_words());
                 Err(MachineFault::Silent { seconds, awaited, lines, last_words })
             }
             Heard::Interrupted => Err(MachineFault::Interrupted),

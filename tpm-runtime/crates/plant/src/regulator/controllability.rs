@@ -8,12 +8,7 @@
 use num_complex::Complex;
 use tpm_numerics::eigenvalues::eigenvalues;
 use tpm_numerics::singular::Singular;
-use tpm_numerics::{DMatrix, Matrix};
-
-/// Share of the largest singular value of `[A - s, B]` up to which a singular value counts as zero.
-const UNREACHED: f64 = 1e-9;
-/// Tolerance for rounding in eigenvalues, as a share of the fastest mode's magnitude.
-const ROUNDING: f64 = 1e-7;
+use tpm_numerics::{DMatrix, Matrix, tolerance};
 
 /// A mode that no input reaches.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,8 +60,8 @@ pub fn unreached_modes(a: &Matrix, b: &Matrix) -> Vec<Mode> {
                 (false, false) => 0.0,
             }
         });
-        let null = Singular::new(&doubled, UNREACHED).null();
-        if null.ncols() == 0 || found.iter().any(|mode| (mode.pole - pole).norm() <= ROUNDING * unit) {
+        let null = Singular::new(&doubled, tolerance::PENCIL_RANK).null();
+        if null.ncols() == 0 || found.iter().any(|mode| (mode.pole - pole).norm() <= tolerance::EIGENVALUE * unit) {
             continue;
         }
         // The combination is read from the factors of the rates: if they were all zero, those of the coordinates would
@@ -75,7 +70,7 @@ pub fn unreached_modes(a: &Matrix, b: &Matrix) -> Vec<Mode> {
             (n..states).map(|s| Complex::new(null[(s, 0)], null[(states + s, 0)]) * scale(s)).collect();
         let Some(largest) = rates.iter().copied().max_by(|x, y| x.norm().total_cmp(&y.norm())) else { continue };
         let combination = rates.iter().map(|rate| (rate / largest).re).collect();
-        found.push(Mode { pole, combination, decays: pole.re < -ROUNDING * unit });
+        found.push(Mode { pole, combination, decays: pole.re < -tolerance::EIGENVALUE * unit });
     }
     found
 }

@@ -12,14 +12,15 @@ use tpm_numerics::eigenvalues::eigenvalues;
 use tpm_numerics::{DMatrix, DVector};
 
 /// Frequencies of the grid up to half the sampling frequency.
-const POINTS: usize = 6000;
+const GRID_POINTS: usize = 6000;
 /// Decades that the grid reaches down from half the sampling frequency.
-const DECADES: f64 = 7.0;
-/// Number of frequencies about every mode, and how far they reach to either side, in multiples of the mode's damping
-/// (the logarithm of its pole's magnitude).
-const ABOUT: (usize, f64) = (60, 20.0);
+const GRID_DECADES: f64 = 7.0;
+/// Intervals of the grid of frequencies about every mode.
+const MODE_POINTS: usize = 60;
+/// How far they reach to either side, in multiples of the mode's damping (the logarithm of its pole's magnitude).
+const MODE_REACH: f64 = 20.0;
 /// Bisections of an interval that holds a crossing.
-const HALVINGS: usize = 60;
+const CROSSING_BISECTIONS: usize = 60;
 
 /// Margins of a stable loop at one input.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,11 +80,11 @@ pub fn margins(
 
 /// Angles of the grid from nearly 0 to pi, ascending.
 fn angles(open: &DMatrix<f64>) -> Vec<f64> {
-    let even = (0..=POINTS).map(|i| PI * 10.0_f64.powf(DECADES * (i as f64 / POINTS as f64 - 1.0)));
+    let even = (0..=GRID_POINTS).map(|i| PI * 10.0_f64.powf(GRID_DECADES * (i as f64 / GRID_POINTS as f64 - 1.0)));
     let mut grid: Vec<f64> = even.collect();
     for mode in eigenvalues(open).iter().filter(|z| z.im > 0.0) {
-        let reach = ABOUT.1 * mode.norm().ln().abs();
-        let about = (0..=ABOUT.0).map(|i| mode.arg() + reach * (2.0 * i as f64 / ABOUT.0 as f64 - 1.0));
+        let reach = MODE_REACH * mode.norm().ln().abs();
+        let about = (0..=MODE_POINTS).map(|i| mode.arg() + reach * (2.0 * i as f64 / MODE_POINTS as f64 - 1.0));
         grid.extend(about.filter(|angle| (0.0..PI).contains(angle)));
     }
     grid.sort_by(f64::total_cmp);
@@ -109,7 +110,7 @@ fn of_loop(opened: &Opened, grid: &[f64], sample_time: f64) -> Margins {
     let refined = |at: usize, of: &dyn Fn(Complex<f64>) -> f64| {
         let (mut low, mut high) = (grid[at], grid[at + 1]);
         let sign = of(responses[at]) > 0.0;
-        for _ in 0..HALVINGS {
+        for _ in 0..CROSSING_BISECTIONS {
             let middle = 0.5 * (low + high);
             if (of(opened.response(middle)) > 0.0) == sign {
                 low = middle;

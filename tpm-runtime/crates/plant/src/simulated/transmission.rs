@@ -15,7 +15,7 @@ use tpm_numerics::DMatrix;
 const MOST_STATES: usize = 3;
 /// Largest product of a step of the plant and the fastest rate of a lag, since the forces are sampled only three times
 /// a step.
-const MOST_STEP: f64 = 0.1;
+const MOST_STEP_OF_RATE: f64 = 0.1;
 
 /// One input.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +94,7 @@ impl Transmission {
                 let duration = end - from;
                 let middle = from + 0.5 * duration;
                 from = end;
-                let resolved = (duration * fastest / MOST_STEP).ceil() as usize;
+                let resolved = (duration * fastest / MOST_STEP_OF_RATE).ceil() as usize;
                 let steps = resolved.max((sub_steps as f64 * duration / sample_time).ceil() as usize).max(1);
                 let half =
                     actuators.iter().map(|actuator| half_step(actuator, 0.5 * duration / steps as f64)).collect();

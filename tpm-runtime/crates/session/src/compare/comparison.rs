@@ -1,6 +1,7 @@
 //! The outcome of a comparison.
 
 use serde::Serialize;
+use tpm_numerics::alarm;
 
 /// What one result says of a parameter or combination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -127,7 +128,7 @@ pub struct Comparison {
 
 impl Comparison {
     /// Share of comparisons of results without a difference in which one may be claimed; the level of all tests together.
-    pub const LEVEL: f64 = 0.05;
+    pub const LEVEL: f64 = alarm::COMPARISON_RATE;
 
     /// The families of parameters that are compared.
     pub fn families(&self) -> impl Iterator<Item = &Family> {

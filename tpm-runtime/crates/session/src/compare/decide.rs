@@ -7,24 +7,18 @@ use std::collections::BTreeMap;
 use tpm_estimate::LARGE_RESIDUAL;
 use tpm_numerics::independent::independent;
 use tpm_numerics::tail::{chi_squared_upper, normal_two_sided};
-use tpm_numerics::{Cholesky, DMatrix, DVector};
+use tpm_numerics::{Cholesky, DMatrix, DVector, tolerance};
 use tpm_report::{combination, digits};
 use tpm_units::Unit;
 
-/// A difference that keeps less than this share of its variance, given the others, follows from them.
-const DEPENDENT: f64 = 1e-9;
 /// A correlation of two differences above which the direction of the change is said.
-const STRONG: f64 = 0.9;
+const LEAST_CORRELATION: f64 = 0.9;
 /// Parameters whose share of the direction is below this part of the largest are left out of it.
-const SMALL_SHARE: f64 = 0.05;
+const LEAST_SHARE: f64 = 0.05;
 /// Digits of the weights in the direction of a change.
 const WEIGHT_DIGITS: usize = 3;
-/// Shares of a direction that differ by less than this part are equal.
-const ROUNDING: f64 = 1e-9;
-/// Weights of two combinations that agree so far are equal: they are stored with nine digits.
-const SAME_WEIGHT: f64 = 1e-6;
 /// Kinds of warnings after which stated deviations still hold.
-const HARMLESS: [&str; 7] =
+const HARMLESS_WARNINGS: [&str; 7] =
     ["not_visible", "poorly_determined", "only_in_combinations", "near_mode", "run", "ended_early", "rotor_included"];
 
 /// Why two results cannot be compared.
@@ -199,7 +193,7 @@ impl Tested {
     /// in deviations; nothing where none is tested.
     fn together(&self) -> Option<(Vec<usize>, DVector<f64>)> {
         let count = self.tested.len();
-        let kept = independent(&DMatrix::from_fn(count, count, |r, c| self.correlation(r, c)), DEPENDENT);
+        let kept = independent(&DMatrix::from_fn(count, count, |r, c| self.correlation(r, c)), tolerance::GRAM);
         let own = DMatrix::from_fn(kept.len(), kept.len(), |r, c| self.correlation(kept[r], kept[c]));
         let normalised = DVector::from_iterator(kept.len(), kept.iter().map(|&k| self.normalised(k)));
         let factor = Cholesky::new(own).filter(|_| !kept.is_empty())?;
@@ -218,17 +212,17 @@ impl Tested {
         let pairs = kept.iter().flat_map(|&r| kept.iter().filter(move |&&c| c < r).map(move |&c| (r, c)));
         let correlation = pairs.map(|(r, c)| self.correlation(r, c).abs()).fold(0.0, f64::max);
         let largest = shares.amax();
-        if correlation < STRONG || largest == 0.0 {
+        if correlation < LEAST_CORRELATION || largest == 0.0 {
             return;
         }
         let counted: Vec<(usize, f64)> = kept
             .iter()
             .zip(shares.iter())
-            .filter(|(_, share)| share.abs() >= SMALL_SHARE * largest)
+            .filter(|(_, share)| share.abs() >= LEAST_SHARE * largest)
             .map(|(&k, share)| (k, *share))
             .collect();
         // The first of those that are equal but for rounding.
-        let leads = |share: f64| share.abs() >= (1.0 - ROUNDING) * largest;
+        let leads = |share: f64| share.abs() >= (1.0 - tolerance::COMPONENT) * largest;
         let Some(&(lead, of_lead)) = counted.iter().find(|(_, share)| leads(*share)) else { return };
         // A share is a weight times the deviation of its difference.
         let weight = |k: usize, share: f64| share / self.std(k) / (of_lead / self.std(lead));
@@ -276,7 +270,7 @@ fn led_by(weights: &Weights) -> String {
 
 /// Whether two combinations have the same weights.
 fn same(one: &Weights, other: &Weights) -> bool {
-    let agree = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME_WEIGHT * a.abs().max(b.abs());
+    let agree = |(a, b): (&f64, &f64)| (a - b).abs() <= tolerance::STORED * a.abs().max(b.abs());
     one.keys().eq(other.keys()) && one.values().zip(other.values()).all(agree)
 }
 
@@ -397,7 +391,7 @@ fn warnings<'f>(a: &StoredResult, b: &StoredResult, families: impl Iterator<Item
             // Files of the first schema do not say what kind their warnings are.
             let kind = result.findings.get(i).map(|finding| finding.kind.as_str());
             let repeated = kind == Some("unexplained");
-            if !repeated && kind.is_none_or(|kind| !HARMLESS.contains(&kind)) {
+            if !repeated && kind.is_none_or(|kind| !HARMLESS_WARNINGS.contains(&kind)) {
                 said.push(format!("{which} warns, and its deviations may not hold: {text}"));
             }
         }

@@ -5,13 +5,10 @@
 
 use crate::compare::stored::{Covariance, StoredCombination, StoredParameter, StoredResult};
 use std::collections::BTreeMap;
-use tpm_numerics::{DMatrix, DVector, Matrix};
+use tpm_numerics::{DMatrix, DVector, Matrix, tolerance};
 
 /// Weights of a combination, by parameter.
 pub(crate) type Weights = BTreeMap<String, f64>;
-
-/// A remainder below this share of the weights is rounding: weights are stored with nine digits, and come from measured motion.
-const ROUNDING: f64 = 1e-6;
 
 /// What a result shows of its parameters.
 pub(super) struct Vantage<'a> {
@@ -116,7 +113,7 @@ impl<'a> Vantage<'a> {
         for (at, &j) in self.alone.iter().enumerate() {
             found[at] = rest.remove(&self.parameters[j].name).unwrap_or(0.0);
         }
-        let nothing_left = rest.iter().all(|(name, left)| left.abs() <= ROUNDING * sizes[name.as_str()]);
+        let nothing_left = rest.iter().all(|(name, left)| left.abs() <= tolerance::STORED * sizes[name.as_str()]);
         nothing_left.then(|| DVector::from_vec(found))
     }
 

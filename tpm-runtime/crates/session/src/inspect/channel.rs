@@ -8,19 +8,20 @@ use serde::Serialize;
 use std::ops::Range;
 use tpm_estimate::{Sensor, Swiftness};
 use tpm_log::{Role, lone_readings};
+use tpm_numerics::tolerance;
 
-/// Blocks of a long record, and their samples, from which its frequencies are read.
-const BLOCKS: (usize, usize) = (8, 1 << 16);
+/// Blocks of a long record from which its frequencies are read.
+const FREQUENCY_BLOCKS: usize = 8;
+/// Samples of each of these blocks.
+const SAMPLES_PER_BLOCK: usize = 1 << 16;
 /// Share of readings that repeat the one before, at which that is a finding.
-const REPEATED: f64 = 0.005;
+const LEAST_REPEATED_SHARE: f64 = 0.005;
 /// Samples in the time in which a channel goes to and fro once, above which its noise is told from its motion.
-const DENSE: f64 = 16.0;
+const DENSE_SAMPLES_PER_PERIOD: f64 = 16.0;
 /// Share of the deviation that a channel must go beyond its mean on either side to have gone to and fro.
-const TO_AND_FRO: f64 = 0.3;
-/// Least distance of a single reading from its neighbours, as a share of the deviation, that is more than the rounding of a file.
-const FAR: f64 = 1e-6;
+const LEAST_SWING: f64 = 0.3;
 /// Change over equal readings, in the least change of the channel per reading, from which on equal readings are no rounding.
-const CHANGES: f64 = 4.0;
+const LEAST_CHANGE: f64 = 4.0;
 
 /// Single readings that stand far from their neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -118,9 +119,9 @@ pub(super) fn measured(signal: &Signal<'_>, sample_time: f64) -> ChannelReport {
         return report;
     }
     report.noise = sensor.noisy.then_some(sensor.noise);
-    let swiftness = Swiftness::of(&signal.blocks(BLOCKS.0, BLOCKS.1), sample_time, sensor.noise);
+    let swiftness = Swiftness::of(&signal.blocks(FREQUENCY_BLOCKS, SAMPLES_PER_BLOCK), sample_time, sensor.noise);
     report.highest = Some(swiftness.highest);
-    report.noise_at_most = swiftness.typical_period < DENSE * sample_time;
+    report.noise_at_most = swiftness.typical_period < DENSE_SAMPLES_PER_PERIOD * sample_time;
     // A motion that is slower than the record is long is no motion to and fro.
     let seen = |period: &f64| *period < 2.0 * count * sample_time;
     report.typical_period = Some(swiftness.typical_period).filter(seen);
@@ -135,7 +136,7 @@ pub(super) fn measured(signal: &Signal<'_>, sample_time: f64) -> ChannelReport {
     }
     report.outline.spectrum = swiftness.spectrum;
     report.repeated = repeated(signal, &still.unwrap_or_default(), &report);
-    report.lone = (signal.role != Role::Input).then(|| lone(signal, FAR * deviation)).flatten();
+    report.lone = (signal.role != Role::Input).then(|| lone(signal, tolerance::FILE_DIGITS * deviation)).flatten();
     report
 }
 
@@ -144,7 +145,7 @@ fn to_and_fro(signal: &Signal<'_>, mean: f64, deviation: f64) -> f64 {
     let (mut turns, mut side) = (0_usize, 0.0);
     for value in signal.samples() {
         let away = value - mean;
-        if away.abs() > TO_AND_FRO * deviation && away.signum() != side {
+        if away.abs() > LEAST_SWING * deviation && away.signum() != side {
             turns += usize::from(side != 0.0);
             side = away.signum();
         }
@@ -175,13 +176,13 @@ fn repeated(signal: &Signal<'_>, still: &[Vec<Range<usize>>], report: &ChannelRe
             let to = from + length;
             if length > 1 && from > 0 && to < part.values.len() && moving[from] && !at_end(part.values[from]) {
                 let change = (part.values[to] - part.values[from - 1]).abs();
-                equal += if change > CHANGES * least * (length + 1) as f64 { length - 1 } else { 0 };
+                equal += if change > LEAST_CHANGE * least * (length + 1) as f64 { length - 1 } else { 0 };
             }
             from = to;
         }
     }
     let share = equal as f64 / all.max(1) as f64;
-    (share > REPEATED).then_some(share)
+    (share > LEAST_REPEATED_SHARE).then_some(share)
 }
 
 /// Single readings that are farther than this from their neighbours.

@@ -5,18 +5,19 @@ use crate::inspect::report::Inspection;
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 
 /// Most channels that are drawn.
-const SHOWN: usize = 8;
+const MOST_CHANNELS: usize = 8;
 /// Height of a panel, pixels.
-const HEIGHT: u32 = 250;
+const PANEL_HEIGHT_PIXELS: u32 = 250;
 /// Decades below the strongest frequency that are drawn.
-const DECADES: i32 = 8;
+const SPECTRUM_DECADES: i32 = 8;
 
 impl Inspection {
     /// The channels over time, with rests, levels at which they are cut off and the beginning of the part that repeats; then the power of
     /// each by frequency, with its noise. Nothing where no channel can be drawn.
     #[must_use]
     pub fn figure(&self) -> Option<Figure> {
-        let shown: Vec<&ChannelReport> = self.channels.iter().filter(|channel| !channel.constant).take(SHOWN).collect();
+        let shown: Vec<&ChannelReport> =
+            self.channels.iter().filter(|channel| !channel.constant).take(MOST_CHANNELS).collect();
         if shown.is_empty() {
             return None;
         }
@@ -24,7 +25,7 @@ impl Inspection {
         panels.extend(by_frequency(&shown));
         let left_out = self.channels.len() - shown.len();
         let more = if left_out > 0 { format!(", {left_out} more channels are not drawn") } else { String::new() };
-        let height = 60 + HEIGHT * panels.len() as u32;
+        let height = 60 + PANEL_HEIGHT_PIXELS * panels.len() as u32;
         let name = self.log.rsplit(['/', '\\']).next().unwrap_or_default();
         Some(Figure { title: format!("{name}{more}"), width: 1100, height, panels })
     }
@@ -74,7 +75,7 @@ fn by_frequency(shown: &[&ChannelReport]) -> Option<Panel> {
         }
         traces.push(Trace::new(&channel.name, colour, Curve::Line(relative)));
     }
-    let floor = strongest * 10.0_f64.powi(-DECADES);
+    let floor = strongest * 10.0_f64.powi(-SPECTRUM_DECADES);
     (strongest > 0.0).then(|| Panel {
         x: Axis::logarithmic("frequency [Hz] (dashed: noise)"),
         y: Axis::logarithmic("level over deviation").from_to(floor, 2.0 * strongest),

@@ -11,11 +11,11 @@ use tpm_log::Role;
 use tpm_report::{Remedy, number};
 
 /// Counts over which a coordinate moves, below which its rounding hides much of the motion.
-const FEW_COUNTS: f64 = 200.0;
+const LEAST_COUNTS: f64 = 200.0;
 /// Share of noise in a channel's deviation above which it is much.
-const NOISY: f64 = 0.05;
+const MUCH_NOISE: f64 = 0.05;
 /// Largest distance of a shift from half a sample, in samples, at which it is what a held input makes.
-const HALF: f64 = 0.2;
+const MOST_OFF_HALF_SAMPLE: f64 = 0.2;
 
 /// A finding. Its text says what was measured, [`meaning`](Self::meaning) what follows for identification, and
 /// [`remedies`](Self::remedies) which settings would help.
@@ -257,9 +257,9 @@ impl Finding {
             | Finding::Identification { .. }
             | Finding::Refused { .. } => true,
             Finding::Constant { role, .. } => *role != Role::Column,
-            Finding::Counts { counts, .. } => *counts < FEW_COUNTS,
-            Finding::Noise { share, role, .. } => *share > NOISY && matches!(role, Role::Coordinate | Role::Rate),
-            Finding::Uneven { error, .. } => *error > NOISY,
+            Finding::Counts { counts, .. } => *counts < LEAST_COUNTS,
+            Finding::Noise { share, role, .. } => *share > MUCH_NOISE && matches!(role, Role::Coordinate | Role::Rate),
+            Finding::Uneven { error, .. } => *error > MUCH_NOISE,
             Finding::Follows { relation, delay, deviation, sample_time, .. } => {
                 *relation == RelationKind::Rate && late(*delay, *deviation, *sample_time)
             }
@@ -285,7 +285,7 @@ impl Finding {
             Finding::Uneven { resampled: false, .. } => {
                 "the readings are smoother as even ones: they were taken evenly and stamped late, and are used as even".into()
             }
-            Finding::Uneven { error, .. } if *error > NOISY => {
+            Finding::Uneven { error, .. } if *error > MUCH_NOISE => {
                 "interpolation to even times adds this error as noise, which makes deviations larger and highest frequencies unusable; record at even times".into()
             }
             Finding::Uneven { .. } => "the readings are interpolated to even times, with little error".into(),
@@ -293,7 +293,7 @@ impl Finding {
             Finding::Constant { .. } => {
                 "identification refuses it: is it the right column, or was the sensor disconnected?".into()
             }
-            Finding::Counts { counts, .. } if *counts < FEW_COUNTS => {
+            Finding::Counts { counts, .. } if *counts < LEAST_COUNTS => {
                 "rounding hides much of the motion, and repeats with it, so that more periods do not average it away: move further, or measure more finely; acceleration by differences is useless, identification takes it from harmonics or behind a low pass".into()
             }
             Finding::Counts { .. } => {
@@ -360,7 +360,7 @@ impl Finding {
             }
             Finding::Inputs { shifted: false, .. } => "nothing is to be corrected".into(),
             Finding::Inputs { shift, sample_time, hold, .. } => {
-                if *hold == Hold::None && (shift.delay / sample_time - 0.5).abs() < HALF {
+                if *hold == Hold::None && (shift.delay / sample_time - 0.5).abs() < MOST_OFF_HALF_SAMPLE {
                     "half a sample is what an input makes that is held until the next sample".into()
                 } else if shift.delay < 0.0 {
                     "the inputs were recorded late, or the motion early; an input cannot be corrected to act before it was recorded: shift the columns against each other".into()
@@ -393,7 +393,7 @@ impl Finding {
             Finding::Repeats { domain: Domain::Harmonics, .. } => vec![Remedy::TimeDomain],
             Finding::Inputs { shifted: false, .. } => Vec::new(),
             Finding::Inputs { inputs, shift, sample_time, hold, .. } => {
-                if *hold == Hold::None && (shift.delay / sample_time - 0.5).abs() < HALF {
+                if *hold == Hold::None && (shift.delay / sample_time - 0.5).abs() < MOST_OFF_HALF_SAMPLE {
                     vec![Remedy::Hold { hold: Hold::Zoh }]
                 } else if shift.delay > 0.0 {
                     let nanoseconds = (1e9 * shift.delay).round() as u64;

@@ -4,7 +4,7 @@ use crate::inspect::signal::Signal;
 use std::ops::Range;
 
 /// Columns into which a record is drawn, each with the least and the largest reading in it.
-const COLUMNS: usize = 900;
+const DRAWN_COLUMNS: usize = 900;
 
 /// What is drawn of a channel.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,7 +20,7 @@ pub(super) struct Outline {
 impl Outline {
     /// The line of a channel.
     pub(super) fn of(signal: &Signal<'_>, sample_time: f64) -> Self {
-        let size = signal.len().div_ceil(COLUMNS).max(1);
+        let size = signal.len().div_ceil(DRAWN_COLUMNS).max(1);
         let mut line = Vec::new();
         for part in &signal.parts {
             for (column, values) in part.values.chunks(size).enumerate() {

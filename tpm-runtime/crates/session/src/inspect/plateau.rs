@@ -9,36 +9,38 @@
 
 use crate::inspect::signal::Part;
 use serde::Serialize;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, alarm};
 
 /// Largest distance of a sample from the extreme, as a share of the range, at which it is at the extreme.
-const SAME: f64 = 1e-9;
-/// Fewest samples of a stay at the extreme, and the least multiple of the usual number of equal samples in a row.
-const STAY: (usize, f64) = (3, 3.0);
+const MOST_OFF_EXTREME: f64 = 1e-9;
+/// Fewest samples of a stay at the extreme.
+const LEAST_STAY: usize = 3;
+/// Least length of the longest stay, as a multiple of the usual number of equal samples in a row.
+const LEAST_STAY_RATIO: f64 = 3.0;
 /// Least speed of arrival or departure, as a share of the root mean square speed.
-const SPEED: f64 = 0.15;
-/// The same in steps of the sensor, over the samples that are looked at.
-const STEPS: f64 = 3.0;
+const LEAST_SPEED: f64 = 0.15;
+/// Least speed of arrival or departure in steps of the sensor, over the samples that are looked at.
+const LEAST_SPEED_STEPS: f64 = 3.0;
 /// Samples before and behind a stay over which the speed is taken.
-const AROUND: usize = 4;
+const SAMPLES_AROUND: usize = 4;
 /// Fewest samples at the extreme.
-const FEWEST: usize = 8;
+const LEAST_AT_EXTREME: usize = 8;
 /// Most different values of a signal that switches between levels.
-const LEVELS: usize = 16;
+const MOST_LEVELS: usize = 16;
 /// Share of samples at both extremes beyond which a signal switches between them.
-const SWITCHES: f64 = 0.98;
+const LEAST_SWITCHING_SHARE: f64 = 0.98;
 
 /// Under noise, a sample is at a level within so many standard deviations of it.
-const NEAR: f64 = 5.0;
+const LEVEL_DEVIATIONS: f64 = 5.0;
 /// Depth of the samples before an arrival through which a parabola is laid, in standard deviations of the noise, with fewest and most
 /// samples.
 const APPROACH: (f64, usize, usize) = (25.0, 5, 40);
 /// Fewest samples of a stay under noise.
-const NOISY_STAY: usize = 12;
-/// Standard deviations beyond which something is no chance, and the factor by which the noise itself may be known wrongly.
-const CHANCE: (f64, f64) = (4.5, 1.15);
+const LEAST_NOISY_STAY: usize = 12;
+/// Factor by which the noise of a channel may be known wrongly.
+const NOISE_FACTOR: f64 = 1.15;
 /// Fewest arrivals and departures at a level under noise.
-const ARRIVALS: usize = 2;
+const LEAST_ARRIVALS: usize = 2;
 
 /// An end of a channel's range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -88,16 +90,16 @@ fn exact_plateaus(parts: &[Part<'_>], step: f64) -> Vec<Plateau> {
         return Vec::new();
     }
     let moving = steps().map(|change| change * change).sum::<f64>() / changes as f64;
-    let speed = SPEED * moving.sqrt();
+    let speed = LEAST_SPEED * moving.sqrt();
     let both: Vec<(Plateau, usize)> =
         [End::Least, End::Largest].into_iter().filter_map(|end| plateau(parts, end, speed, step)).collect();
     let at_ends: usize = both.iter().map(|(_, count)| count).sum();
-    if at_ends as f64 > SWITCHES * samples as f64 {
+    if at_ends as f64 > LEAST_SWITCHING_SHARE * samples as f64 {
         return Vec::new();
     }
     // Samples that stay elsewhere are held, and not cut off.
     let elsewhere = samples.saturating_sub(at_ends) as f64 / changes as f64;
-    let stays = |plateau: &Plateau| plateau.longest as f64 >= STAY.1 * elsewhere;
+    let stays = |plateau: &Plateau| plateau.longest as f64 >= LEAST_STAY_RATIO * elsewhere;
     both.into_iter().map(|(plateau, _)| plateau).filter(stays).collect()
 }
 
@@ -105,7 +107,7 @@ fn few_levels(parts: &[Part<'_>]) -> bool {
     let mut levels: Vec<u64> = Vec::new();
     for value in parts.iter().flat_map(|part| part.values) {
         if !levels.contains(&value.to_bits()) {
-            if levels.len() == LEVELS {
+            if levels.len() == MOST_LEVELS {
                 return false;
             }
             levels.push(value.to_bits());
@@ -126,20 +128,21 @@ fn plateau(parts: &[Part<'_>], end: End, speed: f64, step: f64) -> Option<(Plate
         let n = part.values.len();
         let mut k = 0;
         while k < n {
-            if height(k) > SAME * range {
+            if height(k) > MOST_OFF_EXTREME * range {
                 k += 1;
                 continue;
             }
             let from = k;
-            while k < n && height(k) <= SAME * range {
+            while k < n && height(k) <= MOST_OFF_EXTREME * range {
                 k += 1;
             }
             let length = k - from;
-            let around = AROUND.min(length.div_ceil(2));
-            let steep = |height: f64| height >= around as f64 * speed && height > STEPS * step;
+            let around = SAMPLES_AROUND.min(length.div_ceil(2));
+            let steep = |height: f64| height >= around as f64 * speed && height > LEAST_SPEED_STEPS * step;
             let arrives = from >= around && steep(height(from - around));
             let departs = k + around <= n && steep(height(k - 1 + around));
-            if length >= STAY.0 && (arrives || from < around) && (departs || k + around > n) && (arrives || departs) {
+            if length >= LEAST_STAY && (arrives || from < around) && (departs || k + around > n) && (arrives || departs)
+            {
                 count += length;
                 longest = longest.max(length);
                 first = first.or(part.lines.get(from).copied());
@@ -149,7 +152,7 @@ fn plateau(parts: &[Part<'_>], end: End, speed: f64, step: f64) -> Option<(Plate
     let samples: usize = parts.iter().map(|part| part.values.len()).sum();
     let share = count as f64 / samples.max(1) as f64;
     let found = Plateau { end, level: sign * level, share, longest, from_line: first? };
-    (count >= FEWEST).then_some((found, count))
+    (count >= LEAST_AT_EXTREME).then_some((found, count))
 }
 
 /// The plateau at one end of a noisy channel; nothing where it is not cut off.
@@ -164,14 +167,14 @@ fn noisy_plateau(parts: &[Part<'_>], end: End, noise: f64) -> Option<Plateau> {
         let mut k = 0;
         while k < n {
             let from = k;
-            while k < n && depth(k).abs() <= NEAR {
+            while k < n && depth(k).abs() <= LEVEL_DEVIATIONS {
                 k += 1;
             }
             let length = k - from;
             k = k.max(from + 1);
             let squares: f64 = (from..from + length).map(|i| depth(i).powi(2)).sum();
-            let most = length as f64 * CHANCE.1.powi(2) + CHANCE.0 * (2.0 * length as f64).sqrt();
-            if length < NOISY_STAY || squares > most {
+            let most = length as f64 * NOISE_FACTOR.powi(2) + alarm::PLATEAU_STAYS * (2.0 * length as f64).sqrt();
+            if length < LEAST_NOISY_STAY || squares > most {
                 continue;
             }
             count += length;
@@ -186,15 +189,15 @@ fn noisy_plateau(parts: &[Part<'_>], end: End, noise: f64) -> Option<Plateau> {
     let share = count as f64 / samples.max(1) as f64;
     let found = Plateau { end, level: sign * level, share, longest, from_line: first? };
     // Each has a deviation of one by chance.
-    let surely = crossings.iter().sum::<f64>() > CHANCE.0 * (crossings.len() as f64).sqrt();
-    (crossings.len() >= ARRIVALS && surely).then_some(found)
+    let surely = crossings.iter().sum::<f64>() > alarm::PLATEAU_STAYS * (crossings.len() as f64).sqrt();
+    (crossings.len() >= LEAST_ARRIVALS && surely).then_some(found)
 }
 
 /// The level about which the samples at one end scatter; nothing without a sample.
 fn level(parts: &[Part<'_>], sign: f64, noise: f64) -> Option<f64> {
     let all = || parts.iter().flat_map(|part| part.values.iter().map(|value| sign * value));
     let most = all().fold(f64::NEG_INFINITY, f64::max);
-    let mut high: Vec<f64> = all().filter(|value| most - value <= 2.0 * NEAR * noise).collect();
+    let mut high: Vec<f64> = all().filter(|value| most - value <= 2.0 * LEVEL_DEVIATIONS * noise).collect();
     let middle = high.len() / 2;
     let mut level = if high.is_empty() { return None } else { *high.select_nth_unstable_by(middle, f64::total_cmp).1 };
     // What passes by on its way to the level lies on one side.

@@ -10,22 +10,23 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
 use tpm_log::Role;
+use tpm_numerics::Iteration;
 use tpm_numerics::fourier::forward;
 
 /// Most samples on which two channels are compared.
-const COMPARED: usize = 1 << 17;
+const MOST_SAMPLES: usize = 1 << 17;
 /// Most frequencies on which they are compared.
-const FREQUENCIES: usize = 4096;
+const MOST_FREQUENCIES: usize = 4096;
 /// Least coherence of two channels before a delay is looked for.
-const ALIKE: f64 = 0.8;
+const LEAST_COHERENCE: f64 = 0.8;
 /// Least coherence of two columns behind the delay for one to follow from the other.
-const FOLLOWS: f64 = 0.997;
-/// The same of a coordinate and its rate, of which a model says that they belong together.
-const RATED: f64 = 0.9;
+const LEAST_COHERENCE_OF_COPY: f64 = 0.997;
+/// Least coherence behind the delay of a coordinate and its rate, of which a model says that they belong together.
+const LEAST_COHERENCE_OF_RATE: f64 = 0.9;
 /// Least spread of the frequencies, as a share of their mean: at one frequency everything is a gain and a delay away from everything.
-const SPREAD: f64 = 0.15;
-/// Steps of the search for a delay.
-const STEPS: usize = 30;
+const LEAST_SPREAD: f64 = 0.15;
+/// The search for a delay, until a step is a small share of the sample time.
+const DELAY_SEARCH: Iteration = Iteration { most: 30, settled: 1e-6 };
 
 /// How one channel follows from another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -72,10 +73,10 @@ pub(super) fn relations(signals: &[Signal<'_>], reports: &[ChannelReport], sampl
     let spectrum = |(signal, report): (&Signal<'_>, &ChannelReport)| -> Option<Spectrum> {
         let values = signal.part(segment)?.values;
         let highest = report.highest.filter(|_| !report.constant)?;
-        Some(Spectrum { bins: windowed(&values[..values.len().min(COMPARED)]), highest })
+        Some(Spectrum { bins: windowed(&values[..values.len().min(MOST_SAMPLES)]), highest })
     };
     let spectra: Vec<Option<Spectrum>> = signals.par_iter().zip(reports).map(spectrum).collect();
-    let samples = longest.map_or(0, |part| part.values.len().min(COMPARED));
+    let samples = longest.map_or(0, |part| part.values.len().min(MOST_SAMPLES));
     let spacing = 2.0 * PI / (samples as f64 * sample_time);
     let modelled = signals.iter().any(|signal| signal.role != Role::Column);
     let of = |b: usize| -> Vec<Relation> {
@@ -92,7 +93,7 @@ pub(super) fn relations(signals: &[Signal<'_>], reports: &[ChannelReport], sampl
             let candidates = (0..signals.len()).filter(fits).filter_map(|a| {
                 let (first, second) = (spectra[a].as_ref()?, spectra[b].as_ref()?);
                 let found = Compared::of(first, second, kind, spacing)?.aligned(sample_time)?;
-                let enough = if modelled { RATED } else { FOLLOWS };
+                let enough = if modelled { LEAST_COHERENCE_OF_RATE } else { LEAST_COHERENCE_OF_COPY };
                 (found.coherence >= enough).then_some((a, found))
             });
             let (a, found) = candidates.max_by(|x, y| x.1.coherence.total_cmp(&y.1.coherence))?;
@@ -147,7 +148,7 @@ impl Compared {
         let highest = 2.0 * PI * first.highest.min(second.highest);
         // The window reaches over two frequencies beside its own.
         let last = ((highest / spacing).ceil() as usize).min(count.saturating_sub(1));
-        let stride = (last / FREQUENCIES).max(1);
+        let stride = (last / MOST_FREQUENCIES).max(1);
         let mut compared = Compared { cross: Vec::new(), first: 0.0, second: 0.0 };
         for k in (3..=last).step_by(stride) {
             let w = k as f64 * spacing;
@@ -160,7 +161,7 @@ impl Compared {
             compared.second += second.bins[k].norm_sqr();
         }
         let zero = compared.product(0.0).abs();
-        (zero > ALIKE * (compared.first * compared.second).sqrt() && compared.is_broad()).then_some(compared)
+        (zero > LEAST_COHERENCE * (compared.first * compared.second).sqrt() && compared.is_broad()).then_some(compared)
     }
 
     /// Whether so many frequencies take part that a delay is told from a gain.
@@ -172,7 +173,7 @@ impl Compared {
             mean += power * w;
             square += power * w * w;
         }
-        sum > 0.0 && square / sum - (mean / sum).powi(2) > (SPREAD * mean / sum).powi(2)
+        sum > 0.0 && square / sum - (mean / sum).powi(2) > (LEAST_SPREAD * mean / sum).powi(2)
     }
 
     /// Sum of the products when the second channel is taken so much earlier.
@@ -183,7 +184,7 @@ impl Compared {
     /// The delay at which both are most alike.
     fn aligned(&self, sample_time: f64) -> Option<Aligned> {
         let mut delay = 0.0;
-        for _ in 0..STEPS {
+        for _ in 0..DELAY_SEARCH.most {
             let (mut slope, mut bend) = (0.0, 0.0);
             for (w, cross) in &self.cross {
                 let turned = cross * Complex::from_polar(1.0, w * delay);
@@ -195,7 +196,7 @@ impl Compared {
                 return None;
             }
             delay -= step.clamp(-4.0 * sample_time, 4.0 * sample_time);
-            if step.abs() < 1e-6 * sample_time {
+            if step.abs() < DELAY_SEARCH.settled * sample_time {
                 break;
             }
         }

@@ -7,21 +7,22 @@
 use crate::inspect::signal::Part;
 use serde::Serialize;
 use std::ops::Range;
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{alarm, root_mean_square};
 
 /// Share of the root mean square slope below which a channel is at rest.
-const AT_REST: f64 = 0.02;
-/// Deviations of the noise of a slope that count as rest.
-const NOISE: f64 = 4.0;
-/// Deviation of the noise of a slope, as a share of the slopes' root mean square, down to which lines are made longer, and up to which
-/// rest can be told.
-const CLEAR: (f64, f64) = (0.01, 0.1);
-/// Lines in the time in which the motion goes to and fro once: most of them, and fewest.
-const LINES: (f64, f64) = (100.0, 20.0);
+const LEAST_SLOPE: f64 = 0.02;
+/// Deviation of the noise of a slope, as a share of the slopes' root mean square, down to which lines are made longer.
+const CLEAR_SLOPE_NOISE: f64 = 0.01;
+/// Deviation of the noise of a slope, as a share of the slopes' root mean square, up to which rest can be told.
+const MOST_SLOPE_NOISE: f64 = 0.1;
+/// Most lines in the mean period between zero crossings.
+const MOST_LINES: f64 = 100.0;
+/// Fewest lines in that period.
+const LEAST_LINES: f64 = 20.0;
 /// Fewest samples of a line.
-const SHORTEST: f64 = 5.0;
-/// Least time of a rest, as a share of the time in which the motion goes to and fro once.
-const LEAST: f64 = 0.1;
+const LEAST_LINE_SAMPLES: f64 = 5.0;
+/// Least time of a rest, as a share of the mean period between zero crossings.
+const LEAST_REST: f64 = 0.1;
 
 /// How long a channel stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -39,23 +40,23 @@ pub struct Rest {
 
 /// Samples of every stretch at which a channel stands still; nothing where noise hides it.
 pub(super) fn at_rest(parts: &[Part<'_>], noise: f64, typical_period: f64) -> Option<Vec<Vec<Range<usize>>>> {
-    let mut length = (typical_period / LINES.0).max(SHORTEST);
-    let longest = (typical_period / LINES.1).max(SHORTEST);
+    let mut length = (typical_period / MOST_LINES).max(LEAST_LINE_SAMPLES);
+    let longest = (typical_period / LEAST_LINES).max(LEAST_LINE_SAMPLES);
     loop {
         let half = (0.5 * length) as usize;
         let slopes: Vec<Vec<f64>> = parts.iter().map(|part| slopes(part.values, half)).collect();
         let usual = root_mean_square(slopes.iter().flatten().copied());
         let of_noise = noise / squares(half).sqrt();
         let motion = (usual * usual - of_noise * of_noise).max(0.0).sqrt();
-        if of_noise > CLEAR.0 * motion && length < longest {
+        if of_noise > CLEAR_SLOPE_NOISE * motion && length < longest {
             length = (1.5 * length).min(longest);
             continue;
         }
-        if motion <= 0.0 || of_noise > CLEAR.1 * motion {
+        if motion <= 0.0 || of_noise > MOST_SLOPE_NOISE * motion {
             return None;
         }
-        let bound = (NOISE * of_noise).max(AT_REST * motion);
-        let least = (LEAST * typical_period).max(2.0 * length);
+        let bound = (alarm::SLOPE_MOVES * of_noise).max(LEAST_SLOPE * motion);
+        let least = (LEAST_REST * typical_period).max(2.0 * length);
         return Some(slopes.iter().map(|slopes| still(slopes, bound, least)).collect());
     }
 }

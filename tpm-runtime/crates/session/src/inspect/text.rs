@@ -5,10 +5,8 @@ use crate::inspect::finding::Finding;
 use crate::inspect::report::Inspection;
 use std::fmt;
 use tpm_log::Role;
+use tpm_numerics::tolerance;
 use tpm_report::{Align, Remedy, TextTable, number, or_dash};
-
-/// Share of the sample time below which an uneven step is the rounding of numbers.
-const ROUNDING: f64 = 1e-6;
 
 impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -33,7 +31,7 @@ impl Inspection {
         if sampling.segments > 1 {
             text.push_str(&format!(" in {} stretches", sampling.segments));
         }
-        if sampling.jitter.rms > ROUNDING {
+        if sampling.jitter.rms > tolerance::TIME_STAMP {
             let percent = |share: f64| short(100.0 * share);
             let (rms, largest) = (percent(sampling.jitter.rms), percent(sampling.jitter.largest));
             text.push_str(&format!("; steps off by {rms} % (rms), {largest} % at most"));
