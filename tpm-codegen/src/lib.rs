@@ -1,4 +1,4 @@
-//! Turns a dynamics model, which is written down once, into source code for a controller.
+//! Generates source code for a controller from a dynamics model, which is written only once.
 //!
 //! A model is a text of equations with units; here a mass with a spring and quadratic drag (Feng, Eqn 3.24). Its source in Rust or C
 //! holds the reference motion, the feed-forward, and the estimator that finds the parameters from measured harmonics:
@@ -29,8 +29,9 @@
 //! # fn main() {}
 //! ```
 //!
-//! A build script does this in one call ([`build::model`], and the example `build_script`). The macros of `tpm-macros` and the
-//! command line `tpm` call this crate too, which stands between the text and the exact algebra of `tpm-symbolic`:
+//! A build script does this in one call ([`build::model`], and the example `build_script`). The macros of `tpm-macros`
+//! and the command line `tpm` call this crate too. It converts between the text and the exact algebra of
+//! `tpm-symbolic`:
 //!
 //! ```text
 //! Source --lex, parse--> ast::ModelDeclaration --check--> names, structure, units --lower--> tpm_symbolic::mechanics::model::ExactModel

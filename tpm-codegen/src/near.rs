@@ -1,8 +1,8 @@
-//! Rational numbers next to floats, for geometry that is written with rounded numbers.
+//! Rational numbers near floats, for geometry that is written with rounded numbers.
 
 use tpm_symbolic::number::rational::{self, Rational};
 
-/// How far a rational number may lie from the float that it stands for.
+/// Largest distance of a rational number from the float that it replaces, relative where the float is above 1.
 const WITHIN: f64 = 1e-15;
 
 /// The simplest rational number within 1e-15 of a float (relatively, where the float is above 1): a convergent of its continued
@@ -23,7 +23,7 @@ pub(crate) fn rational(value: f64) -> Option<Rational> {
             return Some(convergent);
         }
         (before, last) = (last, next);
-        // The distance is not zero, so the rest is no whole number.
+        // The distance is not zero, so the remainder is not a whole number and has an inverse.
         rest = (rest - whole).recip();
     }
 }

@@ -1,8 +1,8 @@
 //! Source texts and places in them.
 //!
-//! Invariant: a [`Span`] is a half-open byte range of the text of exactly one [`Source`], on character boundaries. There is one
-//! meaning of a span for files and macros alike: the tokens of a macro are first written down as a text (see
-//! [`crate::language::stream`]), so that everything behind the lexer knows only text.
+//! Invariant: a [`Span`] is a half-open byte range of the text of exactly one [`Source`], on character boundaries.
+//! Spans have the same meaning for files and macros: the tokens of a macro are first written as a text (see
+//! [`crate::language::stream`]), so that all stages after the lexer work on text only.
 
 /// A half-open byte range `start..end` of a [`Source`]'s text.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, Debug, Default, PartialOrd, Ord)]
@@ -48,7 +48,7 @@ pub struct Position {
     pub column: usize,
 }
 
-/// Why the bytes that were given are no text.
+/// Why bytes are not a text.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Fault {
     /// The byte at the end of the valid part.
@@ -76,8 +76,8 @@ impl Source {
         Self { name, text, fault: None }
     }
 
-    /// The bytes of a file. Bytes that are not UTF-8 are no failure here: the first of them becomes the one diagnostic that
-    /// parsing this source gives, so that a caller has a single path for faults.
+    /// The bytes of a file. Bytes that are not UTF-8 cause no error here: the first of them becomes the single
+    /// diagnostic of parsing this source, so that callers handle all faults in one way.
     #[must_use]
     pub fn from_bytes(name: impl Into<String>, bytes: Vec<u8>) -> Self {
         match String::from_utf8(bytes) {
@@ -138,7 +138,7 @@ impl Source {
         self.text[start..end].trim_end_matches('\r')
     }
 
-    /// A span as it can be underlined: at least one character where the text has one.
+    /// A span that can be underlined: at least one character where the text has one.
     #[must_use]
     pub fn visible(&self, span: Span) -> std::ops::Range<usize> {
         let range = span.range();

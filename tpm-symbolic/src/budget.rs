@@ -8,32 +8,34 @@
 //! raised, no hook is called, and what the work has built is dropped on the way. Without a [`run`] around it the engine has no limit. A
 //! program that is built to abort on panics cannot unwind, and ends where a budget does.
 //!
-//! Invariant: the count belongs to a thread. Work that is handed to other threads is limited by its own bounds.
+//! Invariant: the count belongs to a thread. Work that is passed to other threads has its own bounds.
 
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use thiserror::Error;
 
-/// The operations on machine words that a model may take unless large ones are allowed: about a second of a desktop computer.
+/// Default limit of operations on machine words for a model, about a second on a desktop computer. It does not apply
+/// where large models are allowed.
 pub const OPERATIONS: u64 = 1_000_000_000;
 
-/// The bytes that a table may take unless large ones are allowed: about two million entries of ordinary size.
+/// Default limit of a table in bytes, about two million entries of ordinary size. It does not apply where large models
+/// are allowed.
 pub const TABLE_BYTES: u128 = 256_000_000;
 
 /// How many operations pass between two questions whether to go on.
 const BETWEEN_QUESTIONS: u32 = 22;
 
-/// The longest name of a term in an error, in letters.
+/// Longest name of a term in an error, in characters.
 const LONGEST_NAME: usize = 80;
 
 thread_local! {
-    /// The operations that are left to the present run.
+    /// Number of operations that the current run may still take.
     static LEFT: Cell<u64> = const { Cell::new(u64::MAX) };
-    /// The operations of the run, this one or an outer one, that has the least left.
+    /// The limit of that run, among the current one and the outer ones, which has the fewest operations left.
     static LIMIT: Cell<u64> = const { Cell::new(u64::MAX) };
     static STOP: Cell<Option<fn() -> bool>> = const { Cell::new(None) };
     static LARGE: Cell<bool> = const { Cell::new(false) };
-    /// The innermost named work at which the present run ended.
+    /// The innermost named work at which the current run ended.
     static ENDED_AT: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
@@ -53,18 +55,18 @@ pub enum Halted {
         /// The operations that the run may take.
         limit: u64,
     },
-    /// Whoever started the run asked it to stop.
+    /// The caller of the run requested a stop.
     #[error("the work was stopped")]
     Stopped,
 }
 
-/// What unwinds to [`run`].
+/// Payload of the unwinding that [`run`] catches.
 enum Signal {
     TooLarge,
     Stopped,
 }
 
-/// What a run of the engine may take.
+/// Limits of a run of the engine.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct Budget {
@@ -72,7 +74,7 @@ pub struct Budget {
     pub operations: u64,
     /// Whether tables may take more than [`TABLE_BYTES`].
     pub large: bool,
-    /// Asked many times a second; the run stops when the answer is yes.
+    /// Called many times a second; the run stops when it returns true.
     pub stop: Option<fn() -> bool>,
 }
 
@@ -83,19 +85,19 @@ impl Default for Budget {
 }
 
 impl Budget {
-    /// The budget of a user who has allowed large models: as much as the machine can do.
+    /// The budget of a user who has allowed large models, without a limit.
     #[must_use]
     pub fn large() -> Self {
         Self { operations: u64::MAX, large: true, stop: None }
     }
 
-    /// The budget of work inside other work: what the outer run has left.
+    /// The budget of nested work: the operations that the outer run has left.
     #[must_use]
     pub fn of_outer() -> Self {
         Self { operations: u64::MAX, large: false, stop: None }
     }
 
-    /// The budget whose run stops as soon as `stop` says so.
+    /// The budget of a run that stops as soon as `stop` returns true.
     #[must_use]
     pub fn stopped_by(self, stop: fn() -> bool) -> Self {
         Self { stop: Some(stop), ..self }
@@ -114,7 +116,7 @@ pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
     STOP.set(budget.stop.or(outer.1));
     LARGE.set(budget.large || outer.2);
     let outcome = catch_unwind(AssertUnwindSafe(work));
-    // An outer run goes on with what is left to it.
+    // The outer run continues with its remaining operations.
     LEFT.set(outer.0 - (granted - LEFT.get()));
     let limit = LIMIT.replace(limit);
     STOP.set(outer.1);
@@ -128,11 +130,11 @@ pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
     })
 }
 
-/// Names the work, for the error of a run that ends in it. The innermost name counts.
+/// Names the work in the error of a run that ends within it. The innermost name is reported.
 pub fn within<T>(name: impl FnOnce() -> String, work: impl FnOnce() -> T) -> T {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         if payload.is::<Signal>() {
-            // Naming is work of its own, which the ended run has nothing left for.
+            // Making the name takes operations too, of which the ended run has none left.
             let left = LEFT.replace(u64::MAX);
             ENDED_AT.with_borrow_mut(|at| {
                 at.get_or_insert_with(|| shortened(&name()));
@@ -143,7 +145,7 @@ pub fn within<T>(name: impl FnOnce() -> String, work: impl FnOnce() -> T) -> T {
     })
 }
 
-/// The beginning of a name that is too long for an error.
+/// The beginning of a name that is too long for an error message.
 fn shortened(name: &str) -> String {
     if name.chars().count() <= LONGEST_NAME {
         return name.to_owned();
@@ -163,10 +165,10 @@ pub fn left() -> u64 {
     LEFT.get()
 }
 
-/// Announces `operations` on machine words that are about to be done.
+/// Counts `operations` on machine words before they are performed.
 ///
-/// Ends the present run when fewer are left to it.
-// A call, so that the loops that it stands before are compiled as they would be without it.
+/// Ends the current run when it has fewer operations left.
+// Not inlined, so that the loops after a call are compiled as they would be without it.
 #[inline(never)]
 pub fn charge(operations: u64) {
     let left = LEFT.get();
@@ -184,7 +186,7 @@ pub fn charge(operations: u64) {
 
 #[cold]
 fn end(signal: Signal) {
-    // What unwinds already must not unwind again.
+    // A thread that is already unwinding must not start another unwinding.
     if !std::thread::panicking() {
         LEFT.set(0);
         ENDED_AT.set(None);
@@ -208,7 +210,7 @@ mod tests {
         });
         assert_eq!(halted, Err(Halted::TooLarge { at: Some("inner".to_owned()), limit: 100 }));
         assert_eq!(run(of(100), || charge(100)), Ok(()));
-        // No run, no limit.
+        // Without a run there is no limit.
         charge(u64::MAX / 4);
     }
 
@@ -216,7 +218,7 @@ mod tests {
     fn inner_runs_share_the_operations_of_the_outer_one() {
         let outcome = run(of(100), || {
             assert_eq!(run(of(10), || charge(11)), Err(Halted::TooLarge { at: None, limit: 10 }));
-            // Nothing is left of the outer run, whose limit counts then.
+            // The outer run has nothing left, so its limit is reported.
             assert_eq!((left(), run(of(1000), || charge(91))), (90, Err(Halted::TooLarge { at: None, limit: 100 })));
             charge(1);
         });

@@ -2,11 +2,11 @@
 //!
 //! # What to call
 //!
-//! - **A table** of harmonic coefficients: [`regressor_form`](regressor::form::regressor_form) sorts a model into its parameters
-//!   ([`prepare`](regressor::prepare::prepare) where coordinates are to be eliminated first), and
-//!   [`expand`](harmonic::expand::expand) expands it under a pattern.
-//! - **Ranks**: [`identifiability`](harmonic::identifiability::identifiability) says which parameters, or which combinations, one
-//!   or several patterns show.
+//! - **A table** of harmonic coefficients: [`regressor_form`](regressor::form::regressor_form) separates a model into
+//!   columns, one for each parameter ([`prepare`](regressor::prepare::prepare) where coordinates are to be eliminated
+//!   first), and [`expand`](harmonic::expand::expand) expands it under a pattern.
+//! - **Ranks**: [`identifiability`](harmonic::identifiability::identifiability) determines which parameters, or which
+//!   combinations, one or several patterns identify.
 //! - **Physical parameters** behind lumped ones: [`ParameterMap`](regressor::parameter_map::ParameterMap).
 //! - **A plan**: the operations, in order, that evaluate a regressor or a table; see [`plan`].
 //!
@@ -82,17 +82,17 @@
 //!                    \--ParameterMap--> lumped from physical parameters, and back
 //! ```
 //!
-//! Around it stands the calculus that leads to such a model and from it: Euler-Lagrange equations ([`mechanics::lagrange`]), Taylor
-//! series of what does not expand finitely ([`linear::taylor`]), signs and absolute values ([`harmonic::nonsmooth`]), linearisation
-//! ([`linear::linearize`]).
+//! Further modules derive such models and use them: Euler-Lagrange equations ([`mechanics::lagrange`]), Taylor series
+//! of terms that do not expand finitely ([`linear::taylor`]), signs and absolute values ([`harmonic::nonsmooth`]),
+//! linearisation ([`linear::linearize`]).
 //!
 //! # What imports what
 //!
 //! [`budget`] < [`number`] < [`algebra`] < [`expr`] < [`mechanics`] < [`regressor`] < [`harmonic`] < [`plan`]: a folder imports from those
 //! before it only. [`linear`] stands above [`mechanics`], beside the regressors.
 //!
-//! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
-//! ([`number::rational::to_f64`]), the bounds of what a table leaves out of an infinite series, and Bessel functions, which are
+//! This crate does not use files or source text, and floats only for the one correct rounding of results
+//! ([`number::rational::to_f64`]), the bounds of truncation errors of infinite series, and Bessel functions, which are
 //! not rational ([`harmonic::bessel`]).
 
 pub mod algebra;

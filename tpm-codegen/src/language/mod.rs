@@ -50,26 +50,26 @@ pub fn parse(source: &Source) -> Result<ast::ModelDeclaration, Diagnostics> {
     }
 }
 
-/// A model that was read, with the way back to its text.
+/// A parsed and lowered model, with the places of its terms in the text.
 #[derive(Clone, Debug)]
 pub struct Parsed {
     /// The exact model.
     pub model: ExactModel,
     /// The model as it was written.
     pub ast: ast::ModelDeclaration,
-    /// The mechanism that the equations of motion come from, its expressions in the model's graph; none for a model of equations or
-    /// energies.
+    /// The mechanism from which the equations of motion were derived, with expressions in the model's graph; none for a
+    /// model of equations or energies.
     pub mechanism: Option<Mechanism>,
     /// Declared Taylor orders, for tables.
     pub taylor: Vec<Taylor>,
     /// Warnings, in spite of which the model can be used.
     pub warnings: Diagnostics,
-    /// For each of the model's patterns, how many harmonics it keeps of terms with infinitely many.
+    /// Highest harmonic that each pattern of the model keeps of terms with infinitely many.
     harmonics: Vec<Option<u32>>,
     terms: Terms,
 }
 
-/// An error of a later stage that knows the term of the text at fault.
+/// An error of a later stage that names the term of the text at fault.
 pub trait AtTerm: std::error::Error {
     /// The term, when there is one.
     fn at_term(&self) -> Option<TermId>;
@@ -127,8 +127,9 @@ impl Parsed {
         self.terms.span(term)
     }
 
-    /// The model that tables are made of, and what was replaced in it: a function that does not expand finitely in a coordinate
-    /// with a declared Taylor order becomes its Taylor polynomial. Without a declared order this is the model as it is.
+    /// The model from which tables are made, and the terms that were replaced in it: a function that does not expand
+    /// finitely in a coordinate with a declared Taylor order becomes its Taylor polynomial. Without a declared order
+    /// this is the unchanged model.
     ///
     /// # Errors
     /// [`SeriesError`] when a function is singular at the declared point.
@@ -146,7 +147,7 @@ impl Parsed {
         Ok((Cow::Owned(model), truncations))
     }
 
-    /// Sentences that say what [`Self::for_tables`] replaced, one for each function.
+    /// Sentences on the replacements by [`Self::for_tables`], one for each function.
     #[must_use]
     pub fn replacements(model: &ExactModel, truncations: &[Truncation]) -> Vec<String> {
         let mut said: Vec<ExprId> = Vec::new();
@@ -167,21 +168,22 @@ impl Parsed {
         sentences
     }
 
-    /// How many harmonics the pattern of this index keeps of terms with infinitely many; `None` when it declares no number.
+    /// Highest harmonic that the pattern of this index keeps of terms with infinitely many; `None` when it declares no
+    /// number.
     #[must_use]
     pub fn harmonics_of(&self, pattern: usize) -> Option<usize> {
         self.harmonics.get(pattern).copied().flatten().and_then(|count| usize::try_from(count).ok())
     }
 
-    /// How many harmonics a pattern of this model keeps of terms with infinitely many; `None` when it declares no number, and for a
-    /// pattern of another model.
+    /// Highest harmonic that a pattern of this model keeps of terms with infinitely many; `None` when it declares no
+    /// number, and for a pattern of another model.
     #[must_use]
     pub fn declared_harmonics(&self, pattern: &Pattern) -> Option<usize> {
         self.harmonics_of(self.model.patterns.iter().position(|own| own == pattern)?)
     }
 
-    /// The pattern of this name, the model's first one when no name is given. `unnamed` tells a user how to ask for the pattern of a
-    /// model whose patterns have no names.
+    /// The pattern of this name, or the model's first one when no name is given. `unnamed` is the help for a user who
+    /// asks for the pattern of a model whose patterns have no names.
     ///
     /// # Errors
     /// A diagnostic at the model's name when there is no such pattern.
@@ -252,10 +254,10 @@ pub fn parse_value(source: &Source, model: &mut ExactModel) -> Result<ExprId, Di
     }
 }
 
-/// Reads a model from the tokens of a macro call, and keeps the way back from its text to the user's tokens.
+/// Reads a model from the tokens of a macro call, and keeps the relation between its text and the user's tokens.
 ///
 /// # Errors
-/// Every fault as a `compile_error!` on the tokens that it is about.
+/// Every fault as a `compile_error!` on the tokens that caused it.
 pub fn parse_tokens(
     name: &str,
     tokens: proc_macro2::TokenStream,

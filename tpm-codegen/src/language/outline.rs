@@ -1,6 +1,6 @@
-//! What the words of a text mean, for editors.
+//! Meanings of the words of a text, for editors.
 //!
-//! Invariant: every text has an outline, finished or not; what cannot be read declares nothing.
+//! Invariant: every text has an outline, even an unfinished one; statements that cannot be parsed declare nothing.
 
 use crate::diagnostic::Diagnostics;
 use crate::language::ast::mechanism::{InertiaDeclaration, MechanismDeclaration, loss_word};
@@ -13,7 +13,7 @@ use crate::language::token::{Token, TokenKind};
 use crate::source::{Source, Span};
 use tpm_units::Unit;
 
-/// What kind of thing a word stands for.
+/// Kind of a word.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub enum Meant {
@@ -27,17 +27,17 @@ pub enum Meant {
     Unit,
 }
 
-/// A word, and what it means.
+/// A word with its meaning.
 #[derive(Clone, PartialEq, Eq, Debug)]
 #[non_exhaustive]
 pub struct Word {
     /// The word.
     pub name: String,
-    /// What kind of thing it stands for.
+    /// Kind of the word.
     pub meant: Meant,
-    /// How it is declared or used, with its unit if it has one.
+    /// Its declaration or syntax, with its unit if it has one.
     pub usage: String,
-    /// What it means; of a declared name, the comment behind its declaration. May be empty.
+    /// Its meaning; for a declared name, the comment behind its declaration. May be empty.
     pub meaning: String,
 }
 
@@ -61,7 +61,7 @@ pub fn word_at(source: &Source, offset: u32) -> Option<(Span, Word)> {
     }
     let called = tokens.get(index + 1).is_some_and(|next| next.kind == TokenKind::OpenParen);
     let declared = declared(source);
-    // A name of several patterns, or of the file's other parts too, is the one that was declared last before it is used.
+    // Of several declarations of a name, in patterns or elsewhere, the last one before its use applies.
     let named = || declared.iter().filter(|(_, word)| word.name == name);
     let own = named().rfind(|(at, _)| at.start <= span.start).or_else(|| named().next());
     let own = own.map(|(_, word)| word.clone());
@@ -70,7 +70,7 @@ pub fn word_at(source: &Source, offset: u32) -> Option<(Span, Word)> {
     word.map(|word| (span, word))
 }
 
-/// Every word that could be written somewhere in the text: the names that it declares, functions, keywords.
+/// Every word that may be written somewhere in the text: the names that it declares, functions, keywords.
 #[must_use]
 pub fn words(source: &Source) -> Vec<Word> {
     let mut words: Vec<Word> = Vec::new();
@@ -106,7 +106,7 @@ fn declared(source: &Source) -> Vec<(Span, Word)> {
     names.found
 }
 
-/// The longest definition that is shown, in characters.
+/// Longest definition that is shown, in characters.
 const LONGEST: usize = 200;
 
 struct Names<'a> {

@@ -1,8 +1,9 @@
 //! Parses tokens into the declarations of a model.
 //!
-//! Invariant: a fault is reported where it is found and costs at most its own statement: the parser goes on behind the next
-//! semicolon, at the closing brace, or at a line that begins a new statement. Recursion is bounded by [`DEEPEST_NESTING`], loops by the
-//! number of tokens. Names that a dropped statement mentions are remembered, so that later checks do not report them unknown.
+//! Invariant: a fault is reported where it is found and removes at most its own statement. The parser continues behind
+//! the next semicolon, at the closing brace, or at a line that begins a new statement. Recursion is bounded by
+//! [`DEEPEST_NESTING`], loops by the number of tokens. Names in a removed statement are remembered, so that later
+//! checks do not report them as unknown.
 
 mod expr;
 mod mechanism;
@@ -24,13 +25,13 @@ use crate::source::{Source, Span};
 /// Deepest nesting of parentheses, calls and minus signs; a stack of this depth fits the smallest usual thread.
 pub const DEEPEST_NESTING: usize = 128;
 
-/// What parsing found.
+/// Results of parsing.
 pub(crate) struct Syntax {
     /// The model, without the statements that could not be read.
     pub(crate) model: Option<ModelDeclaration>,
-    /// Whether statements are missing from it, so that nothing can be said about what a model lacks.
+    /// Whether statements are missing from the model, so that checks must not report anything as missing.
     pub(crate) incomplete: bool,
-    /// Names that dropped statements mention.
+    /// Names that occur in removed statements.
     pub(crate) mentioned: HashSet<String>,
 }
 
@@ -56,7 +57,7 @@ pub(crate) fn parse_expression(source: &Source, diagnostics: &mut Diagnostics) -
     Some(expr)
 }
 
-/// The fault is reported; the caller recovers.
+/// Marks a fault that was reported; the caller recovers.
 #[derive(Debug)]
 struct Reported;
 
@@ -91,7 +92,7 @@ impl<'a, 'd> Parser<'a, 'd> {
     // Tokens.
 
     fn nth(&self, ahead: usize) -> Token {
-        // The last token is the end of the text, and it repeats for ever.
+        // The last token is the end of the text, which every further read returns again.
         self.tokens
             .get(self.at + ahead)
             .or(self.tokens.last())
@@ -130,7 +131,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         token.kind == TokenKind::Ident && self.text(token) == word
     }
 
-    /// The span of the token before the next one, behind which something that is missing should stand.
+    /// The span of the token before the next one; a missing token is reported behind it.
     fn last(&self) -> Span {
         self.at.checked_sub(1).and_then(|at| self.tokens.get(at)).map_or_else(Span::default, |token| token.span)
     }
@@ -176,7 +177,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         if self.is_word(0, word) { Ok(self.bump()) } else { Err(self.unexpected(&format!("`{word}`"))) }
     }
 
-    /// The end of a statement. A line end is taken for a forgotten semicolon; then nothing is skipped.
+    /// Reads the end of a statement. A line end counts as a forgotten semicolon, in which case no token is skipped.
     fn end_of_statement(&mut self) -> Parse<()> {
         if self.eat(TokenKind::Semicolon) {
             return Ok(());
@@ -200,7 +201,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         }))
     }
 
-    /// Skips the rest of a statement that could not be read.
+    /// Skips the rest of a statement with a syntax fault.
     fn recover(&mut self, begun: usize, statements: &[&str]) {
         self.incomplete = true;
         for index in begun..self.at {
@@ -328,7 +329,8 @@ impl<'a, 'd> Parser<'a, 'd> {
             ("pattern", TokenKind::OpenBrace | TokenKind::Ident) => self.pattern(),
             ("mechanism", TokenKind::OpenBrace) => self.mechanism(),
             ("nonlinear", TokenKind::Ident) => self.nonlinear(),
-            // Two names in a row are no expression, so a word before a name is a keyword whatever the names are.
+            // Two successive names form no expression, so a word before a name is a keyword, whatever names are
+            // declared.
             (_, TokenKind::Ident) if STATEMENTS.contains(&word) || !self.declared.contains(word) => {
                 self.statement(word, first.span)
             }
@@ -731,7 +733,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
         let sign = if self.eat(TokenKind::Minus) { -1 } else { 1 };
         let token = self.peek();
-        // Far beyond any unit, and small enough that products of exponents stay exact.
+        // The bound is far above the exponents of any unit, and small enough that products of exponents stay exact.
         match self.text(token).parse::<i32>() {
             Ok(value) if token.kind == TokenKind::Number && value <= 1000 => {
                 self.bump();

@@ -1,6 +1,6 @@
 //! Writes a model as text.
 //!
-//! Invariant: the text parses to the same model, and has no parentheses but those that the model's structure needs.
+//! Invariant: the text parses to the same model, and has only those parentheses that the model's structure needs.
 
 mod mechanism;
 
@@ -17,7 +17,7 @@ use crate::language::ast::{
     UnitExpr,
 };
 
-/// How tightly an expression binds; one that binds less tightly than its place wants is put in parentheses.
+/// Precedence of an expression; an expression of lower precedence than its place requires is put in parentheses.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Binding {
     Sum,
@@ -37,7 +37,7 @@ fn binding(expr: &Expr) -> Binding {
     }
 }
 
-/// Writes an expression, in parentheses when it binds less tightly than `least`.
+/// Writes an expression, in parentheses when its precedence is below `least`.
 struct At<'a>(&'a Expr, Binding);
 
 impl Display for At<'_> {
@@ -106,7 +106,7 @@ fn number(f: &mut Formatter<'_>, value: &Rational) -> fmt::Result {
     while !denominator.is_one() {
         let shared = denominator.gcd(&ten);
         if shared.is_one() {
-            // No literal has such a value, so that only a program can build it; a quotient of integers stands for it.
+            // No literal has such a value, so only a program can build it; it is written as a quotient of integers.
             return write!(f, "({}/{})", value.numer(), value.denom());
         }
         denominator /= shared;

@@ -1,16 +1,16 @@
 //! The tokens of a macro call as a source.
 //!
-//! Invariant: the text holds every leaf token of the stream once, in order, and `places` holds for each of them the byte where
-//! it begins there and the compiler's span. One lexer and one parser then serve files and macros, and a diagnostic's byte range
-//! leads back to the user's own tokens. Line ends follow the user's where the compiler tells them, because a missing
-//! semicolon is recognised by the line end.
+//! Invariant: the text holds every leaf token of the stream once, in order, and `places` holds for each of them its
+//! first byte in the text and the compiler's span. One lexer and one parser thus serve files and macros, and the byte
+//! range of a diagnostic is converted to the user's tokens. Line ends follow the user's where the compiler gives them,
+//! because a missing semicolon is recognised by the line end.
 
 use proc_macro2::{Delimiter, Group, Ident, Literal, Punct, Spacing, TokenStream, TokenTree};
 
 use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
 use crate::source::{Source, Span};
 
-/// A source written down from tokens, with the way back.
+/// A source that was written from tokens, with the span of each token.
 #[derive(Clone, Debug)]
 pub struct TokenSource {
     source: Source,
@@ -19,8 +19,8 @@ pub struct TokenSource {
 }
 
 impl TokenSource {
-    /// Writes the tokens of a macro's input down; `name` is the macro's name as messages show it. Doc comments, which the
-    /// compiler hands over as attributes, are comments here too.
+    /// Writes the tokens of a macro's input as a text; `name` is the macro's name in messages. Doc comments, which the
+    /// compiler passes as attributes, become comments again.
     #[must_use]
     pub fn new(name: &str, stream: TokenStream) -> Self {
         let mut writer = Writer { text: String::new(), places: Vec::new(), line: 0, joint: true };
@@ -133,7 +133,8 @@ impl Writer {
             Delimiter::Parenthesis => ("(", ")"),
             Delimiter::Bracket => ("[", "]"),
             Delimiter::Brace => ("{", "}"),
-            // What a macro_rules fragment hands over binds together without being seen; one leaf needs no parentheses.
+            // A `macro_rules` fragment is passed in an invisible group, which needs parentheses unless it has a single
+            // leaf.
             Delimiter::None if group.stream().into_iter().nth(1).is_none() => ("", ""),
             Delimiter::None => ("(", ")"),
         };
@@ -153,7 +154,7 @@ impl Writer {
         }
         self.line = line.max(self.line);
         self.joint = joint;
-        // A macro's input beyond 4 GiB cannot be: `Source::new` refuses the text, and no place of it is ever asked for.
+        // `Source::new` refuses a text beyond 4 GiB, so no place in such a text is ever requested.
         self.places.push((self.text.len() as u32, span));
         self.text.push_str(text);
     }

@@ -1,14 +1,15 @@
 //! "Did you mean": the known name nearest to an unknown one.
 
-/// The candidate that differs from `name` by the fewest single-letter edits (a swap of neighbours counts as one), if that is at
-/// most a third of its length or the difference is in upper and lower case alone; of equally near ones the first.
+/// The candidate that differs from `name` by the fewest single-letter edits (a swap of neighbours counts as one edit).
+/// The number of edits must be at most a third of the name's length, unless only upper and lower case differ. Of
+/// equally near candidates the first is returned.
 pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Names this long are no slips of the finger, and the distance is quadratic in the length.
+    // Longer names are no typing mistakes, and the computing time of the distance is quadratic in the length.
     const LONGEST: usize = 40;
     if name.len() > LONGEST {
         return None;
     }
-    // A name of one letter has no neighbour: another letter is another name.
+    // For a name of one letter nothing is suggested, since any other letter is a different name.
     let allowed = if name.len() == 1 { 0 } else { name.len().div_ceil(3) };
     candidates
         .into_iter()

@@ -5,14 +5,15 @@
 
 use crate::source::Span;
 
-/// What a token is.
+/// Kind of a token.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum TokenKind {
     /// A name or a keyword; which of them is the parser's choice, because keywords are contextual.
     Ident,
     /// An unsigned decimal number, `12`, `0.5`, `1e-3`.
     Number,
-    /// `^2` written as a superscript digit: already reported, understood as the exponent so that no follow-up is reported.
+    /// `^2` written as a superscript digit. It is already reported, and read as the exponent so that no further fault
+    /// follows.
     Superscript(u8),
     /// `+`
     Plus,
@@ -47,7 +48,7 @@ pub(crate) enum TokenKind {
 }
 
 impl TokenKind {
-    /// How a message names this token when it was expected.
+    /// The name of this token in a message that expects it.
     pub(crate) fn describe(self) -> &'static str {
         match self {
             Self::Ident => "a name",

@@ -1,7 +1,8 @@
-//! Fields in which expressions can be evaluated: the rationals, and the residues of a prime.
+//! Fields in which expressions can be evaluated: the rationals, and the residues modulo a prime.
 //!
-//! An identity over the rationals holds modulo every prime that divides none of its denominators; what is not zero modulo a prime is
-//! not zero. So a rank modulo a prime is a certain lower bound, at the price of one machine word per number.
+//! An identity over the rationals holds modulo every prime that divides none of its denominators. A number that is
+//! nonzero modulo a prime is nonzero. So a rank modulo a prime is a certain lower bound of the rank, and each of its
+//! numbers takes one machine word.
 
 use crate::number::rational::{Rational, ratio};
 use num_bigint::BigInt;
@@ -25,7 +26,8 @@ pub trait Field {
     fn inverse(&self, a: &Self::Element) -> Option<Self::Element>;
     /// Whether an element is zero.
     fn is_zero(&self, a: &Self::Element) -> bool;
-    /// An element for a random word: of a finite field any one, of the rationals a fraction of small numbers that is not zero.
+    /// An element from a random word: of a finite field any element, of the rationals a nonzero fraction of small
+    /// numbers.
     fn element(&self, word: u64) -> Self::Element;
 
     /// The element zero.
@@ -38,8 +40,8 @@ pub trait Field {
         self.number(&Rational::one()).expect("invariant: one is in every field")
     }
 
-    /// A multiple of a vector by a factor that is not zero, such that sums of products with it are cheap: over the rationals one of
-    /// whole numbers.
+    /// The vector times a nonzero factor that makes sums of products with it cheap: over the rationals, the factor
+    /// makes all components whole numbers.
     fn cleared(&self, vector: Vec<Self::Element>) -> Vec<Self::Element> {
         vector
     }
@@ -61,8 +63,8 @@ pub trait Field {
         Some(result)
     }
 
-    /// Brings `rows` to reduced row echelon form in place, taking pivots in the given order of the columns, and returns the
-    /// column of the pivot of every row that is left; rows of zeros are dropped.
+    /// Brings `rows` to reduced row echelon form in place, with pivots in the given order of the columns. Returns the
+    /// pivot column of every remaining row; rows of zeros are dropped.
     fn reduce(&self, rows: &mut Vec<Vec<Self::Element>>, order: &[usize]) -> Vec<usize> {
         let mut pivots = Vec::new();
         for &column in order {
@@ -134,14 +136,15 @@ impl Field for Rationals {
     }
 
     fn element(&self, word: u64) -> Rational {
-        // Numbers grow with those that are drawn: at the end of a long arm by their product over all joints, squared.
+        // Results grow with the drawn numbers: at the end of a long arm they are the square of the product over all
+        // joints, so the numbers are small.
         let above = i64::try_from(word % 13).unwrap_or_default() + 1;
         let below = i64::try_from((word >> 16) % 7).unwrap_or_default() + 1;
         ratio(if word >> 63 == 1 { -above } else { above }, below)
     }
 }
 
-/// The residues of a prime.
+/// The field of residues modulo a prime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Residues {
     prime: u64,

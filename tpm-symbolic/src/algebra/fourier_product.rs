@@ -1,4 +1,4 @@
-//! Products and powers of Fourier polynomials, by way of their spectra over one denominator.
+//! Products and powers of Fourier polynomials, computed from their spectra over a common denominator.
 
 use crate::algebra::fourier::Fourier;
 use crate::algebra::spectrum::{Spectrum, Whole};

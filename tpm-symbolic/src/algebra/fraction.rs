@@ -236,8 +236,8 @@ impl<V: Ord + Clone> Fraction<V> {
         result
     }
 
-    /// The fraction as one would write it: the numerator without negative exponents, and the monomial that stands in
-    /// the denominator beside the factors of [`Self::denominator`].
+    /// The fraction in the usual notation: the numerator without negative exponents, and the monomial that stands in
+    /// the denominator in addition to the factors of [`Self::denominator`].
     #[must_use]
     pub fn cleared(&self) -> (Polynomial<V>, Monomial<V>) {
         let content = least_exponents(&self.numerator);

@@ -1,4 +1,4 @@
-//! Points at which a generic rank is read off.
+//! Random points at which the generic rank of a matrix is determined.
 //!
 //! The rank of a matrix of polynomials at any one point is at most its generic rank, and it is smaller only where some
 //! minor of that size, a polynomial of degree d that is not identically zero, vanishes: for values drawn at random
@@ -7,7 +7,7 @@
 
 use crate::number::rational::{self, Rational};
 
-/// The number of points at which a rank is read off.
+/// Number of points at which a rank is determined.
 pub const POINTS: u64 = 3;
 
 /// A value for quantity `index` at point number `point`: positive, between 1 and 2^31, all distinct in practice.

@@ -7,7 +7,7 @@ use crate::budget;
 use crate::number::rational::Rational;
 use num_traits::{One, Zero};
 
-/// The operations that an entry takes in one step of an elimination.
+/// Operations per entry in one elimination step, for the budget.
 const ENTRY: u64 = 16;
 
 /// Brings `rows` to reduced row echelon form in place and returns the pivot columns.

@@ -1,6 +1,6 @@
 //! Polynomials, Fourier polynomials, quotients and small matrices over the rationals.
 //!
-//! Nothing here knows what a symbol stands for: a variable of a polynomial is whatever its user puts in.
+//! This folder does not know the meaning of symbols: the variables of a polynomial may be of any type.
 
 pub mod characteristic;
 pub mod field;

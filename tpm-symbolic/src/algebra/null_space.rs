@@ -8,7 +8,7 @@ use num_integer::Integer;
 use num_traits::{One, Signed, Zero};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The largest number of terms in the numerator of a component.
+/// Largest number of terms in the numerator of a component; a longer one is of no use to a reader.
 const MAX_TERMS: usize = 2000;
 
 /// A basis of the null space over a field of rational functions, each vector with a 1 at its own free column; `None`
@@ -22,7 +22,7 @@ pub fn null_space_of_fractions<V: Ord + Clone>(
     let mut pivots = Vec::new();
     for column in 0..columns {
         let top = pivots.len();
-        // The shortest pivot keeps the other rows short.
+        // The pivot with the fewest terms keeps the other rows short.
         let found = (top..rows.len()).filter(|&r| !rows[r][column].is_zero()).min_by_key(|&r| size(&rows[r][column]));
         let Some(found) = found else { continue };
         rows.swap(top, found);

@@ -1,9 +1,9 @@
 //! Exponent vectors packed into machine words.
 //!
-//! Invariant: all keys of one [`Layout`] have fields of the same width, wide enough for every exponent that sums of the
-//! keys in use can reach, so that adding keys as integers adds exponents field by field. A borrow from a negative
-//! exponent runs into the next field and is undone by reading the fields from the low end. For non-negative exponents
-//! the order of the keys is lexicographic, the last variable first.
+//! Invariant: all keys of one [`Layout`] have fields of the same width, which holds every exponent in sums of the keys
+//! in use, so that adding keys as integers adds exponents field by field. A negative exponent borrows from the next
+//! field; reading the fields from the low end reverses the borrow. For non-negative exponents the order of the keys is
+//! lexicographic, the last variable first.
 
 use smallvec::{SmallVec, smallvec};
 use std::hash::Hash;
@@ -101,7 +101,7 @@ macro_rules! short_key {
             #[inline]
             fn of(key: $key, layout: Layout, ones: $key) -> Self {
                 let high = ones << (layout.bits - 1);
-                // Raised fields are not negative, so that none borrows from the next.
+                // Raised fields are not negative, so no field borrows from the next.
                 let raised = key.wrapping_add(high);
                 let (off, low) = (raised ^ high, high - ones);
                 Self { bits: layout.bits, raised, present: (((off & low) + low) | off) & high }
@@ -115,8 +115,8 @@ macro_rules! short_key {
             fn next(&mut self) -> Option<(usize, i64)> {
                 let top = self.present.checked_ilog2()?;
                 self.present ^= 1 << top;
-                // The width of a field is a power of two, so the mask gives the first bit of the field that holds bit
-                // `top`.
+                // The width of a field is a power of two, so the mask gives the first bit of the field that contains
+                // bit `top`.
                 let field = self.raised >> (top & !(self.bits - 1));
                 let half = 1 << (self.bits - 1);
                 let exponent = (field as u64 & (half - 1 + half)).wrapping_sub(half) as i64;
@@ -153,7 +153,7 @@ macro_rules! short_key {
                 let (high, sign) = (ones << (layout.bits - 1), layout.bits - 1);
                 let coded = raised - ((raised & present) >> sign);
                 let absent = high ^ present;
-                // All ones in the fields that are absent, modulo 2^BITS.
+                // All ones in the fields of variables that are absent, modulo 2^BITS.
                 let absent = (absent << 1).wrapping_sub(absent >> sign);
                 let ended = present.trailing_zeros() >> layout.bits.trailing_zeros() << layout.bits.trailing_zeros();
                 (coded | absent) & (<$key>::MAX << ended)

@@ -17,26 +17,26 @@ pub use crate::algebra::monomial::Monomial;
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Polynomial<V: Ord>(Terms<V>);
 
-/// Terms of a polynomial. One lies in place: most polynomials of a model are single terms.
+/// Terms of a polynomial. One term is stored inline, since most polynomials of a model have a single term.
 pub(crate) type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
 
-/// The least number of products of terms for which packing their exponents pays.
+/// Fewest products of terms for which packing the exponents is faster.
 const PACKED: usize = 24;
 
-/// The operations that copying a term takes, and each factor of its monomial.
+/// Operations per copied term, and per factor of its monomial, for the budget.
 const TERM: u64 = 16;
 
-/// The operations that copying the terms of a list takes, whose monomials are about as long as the last one. They stand for the memory
-/// too that the copy takes.
+/// Operations for copying a list of terms whose monomials are about as long as the last one. The count also bounds the
+/// memory of the copy.
 fn copying<V: Ord + Clone>(terms: &[(Monomial<V>, Rational)]) -> u64 {
     let factors = terms.last().map_or(0, |term| term.0.factors().count());
     TERM * (1 + factors as u64) * terms.len() as u64
 }
 
-/// The operations that moving a term by one place takes.
+/// Operations for moving a term by one place, for the budget.
 const MOVING: u64 = 4;
 
-/// The number of products that are collected before they are sorted and added up.
+/// Number of products that are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
 
 impl<V: Ord> Default for Polynomial<V> {

@@ -1,9 +1,9 @@
 //! Products of powers of polynomials of many terms.
 //!
-//! Invariants: exponents are packed into one word, wide enough for every product on the way, so that multiplying monomials
-//! is one addition; coefficients are whole numbers over one denominator while a bound on all sums, from the sums of their
-//! magnitudes, fits into 128 bits, and rationals beyond. Terms are sorted once, at the end, as the words that compare like
-//! their monomials.
+//! Invariants: exponents are packed into one word that holds those of every intermediate product, so that multiplying
+//! monomials is one addition. Coefficients are whole numbers over one denominator while the bound of all sums (the
+//! product of the sums of magnitudes) fits into 128 bits, and rationals beyond. Terms are sorted once, at the end, by
+//! words whose order is that of their monomials.
 
 use crate::algebra::monomial::{Factorisation, Monomial};
 use crate::algebra::packed::{Key, Layout, ShortKey};
@@ -14,16 +14,16 @@ use num_traits::{FromPrimitive, One, Zero};
 use rustc_hash::FxHashMap;
 use std::ops::AddAssign;
 
-/// The largest number of sums for which memory is reserved before they are known.
+/// Largest number of sums for which memory is reserved in advance.
 const LARGEST: usize = 1 << 16;
 
-/// The operations that one product of terms takes, with finding its place among the sums.
+/// Operations per product of terms, including the search for its sum, for the budget.
 const PRODUCT: u64 = 16;
 
 /// A term of a polynomial.
 type Term<V> = (Monomial<V>, Rational);
 
-/// A polynomial and the power, at least the first, in which it is a factor.
+/// A polynomial and its power, at least 1, in a product.
 pub(crate) type Factor<'p, V> = (&'p [Term<V>], u32);
 
 /// The terms of a product of powers, in the order of the monomials; `None` when no word holds their exponents.
@@ -140,7 +140,7 @@ trait Integer: Coefficient + Copy + FromPrimitive {}
 impl<C: Coefficient + Copy + FromPrimitive> Integer for C {}
 
 /// The coefficients of every factor as whole numbers, a bound of all sums of their products, and the denominator of the
-/// product; `None` when one of these might not fit.
+/// product; `None` when one of these might not fit into 128 bits.
 fn over_one_denominator<V>(factors: &[Factor<'_, V>]) -> Option<(Vec<Vec<i128>>, i128, i128)> {
     let (mut lists, mut largest, mut below) = (Vec::with_capacity(factors.len()), 1i128, 1i128);
     for (terms, power) in factors {
@@ -192,10 +192,10 @@ fn power<K: ShortKey, C: Coefficient>(base: Vec<(K, C)>, exponent: u32) -> Vec<(
     power
 }
 
-/// The terms of base^exponent with whole coefficients, in no order; by the multinomial theorem once that takes no more products
-/// than a multiplication does.
+/// The terms of base^exponent with whole coefficients, in no order. The multinomial theorem is used where it takes no
+/// more products than repeated multiplication.
 fn integer_power<K: ShortKey, C: Integer>(base: Vec<(K, C)>, exponent: u32) -> Vec<(K, C)> {
-    // Binomials of exponents up to 60 fit into a word with room to spare.
+    // Binomial coefficients of exponents up to 60 fit into a word.
     let count = |exponent: u32| products(base.len(), exponent).filter(|_| exponent <= 60);
     let mut power = base.clone();
     for present in 1..exponent {
@@ -221,7 +221,7 @@ fn products(terms: usize, exponent: u32) -> Option<u64> {
 fn multinomial<K: ShortKey, C: Integer>(base: &[(K, C)], exponent: u32, count: u64) -> Vec<(K, C)> {
     budget::charge(count.saturating_mul(PRODUCT));
     let mut sums = FxHashMap::default();
-    // Many products have equal monomials.
+    // Many products have equal monomials, so half of the count is reserved.
     sums.reserve(usize::try_from(count / 2).unwrap_or(LARGEST).min(LARGEST));
     add_products(base, exponent, K::default(), C::one(), &mut sums);
     sums.into_iter().filter(|(_, sum)| !sum.is_zero()).collect()
@@ -245,13 +245,14 @@ fn add_products<K: ShortKey, C: Integer>(
     }
     for (i, (own, value)) in base.iter().enumerate() {
         let last = i + 1 == base.len();
-        // Products with an earlier term are added already; the present term now occurs once, twice, ...
+        // Products with earlier terms are already added. The current term now occurs once, twice, ...
         let (mut key, mut power, mut ways) = (key, coefficient, 1u64);
         for times in 1..=exponent {
             key.add(own, 1);
             power = power * *value;
             ways = ways * u64::from(exponent - times + 1) / u64::from(times);
-            // Nothing comes after the last term: a lower power of it is in no product, and no bound holds for it.
+            // After the last term no factor remains, so its power must use up the exponent; lower powers occur in no
+            // product, and the bound does not cover them.
             if last && times < exponent {
                 continue;
             }

@@ -1,4 +1,4 @@
-//! Fourier polynomials over one common denominator, for multiplying out.
+//! Fourier polynomials over a common denominator, in the form in which products are computed.
 //!
 //! With z = e^{j theta} a Fourier polynomial is a Laurent polynomial whose coefficients of z^-k follow from those of z^k,
 //!
@@ -10,9 +10,9 @@
 //! so products of the integers C and S are plain convolutions and only k >= 0 is kept.
 //!
 //! Invariants of [`Spectrum`]: harmonics lie on the lattice first + stride i, with stride 2 as long as all factors have
-//! harmonics of one parity; the cosine numerators come before the sine numerators, each list `len` long when present;
-//! every magnitude is below 2^bits, and the width holds it. The denominator is kept by whoever multiplies, in factored
-//! form, since it is the product of the factors'.
+//! harmonics of one parity. The cosine numerators come before the sine numerators, each list `len` long when present.
+//! Every magnitude is below 2^bits, and the width holds it. The caller keeps the denominator in factored form, since it
+//! is the product of the factors' denominators.
 
 use crate::algebra::fourier::Fourier;
 use crate::budget;
@@ -28,14 +28,14 @@ use num_traits::{CheckedMul, CheckedSub, Signed, Zero};
 use smallvec::SmallVec;
 use std::slice;
 
-/// A factor, by its few non-zero harmonics.
+/// A factor of a product, given by its nonzero harmonics.
 #[derive(Clone, Debug)]
 pub(crate) struct Base {
     /// (harmonic, C, S), increasing harmonics.
     terms: BaseTerms,
     cos: bool,
     sin: bool,
-    /// The parity of the harmonics when they all have the same.
+    /// The parity of the harmonics when it is the same for all.
     parity: Option<usize>,
     highest: usize,
     /// An upper bound of the bits of the denominator.
@@ -52,11 +52,11 @@ enum BaseTerms {
 }
 
 impl Base {
-    /// The operations that one harmonic of a product with this factor takes, on numbers of one word.
+    /// Operations per harmonic of a product with this factor, on numbers of one word, for the budget.
     fn work(&self) -> u64 {
         match &self.terms {
             BaseTerms::Small(terms) => 4 * terms.len() as u64,
-            // Every product and sum of unlimited numbers allocates.
+            // Products and sums of big integers allocate memory.
             BaseTerms::Big(terms) => (2 * terms.len() as u64).saturating_mul(self.norm_bits / 64 + 40),
         }
     }
@@ -78,7 +78,8 @@ fn over_one_denominator<T>(fourier: &Fourier, exact: impl Fn(&BigInt) -> Option<
 where
     T: Numerator + Integer + CheckedMul + CheckedSub + Signed,
 {
-    // Every coefficient divides the common denominator, which grows with their number: the harmonics of a sign have all primes in it.
+    // Every coefficient divides the common denominator, whose length grows with their number: the Fourier series of a
+    // sign has all primes in it.
     let divide = |denominator: &T| budget::charge(4 + T::bit_length(slice::from_ref(denominator)) / 8);
     let mut denominator = T::one();
     for value in fourier.coefficients() {
@@ -87,7 +88,8 @@ where
             denominator = below;
         } else if denominator != below {
             divide(&denominator);
-            // One division first: the greatest common divisor of a long and a short number takes the square of the long one's length.
+            // One division comes first, since the greatest common divisor of a long and a short number takes the square
+            // of the longer length.
             let rest = denominator.mod_floor(&below);
             if !Zero::is_zero(&rest) {
                 let common = below.gcd(&rest);
@@ -148,7 +150,7 @@ fn derivative<T: Numerator>(
     Some(terms)
 }
 
-/// Divides out what the numerators have in common with the known primes of the denominator.
+/// Divides numerators and denominator by their common divisors among the known primes of the denominator.
 fn reduce<T: Numerator>(terms: &mut [(usize, T, T)], denominator: &mut Denominator, factors: &Factors) {
     let mut twos = u32::MAX;
     for value in terms.iter().flat_map(|(_, c, s)| [c, s]).filter(|value| !value.is_zero()) {
@@ -183,7 +185,7 @@ fn norm(terms: &[(usize, i64, i64)]) -> Option<(u64, i64, i64)> {
     })
 }
 
-/// A Fourier polynomial whose phase derivatives are wanted as factors.
+/// A Fourier polynomial whose phase derivatives are factors of products.
 pub(crate) struct Whole<'a> {
     fourier: &'a Fourier,
     /// The terms over one denominator, when machine integers hold them.
@@ -216,7 +218,7 @@ impl<'a> Whole<'a> {
         {
             let mut denominator = denominator.clone();
             let mut denominator_bits = factors.bits(&denominator);
-            // As long as every product fits into a word, common factors cost nothing.
+            // As long as every product fits into a word, common factors need not be removed.
             if degree.saturating_mul(norm_bits(norm_of_all) + denominator_bits) > 62 {
                 reduce(&mut terms, &mut denominator, factors);
                 denominator_bits = factors.bits(&denominator);
@@ -310,7 +312,7 @@ impl Spectrum {
         Self { values: Values::One(vec![1]), ..Self::factor_one() }
     }
 
-    /// The constant 1 without a stored value, which [`Self::multiply`] does not read.
+    /// The constant 1 without a stored value. [`Self::multiply`] does not read the value.
     pub(crate) fn factor_one() -> Self {
         let values = Values::One(Vec::new());
         Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values, empty: true }
@@ -355,7 +357,7 @@ impl Spectrum {
         Self { first, stride, len, cos: base.cos, sin: base.sin, bits, values, empty: false }
     }
 
-    /// The buffer, for further use.
+    /// The buffer, for reuse.
     pub(crate) fn into_values(self) -> Values {
         self.values
     }
@@ -468,7 +470,7 @@ impl Spectrum {
         rooms: &mut Rooms,
         times: impl Fn(&T, &F) -> T,
     ) -> Vec<T> {
-        // The stride is 1 or 2: shifts, since divisions would cost as much as the products.
+        // The stride is 1 or 2, so shifts replace divisions, which would cost as much as the products.
         let (stride, shift) = (self.stride, self.stride - 1);
         let below = (reach + self.first) >> shift; // lattice points from -reach up to first - stride
         let padded_len = below + shape.len + ((shape.first + reach) >> shift) + 1;
@@ -486,7 +488,7 @@ impl Spectrum {
             }
             let (list, rest) = part.split_at(self.len);
             part = rest;
-            // The list continued to both sides: mirrored below harmonic 0, zero above the highest.
+            // The list extended to both sides: mirrored below harmonic 0, zero above the highest harmonic.
             padded.clear();
             for i in (1..=below).rev() {
                 // harmonic first - stride i, mirrored: stride i - first
@@ -537,6 +539,7 @@ impl Spectrum {
         if other.len == 0 || factor.is_zero() {
             return;
         }
+        // An empty sum takes the scaled list.
         if self.len == 0 {
             let bits = other.bits + factor.bits();
             if let Scalar::Small(factor) = factor
@@ -548,12 +551,14 @@ impl Spectrum {
             }
             *self = Self::zero_like(other);
         }
+        // Different lattices of harmonics are both extended to that of all harmonics.
         if self.len > 0 && (self.stride, self.first) != (other.stride, other.first) {
             let both = (self.spread(rooms), other.spread(rooms));
             rooms.recycle(std::mem::replace(self, both.0).into_values());
             self.add_scaled(&both.1, factor, rooms);
             return rooms.recycle(both.1.into_values());
         }
+        // Extend this list to the cosines, sines and harmonics of both.
         let scaled_bits = other.bits + factor.bits();
         let bound = self.bits.max(scaled_bits) + 1;
         let (cos, sin, len) = (self.cos || other.cos, self.sin || other.sin, self.len.max(other.len));
@@ -562,6 +567,7 @@ impl Spectrum {
             let arranged = Self { cos, sin, len, values, ..*self };
             rooms.recycle(std::mem::replace(self, arranged).into_values());
         }
+        // A factor beyond one word requires big integers.
         if let Scalar::Big(factor) = factor {
             self.values.hold(u64::MAX);
             if let Values::Big(into) = &mut self.values {
@@ -572,6 +578,7 @@ impl Spectrum {
             return;
         }
         let Scalar::Small(factor) = factor else { return };
+        // Bring both lists to the width of the sum, and add.
         self.values.hold(bound);
         let wide;
         let same = std::mem::discriminant(&self.values) == std::mem::discriminant(&other.values);
@@ -671,7 +678,7 @@ impl Shape {
     }
 }
 
-/// target += factor * source; factors +-1 are frequent in patterns and cost no multiplication.
+/// target += factor * source. Factors of +-1 are frequent in patterns and need no multiplication.
 fn accumulate<T: Numerator, F: Signed + Clone>(
     target: &mut [T],
     source: impl Iterator<Item = T>,
@@ -687,7 +694,7 @@ fn accumulate<T: Numerator, F: Signed + Clone>(
     }
 }
 
-/// Adds factor * from, laid out as `other` says, to lists of length `len` with cosines first when `cos`.
+/// Adds factor * from, in the layout of `other`, to lists of length `len`, cosines first when `cos` is set.
 fn add_list<T: Numerator, F: Signed + Clone>(
     into: &mut [T],
     from: &[T],

@@ -15,8 +15,8 @@ impl Graph {
         self.differentiate_beside(expr, variable, &mut HashMap::new())
     }
 
-    /// [`Self::differentiate`] beside other expressions: `known` holds the derivatives of parts by the same variable, and takes in
-    /// those that are found.
+    /// [`Self::differentiate`] with a memo: `known` holds derivatives of subexpressions by the same variable, and the
+    /// new ones are added to it.
     pub(crate) fn differentiate_beside(
         &mut self,
         expr: ExprId,
@@ -162,7 +162,8 @@ impl Graph {
         self.substitute_beside(expr, &mut replacement.clone())
     }
 
-    /// [`Self::substitute`] beside other expressions: `memo` begins as the replacements and takes in what becomes of every part.
+    /// [`Self::substitute`] with a memo: `memo` initially holds the replacements, and the result of every subexpression
+    /// is added to it.
     pub(crate) fn substitute_beside(&mut self, expr: ExprId, memo: &mut HashMap<ExprId, ExprId>) -> ExprId {
         let mut stack = vec![expr];
         while let Some(&id) = stack.last() {
@@ -178,7 +179,7 @@ impl Graph {
             stack.pop();
             let rebuilt = match self.node(id).clone() {
                 Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => id,
-                // A sum of sums and a product of products stay what they are.
+                // Sums of sums and products of products keep their structure.
                 Node::Sum(terms) => {
                     let whole = terms.iter().any(|&term| matches!(self.node(term), Node::Sum(_)));
                     let found: Vec<ExprId> = terms.iter().map(|term| memo[term]).collect();

@@ -4,13 +4,13 @@ use crate::expr::graph::{ExprId, Graph, Names, Node};
 use crate::number::rational;
 use num_traits::{One, Signed};
 
-/// The most names that stand for a long expression.
+/// Most leaf names listed in place of a long expression.
 const MOST_NAMES: usize = 8;
 
-/// The most leaves and operations of an expression that an error shows whole.
+/// Most leaves and operations of an expression that an error shows completely.
 const MOST_LEAVES: f64 = 200.0;
 
-/// The most letters of an expression that an error shows.
+/// Most characters of an expression in an error.
 const MOST_LETTERS: usize = 400;
 
 impl Graph {
@@ -21,8 +21,8 @@ impl Graph {
         text
     }
 
-    /// The expression in the model language where it has at most `longest` leaves and operations, counted as often as they would be
-    /// written; otherwise what it depends on, as `f(q, dot(q), ...)`.
+    /// The expression in the model language where its written form has at most `longest` leaves and operations;
+    /// otherwise the leaves on which it depends, as `f(q, dot(q), ...)`.
     pub fn display_short(&self, expr: ExprId, longest: f64, names: &impl Names) -> String {
         if self.written_size(expr) <= longest {
             return self.display(expr, names);
@@ -35,8 +35,8 @@ impl Graph {
         format!("f({})", list.join(", "))
     }
 
-    /// The expression for an error, which takes a few lines at most: as [`Self::display_short`] has it, and cut where even that is
-    /// long.
+    /// The expression in an error message, which has a few lines at most: the text of [`Self::display_short`],
+    /// truncated where it is still too long.
     pub fn display_brief(&self, expr: ExprId, names: &impl Names) -> String {
         let text = self.display_short(expr, MOST_LEAVES, names);
         match text.char_indices().nth(MOST_LETTERS) {
@@ -45,7 +45,7 @@ impl Graph {
         }
     }
 
-    // Binding strength: 0 sum, 1 product, 2 unary minus, 3 power.
+    // Precedence: 0 sum, 1 product, 2 unary minus, 3 power.
     fn write(&self, expr: ExprId, strength: u8, names: &impl Names, out: &mut String) {
         let open = |out: &mut String, needed: bool| {
             if needed {

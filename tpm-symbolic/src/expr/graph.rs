@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, HashMap};
 
 pub use crate::expr::node::{Coordinate, ExprId, Function, Names, Node, Symbol};
 
-/// The operations that a new node takes.
+/// Operations per new node, for the budget.
 const NODE: u64 = 100;
 
 /// The arena.
@@ -69,13 +69,13 @@ impl Graph {
         self.nodes.len()
     }
 
-    /// All nodes, operands before what is built of them.
+    /// All nodes, operands before the nodes that use them.
     pub(crate) fn ids(&self) -> impl Iterator<Item = ExprId> + use<> {
         let count = u32::try_from(self.len()).expect("invariant: fewer than 2^32 nodes fit in memory");
         (0..count).map(ExprId)
     }
 
-    /// The nodes up to one of them, among which is everything that it is built of.
+    /// All nodes up to a given one, which include every node that it uses.
     pub(super) fn up_to(&self, id: ExprId) -> &[Node] {
         &self.nodes[..=id.index()]
     }
@@ -102,7 +102,7 @@ impl Graph {
         id
     }
 
-    /// Forgets the nodes that have come since the graph had so many. Their ids are given anew to other nodes.
+    /// Removes all nodes after the first `len`. Their ids are reused for other nodes.
     pub fn truncate(&mut self, len: usize) {
         for node in self.nodes.drain(len.min(self.nodes.len())..) {
             self.index.remove(&node);
@@ -271,8 +271,9 @@ impl Graph {
         }
     }
 
-    /// The sum in which an operand that is a sum itself stays whole. Like terms are collected, as in [`Graph::sum`]. A sum of negative
-    /// terms alone is minus the sum of positive ones, so that whatever uses it subtracts and nothing is negated.
+    /// The sum of terms, in which terms that are sums themselves are not flattened. Like terms are collected, as in
+    /// [`Graph::sum`]. A sum of negative terms alone becomes minus the sum of positive ones, so that its users subtract
+    /// instead of negating.
     pub fn sum_of_wholes(&mut self, terms: &[ExprId]) -> ExprId {
         let mut constant = Rational::zero();
         let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
@@ -292,8 +293,8 @@ impl Graph {
         self.with_coefficient(-Rational::one(), positive)
     }
 
-    /// The product in which an operand that is a product itself stays whole, but for its coefficient. Numbers and powers are
-    /// collected, as in [`Graph::product`].
+    /// The product of factors, in which factors that are products themselves are not flattened, except for their
+    /// coefficient. Numbers and powers are collected, as in [`Graph::product`].
     pub fn product_of_wholes(&mut self, factors: &[ExprId]) -> ExprId {
         let mut coefficient = Rational::one();
         let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();

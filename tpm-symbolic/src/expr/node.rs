@@ -128,7 +128,7 @@ pub enum Node {
     Symbol(Symbol),
     /// The n-th time derivative of a coordinate (0: the coordinate itself).
     Derivative(Coordinate, u32),
-    /// A leaf that is no quantity of a model: an entry of a list that whoever builds the expression keeps, by index.
+    /// A leaf that is no quantity of a model: an entry, by index, of a list that the builder of the expression keeps.
     Placeholder(u32),
     /// A sum.
     Sum(Vec<ExprId>),
@@ -143,7 +143,7 @@ pub enum Node {
 }
 
 impl Node {
-    /// The nodes that this one is built of.
+    /// The operands of this node.
     pub(super) fn operands(&self) -> impl Iterator<Item = ExprId> + '_ {
         let (list, pair): (&[ExprId], [Option<ExprId>; 2]) = match self {
             Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => {

@@ -1,17 +1,18 @@
-//! Values of expressions in a field, at points where sines and cosines have values there.
+//! Values of expressions in a field, at points where sines and cosines have values in the field.
 //!
-//! An angle is no number of a field, but the point of the unit circle that belongs to it can be: with t the tangent of half the angle,
+//! An angle is no element of a field, but its point on the unit circle can be. With t the tangent of half the angle,
 //!
 //! ```text
 //! cos = (1 - t^2) / (1 + t^2) ,      sin = 2 t / (1 + t^2) .
 //! ```
 //!
-//! The arguments of sines, cosines and tangents are written as sums of multiples of *units*: a coordinate, a symbol, or whatever else
-//! stands there beside a number. Every unit has one t, and sums and multiples of angles follow by turning, so that all identities
-//! between sines and cosines of such sums hold at every point. A unit and the point of its angle are drawn apart, since x and cos x are
-//! algebraically independent. A field has no order, so that the sign of an expression is drawn too, and |u| = u sign(u). Every other
-//! function, a square root for instance, is drawn like a leaf: what holds for independent values holds for the functions, but not every
-//! identity between functions is seen.
+//! The arguments of sines, cosines and tangents are written as sums of multiples of *units*: a coordinate, a symbol, or
+//! any other factor of a number. Every unit has one t. Points of sums and multiples of angles follow by rotation, so
+//! that all identities between sines and cosines of such sums hold at every point. A unit and the point of its angle
+//! are drawn independently, since x and cos x are algebraically independent. A field has no order, so the sign of an
+//! expression is drawn too, and |u| = u sign(u). The value of every other function, such as a square root, is drawn
+//! like that of a leaf. A result that holds for independent values then holds for the functions, but not every identity
+//! between functions is recognised.
 
 use crate::algebra::field::Field;
 use crate::expr::graph::{ExprId, Function, Graph, Node};
@@ -20,7 +21,7 @@ use num_integer::Integer;
 use num_traits::{One, ToPrimitive};
 use rustc_hash::FxHashMap;
 
-/// Something whose value the caller chooses.
+/// A quantity whose value the caller chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Drawn {
     /// A leaf of the graph, pi, or a function that has no exact value.
@@ -31,10 +32,10 @@ pub enum Drawn {
     HalfTangent(usize),
 }
 
-/// A unit of angles. The angle that is drawn is the product of the factors divided by the divisor.
+/// A unit of angles. The drawn angle is the product of the factors divided by the divisor.
 #[derive(Clone, Debug)]
 pub struct Unit {
-    /// What the unit is made of: one node, the factors of a product, or nothing for the number one.
+    /// The factors of the unit: one node, the factors of a product, or nothing for the number one.
     pub factors: Vec<ExprId>,
     /// The common denominator of the multiples of the factors' product that occur.
     pub divisor: i64,
@@ -46,7 +47,7 @@ struct Angle {
     parts: Vec<(usize, Rational)>,
 }
 
-/// A set of expressions that is evaluated at many points.
+/// A set of expressions to be evaluated at many points.
 pub struct Points<'g> {
     graph: &'g Graph,
     roots: Vec<ExprId>,
@@ -71,7 +72,7 @@ impl<'g> Points<'g> {
             this.order.push(id);
             match *graph.node(id) {
                 Node::Function(Function::Sin | Function::Cos | Function::Tan, argument) => this.resolve(argument),
-                // The value is drawn.
+                // The value of the function is drawn, so its argument is not needed.
                 Node::Function(function, _) if !matches!(function, Function::Sign | Function::Abs) => {}
                 Node::Atan2(..) => {}
                 _ => stack.extend(graph.operands(id)),
@@ -126,7 +127,7 @@ impl<'g> Points<'g> {
         self.angles.insert(argument, angle);
     }
 
-    /// Everything that may be drawn, in a fixed order.
+    /// All quantities that may be drawn, in a fixed order.
     pub fn drawn(&self) -> impl Iterator<Item = Drawn> {
         let of_node = |&id: &ExprId| match *self.graph.node(id) {
             Node::Function(Function::Sign | Function::Abs, argument) => Some(Drawn::Sign(argument)),
@@ -137,7 +138,7 @@ impl<'g> Points<'g> {
         (0..self.units.len()).map(Drawn::HalfTangent).chain(self.order.iter().filter_map(of_node))
     }
 
-    /// The leaves on which something drawn depends, in increasing order.
+    /// The leaves on which a drawn quantity depends, in increasing order.
     #[must_use]
     pub fn leaves(&self, drawn: Drawn) -> Vec<ExprId> {
         match drawn {
@@ -146,8 +147,8 @@ impl<'g> Points<'g> {
         }
     }
 
-    /// The values of the roots, where `draw` chooses what is drawn; it must give equal values for what is equal. `None` where a division by zero
-    /// stands in the way.
+    /// The values of the roots. `draw` chooses the drawn quantities, and must give equal values for equal quantities.
+    /// `None` where a denominator is zero.
     pub fn evaluate<F: Field>(
         &self,
         field: &F,
@@ -239,13 +240,13 @@ fn multiplied<F: Field>(field: &F, angle: &(F::Element, F::Element), count: i64)
 pub struct Draws(u64);
 
 impl Draws {
-    /// The draws of a number; different numbers give independent draws.
+    /// The sequence of random words with this number; different numbers give independent sequences.
     #[must_use]
     pub fn new(number: u64) -> Self {
         Self(number.wrapping_mul(0xd134_2543_de82_ef95))
     }
 
-    /// A number below 2^64, each as likely as every other (one step of the SplitMix64 generator).
+    /// A random number below 2^64, uniformly distributed (one step of the SplitMix64 generator).
     pub fn word(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;

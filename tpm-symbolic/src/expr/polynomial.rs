@@ -1,4 +1,4 @@
-//! Expressions as Laurent polynomials over their atoms, and back.
+//! Conversion of expressions to Laurent polynomials over their atoms, and back.
 //!
 //! Atoms are symbols, derivatives of coordinates, pi, functions, and powers with negative exponent of sums.
 
@@ -18,14 +18,15 @@ impl Graph {
         self.polynomial_beside(expr, &mut FxHashMap::default())
     }
 
-    /// Several expressions as polynomials, each part that they share multiplied out once.
+    /// Several expressions as polynomials; shared subexpressions are multiplied out once.
     #[must_use]
     pub fn polynomials(&self, exprs: impl IntoIterator<Item = ExprId>) -> Vec<Polynomial<ExprId>> {
         let mut memo = FxHashMap::default();
         exprs.into_iter().map(|expr| self.polynomial_beside(expr, &mut memo)).collect()
     }
 
-    /// [`Self::polynomial`] beside other expressions: `memo` holds the polynomials of parts, and takes in those that are found.
+    /// [`Self::polynomial`] with a memo: `memo` holds the polynomials of subexpressions, and the new ones are added to
+    /// it.
     pub(crate) fn polynomial_beside(
         &self,
         expr: ExprId,
@@ -39,13 +40,14 @@ impl Graph {
         }
         let mut stack: SmallVec<[ExprId; 8]> = smallvec![expr];
         while let Some(&id) = stack.last() {
-            // Another node that needs it may have come first.
+            // The node may have been computed for another node meanwhile.
             if memo.contains_key(&id) {
                 stack.pop();
                 continue;
             }
             match self.polynomial_of(id, memo, &mut stack) {
-                // Terms of a model share their parts, hardly ever the whole.
+                // Terms of a model share subexpressions, but rarely the whole, which is therefore not added to the
+                // memo.
                 Some(value) if id == expr => return value,
                 Some(value) => {
                     stack.pop();
@@ -57,8 +59,8 @@ impl Graph {
         unreachable!("invariant: the root is converted last")
     }
 
-    /// The polynomial of a node that is no single term from those of its operands; where some are missing, these are put on
-    /// the stack instead.
+    /// The polynomial of a node that is no single term, from those of its operands. Operands without a polynomial are
+    /// put on the stack instead.
     fn polynomial_of(
         &self,
         id: ExprId,
@@ -128,8 +130,8 @@ impl Graph {
         single.then(|| (factors.into_iter().collect(), coefficient))
     }
 
-    /// Multiplies a term, given as coefficient and factors, by an expression that is a single term; for any other expression returns
-    /// false and leaves the term as it was.
+    /// Multiplies a term, given as coefficient and factors, by an expression that is a single term. For any other
+    /// expression, returns false and leaves the term unchanged.
     fn extend_term(&self, expr: ExprId, coefficient: &mut Rational, factors: &mut Factorisation<ExprId>) -> bool {
         let parts = match self.node(expr) {
             Node::Sum(_) => return false,
@@ -184,7 +186,7 @@ impl Graph {
             terms.push(self.product(&factors));
         }
         match terms.as_slice() {
-            // A sum of sums stays one.
+            // A sum of sums keeps its structure.
             [single] if self.is_sum(*single) && self.operands(*single).any(|part| self.is_sum(part)) => *single,
             _ => self.sum(&terms),
         }

@@ -1,4 +1,4 @@
-//! Where an expression is not smooth.
+//! Test of whether an expression is smooth at a point.
 //!
 //! Every function of the graph is analytic except at a few arguments: a power with negative exponent and a square root
 //! at 0, a logarithm at 0, asin and acos at -1 and 1, tan at a zero of the cosine, atan2 at the origin, abs and sign at 0. A derivative,

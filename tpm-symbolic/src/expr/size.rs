@@ -1,4 +1,4 @@
-//! How large expressions are: multiplied out, and written down.
+//! Sizes of expressions: the number of terms when multiplied out, and the length of the written form.
 
 use crate::expr::graph::{ExprId, Graph, Node};
 use rustc_hash::FxHashMap;
@@ -56,7 +56,8 @@ pub fn multiset(terms: f64, exponent: i32) -> f64 {
 }
 
 impl Graph {
-    /// The number of leaves and operations of an expression when it is written down, with a shared part counted wherever it stands.
+    /// The number of leaves and operations of an expression in written form, with a shared subexpression counted at
+    /// each use.
     #[must_use]
     pub fn written_size(&self, expr: ExprId) -> f64 {
         let mut sizes: FxHashMap<ExprId, f64> = FxHashMap::default();

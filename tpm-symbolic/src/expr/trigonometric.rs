@@ -32,7 +32,7 @@ pub fn normal(graph: &mut Graph, expr: ExprId) -> Polynomial<ExprId> {
     normal_all(graph, &[expr]).pop().unwrap_or_default()
 }
 
-/// The normal forms of several expressions, which share the angles that their sines and cosines are written in.
+/// The normal forms of several expressions, with common angles in their sines and cosines.
 pub fn normal_all(graph: &mut Graph, exprs: &[ExprId]) -> Vec<Polynomial<ExprId>> {
     let needed = reachable(graph, exprs);
     let denominators = angle_denominators(graph, &needed);
@@ -170,7 +170,7 @@ fn apply(
         _ => {
             let argument = graph.from_polynomial(argument);
             let value = graph.function(function, argument);
-            // Exact values and odd symmetry may have taken the function away.
+            // Exact values and odd symmetry may have replaced the function.
             graph.polynomial(value)
         }
     }
@@ -241,7 +241,7 @@ fn is_pi(graph: &Graph, monomial: &Monomial<ExprId>) -> bool {
     matches!((factors.next(), factors.next()), (Some((&atom, 1)), None) if matches!(graph.node(atom), Node::Pi))
 }
 
-/// The pair of an angle a quarter turn further, `count` times.
+/// The sine and cosine of an angle increased by `count` quarter turns.
 fn turn(pair: Pair, count: u8) -> Pair {
     (0..count).fold(pair, |(sine, cosine), _| (cosine, sine.scale(&rational::integer(-1))))
 }
@@ -307,7 +307,7 @@ fn power(graph: &mut Graph, base: &Polynomial<ExprId>, exponent: i32) -> Polynom
         return reduce(graph, inverse);
     }
     let Some((_, lead)) = base.terms().next() else {
-        // 1/0 stays visible as a power of the number 0.
+        // 1/0 remains recognisable as a power of the number 0.
         let zero = graph.integer(0);
         return Polynomial::term(Monomial::power_of(zero, exponent), Rational::one());
     };
@@ -366,7 +366,7 @@ fn reduce(graph: &mut Graph, polynomial: Polynomial<ExprId>) -> Polynomial<ExprI
         let term = Polynomial::term(kept, coefficient.clone()).mul(&expanded);
         result.add_assign(&term);
     }
-    // Expanding one atom may have met another: a root of a sine, for instance.
+    // The expansion of one atom may have created another reducible one, such as a root of a sine.
     reduce(graph, result)
 }
 

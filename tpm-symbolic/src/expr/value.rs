@@ -41,7 +41,8 @@ impl Graph {
         values[expr.index()].expect("invariant: the root is evaluated last")
     }
 
-    /// Whether the expression is 0 whatever its unknown leaves are, as far as sums of known values and factors of 0 show it.
+    /// Whether the expression is 0 for all values of its unknown leaves, as far as sums of known values and factors of
+    /// 0 show it.
     #[must_use]
     pub fn vanishes(&self, expr: ExprId, mut leaf: impl FnMut(&Node) -> Option<Rational>) -> bool {
         let nodes = self.up_to(expr);
@@ -73,8 +74,8 @@ impl Graph {
         values[expr.index()].as_ref().is_some_and(Zero::is_zero)
     }
 
-    /// The exact value, given exact leaves; `None` when a function without a rational value, pi, or a division by zero
-    /// stands in the way.
+    /// The exact value, given exact leaves; `None` when the expression contains a function without a rational value,
+    /// pi, or a division by zero.
     #[must_use]
     pub fn evaluate_exact(&self, expr: ExprId, mut leaf: impl FnMut(&Node) -> Option<Rational>) -> Option<Rational> {
         // Nodes come after their operands, so one pass in order visits operands first.

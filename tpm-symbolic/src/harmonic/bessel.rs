@@ -4,11 +4,11 @@
 //! e^{j a cos theta} = sum_n j^n J_n(a) e^{j n theta} ,     e^{j b sin theta} = sum_n J_n(b) e^{j n theta}
 //! ```
 //!
-//! The phase of sin(q) or cos(q) is a Fourier polynomial; the series of its harmonics are multiplied. Amplitudes must be
-//! numbers here: Bessel functions of symbols have no table. What is left out is bounded by
+//! The phase of sin(q) or cos(q) is a Fourier polynomial; the series of its harmonics are multiplied. Amplitudes must
+//! be numbers here: Bessel functions of symbols have no table. The truncation error is bounded by
 //! |J_n(a)| <= |a/2|^n / n!.
 //!
-//! Bessel functions come from their power series in integers of as many bits as it takes, and are rounded once.
+//! Bessel functions are computed from their power series in integers of sufficient length, and rounded once.
 
 use crate::algebra::fourier::Trig;
 use crate::expr::graph::{Function, Node, Symbol};
@@ -42,14 +42,14 @@ pub fn bessel_j(n: u32, x: f64) -> Option<f64> {
     let mut bits: u64 = 192 + (2.0 * x.abs()) as u64;
     loop {
         let (sum, terms) = scaled_sum(n, &square, bits);
-        // Every division loses less than a unit, and later terms carry it on with less weight than x^2/4 at most; a
-        // hundred bits beyond what a double needs leave room for both, unless S itself is small.
+        // Every division loses less than one unit, and later terms propagate the loss with a factor of x^2/4 at most. A
+        // hundred bits beyond those of a double cover both, unless S itself is small.
         let lost = 64 - u64::from(terms.leading_zeros()) + (2.0 * x.abs()) as u64;
         if sum.bits() >= 160 + lost {
             let factorial: BigInt = (1..=n).map(BigInt::from).product();
             let above = sum * half.numer().pow(n);
             let below = (half.denom().pow(n) * factorial) << bits;
-            // The quotient is not in lowest terms: a common divisor would cost more than the division that rounds.
+            // The quotient is not in lowest terms: a common divisor would take longer than the division that rounds.
             return Some(rational::quotient_to_f64(&above, &below));
         }
         bits *= 2;
@@ -142,7 +142,7 @@ impl Spectrum {
         let top = self.top();
         let turned = |(at, &(re, im)): (usize, &(f64, f64))| {
             let rate = ((at as f64 - top as f64) * frequency).powi(order as i32);
-            // Multiplied by j for every time.
+            // Every derivative multiplies by j.
             let (re, im) = [(re, im), (-im, re), (-re, -im), (im, -re)][order as usize % 4];
             (rate * re, rate * im)
         };
@@ -180,14 +180,14 @@ impl Spectrum {
     }
 }
 
-/// sin and cos of a phase, up to a stated harmonic.
+/// Sine and cosine of a phase, up to a highest harmonic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JacobiAnger {
     /// The cosine of the phase.
     pub cos: Wave,
     /// The sine of the phase.
     pub sin: Wave,
-    /// An upper bound of the magnitude of what is left out of either function.
+    /// An upper bound of the truncation error of either function.
     pub tail: f64,
 }
 
@@ -211,7 +211,7 @@ fn cut(wave: &mut Wave, harmonics: usize) -> f64 {
     keep(&mut wave.cos) + keep(&mut wave.sin)
 }
 
-/// e^{j phase} and a bound of what its truncation leaves out.
+/// e^{j phase} and a bound of its truncation error.
 fn exponential(phase: &Wave) -> Option<(Spectrum, f64)> {
     let offset = phase.cos.first().copied().unwrap_or(0.0);
     let mut product = Spectrum(vec![(offset.cos(), offset.sin())]);
@@ -229,7 +229,7 @@ fn exponential(phase: &Wave) -> Option<(Spectrum, f64)> {
     Some((product, error))
 }
 
-/// e^{j a cos(k theta)}, or that of the sine, and a bound of what its truncation leaves out; `None` when the amplitude exceeds
+/// e^{j a cos(k theta)}, or that of the sine, and a bound of its truncation error; `None` when the amplitude exceeds
 /// [`MAX_ARGUMENT`] or is no number.
 pub(super) fn factor(k: usize, cosine: bool, amplitude: f64) -> Option<(Spectrum, f64)> {
     if amplitude.is_nan() || amplitude.abs() > MAX_ARGUMENT {
@@ -253,7 +253,8 @@ pub(super) fn factor(k: usize, cosine: bool, amplitude: f64) -> Option<(Spectrum
     Some((Spectrum(factor), tail))
 }
 
-/// The order at which the series for an amplitude is cut, and a bound of the rest: 2 sum_{n > order} |a/2|^n / n!.
+/// The order at which the series for an amplitude is truncated, and a bound of the remainder: 2 sum_{n > order} |a/2|^n
+/// / n!.
 fn truncation(amplitude: f64) -> (usize, f64) {
     let half = amplitude.abs() / 2.0;
     // Logarithms of the terms do not overflow, although the terms rise to e^|a| before they fall.
@@ -261,7 +262,7 @@ fn truncation(amplitude: f64) -> (usize, f64) {
     loop {
         let next = (order + 1) as f64;
         logarithm += (half / next).ln();
-        // Beyond n = |a| the terms at least halve, so that their sum is at most twice the first.
+        // Beyond n = |a| each term is at most half the previous one, so the sum is at most twice the first.
         if next > 2.0 * half && logarithm < -50.0 {
             return (order, 4.0 * logarithm.exp() * (1.0 + 1e-9));
         }
@@ -310,7 +311,7 @@ pub struct NumericColumn {
     pub column: Option<usize>,
     /// The factor, up to the stated harmonic.
     pub wave: Wave,
-    /// An upper bound of the magnitude of what is left out.
+    /// An upper bound of the truncation error.
     pub tail: f64,
 }
 
@@ -347,7 +348,7 @@ pub fn numeric_table(
     Ok(columns.map(|((equation, column), (wave, tail))| NumericColumn { equation, column, wave, tail }).collect())
 }
 
-/// A term as a wave of full width, and a bound of what the series of its functions left out.
+/// A term as a wave with all its harmonics, and a bound of the truncation error of its functions.
 fn numeric_term(
     model: &ExactModel,
     pattern: &Pattern,

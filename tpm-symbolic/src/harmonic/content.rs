@@ -1,9 +1,10 @@
-//! Harmonics of the regressor along a periodic motion, in numbers, each with a bound of its error: which harmonic shows which parameter.
+//! Harmonics of the regressor along a periodic motion, as numbers with error bounds. They show which harmonics depend
+//! on which parameter.
 //!
-//! Sines and cosines of the motion are Jacobi-Anger series. An entry is computed as it is written, node by node, so that the recursion of
-//! an arm is never multiplied out. Every value is a finite Fourier series c with a bound of its error in the norm sum |c_n|, which takes in
-//! the tails of the series, the harmonics that were cut off, and rounding. The norm of a product is at most the product of the norms, so
-//! that the bound of a product follows from those of its factors:
+//! Sines and cosines of the motion are Jacobi-Anger series. An entry is computed node by node in its written form, so
+//! that the recursion of an arm is never multiplied out. Every value is a finite Fourier series c with a bound of its
+//! error in the norm sum |c_n|. The bound includes the tails of the series, truncated harmonics, and rounding. The norm
+//! of a product is at most the product of the norms, so that the bound of a product follows from those of its factors:
 //!
 //! ```text
 //! |ab - a'b'| <= |a'| db + da (|b'| + db) ,        |e^{j(p + d)} - e^{jp}| <= |e^{jp}| (e^{|d|} - 1)
@@ -17,11 +18,12 @@ use crate::number::rational;
 use crate::regressor::form::RegressorForm;
 use std::collections::HashMap;
 
-/// Harmonics whose magnitudes are together below this share of the norm are cut off.
+/// Harmonics whose magnitudes add up to less than this share of the norm are truncated.
 const CUT: f64 = 1e-16;
-/// The highest harmonic that a value may have.
+/// Highest harmonic of a value.
 const HIGHEST: usize = 4096;
-/// Rounding of one operation on complex numbers, as a share of its result: twice the four half-ulps that it has at most.
+/// Bound of the rounding error of one complex operation, as a share of its result: twice its actual bound of four
+/// half-ulps.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// The harmonics of one entry of the regressor.
@@ -33,7 +35,7 @@ pub struct EntryContent {
     pub column: usize,
     /// Cosine and sine coefficients, unit of the entry.
     pub wave: Wave,
-    /// A bound of the error of every coefficient, and of the amplitude of every harmonic.
+    /// A bound of the error of every coefficient, and of every harmonic's amplitude.
     pub error: f64,
 }
 
@@ -45,7 +47,7 @@ impl EntryContent {
         at(&self.wave.cos).hypot(at(&self.wave.sin))
     }
 
-    /// Harmonics at which the entry is not zero for certain, in ascending order.
+    /// Harmonics at which the entry is certainly not zero, in ascending order.
     pub fn certain(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.wave.cos.len()).filter(|&harmonic| self.amplitude(harmonic) > self.error)
     }
@@ -60,9 +62,9 @@ pub struct PeriodicMotion {
     pub coordinates: Vec<Option<Wave>>,
 }
 
-/// The harmonics of the entries of a regressor along a motion, by row and column, without entries that are zero. `value` gives run-time
-/// constants. Entries are left out that have another function than sine and cosine in them, a divisor that moves, or a coordinate whose
-/// motion is not known.
+/// The harmonics of the entries of a regressor along a motion, by row and column, without zero entries. `value` gives
+/// run-time constants. Entries are omitted that contain a function other than sine and cosine, a divisor that varies
+/// with time, or a coordinate whose motion is unknown.
 pub fn content(
     model: &ExactModel,
     form: &RegressorForm,
@@ -132,7 +134,7 @@ impl Series {
         (product.spectrum.top() <= HIGHEST).then_some(product)
     }
 
-    /// Without the highest harmonics, which the bound takes in.
+    /// The series without its highest negligible harmonics, which are added to the error bound.
     fn trimmed(mut self) -> Self {
         let most = CUT * self.norm();
         let values = &self.spectrum.0;
@@ -151,7 +153,8 @@ impl Series {
         self
     }
 
-    /// Cosine and sine of the series by the Jacobi-Anger series of its harmonics; `None` when one is too large.
+    /// Cosine and sine of the series, from the Jacobi-Anger series of its harmonics; `None` when an amplitude is too
+    /// large.
     fn cosine_and_sine(&self) -> Option<(Self, Self)> {
         let phase = self.spectrum.wave();
         let offset = phase.cos.first().copied().unwrap_or(0.0);
@@ -178,7 +181,7 @@ struct Nodes<'a, F> {
     model: &'a ExactModel,
     motion: &'a PeriodicMotion,
     value: &'a F,
-    /// `None` for a node that has none.
+    /// The series of every visited node; `None` for a node without one.
     known: HashMap<ExprId, Option<Series>>,
 }
 
@@ -186,7 +189,7 @@ impl<F: Fn(Symbol) -> f64> Nodes<'_, F> {
     fn power(&mut self, base: ExprId, exponent: i32) -> Option<Series> {
         let base = self.of(base)?;
         if exponent < 0 {
-            // A divisor that moves has no finite series.
+            // A divisor that varies with time has no finite series.
             let [(divisor, _)] = base.spectrum.0[..] else { return None };
             let least = divisor.abs() - base.error;
             let power = divisor.powi(exponent);

@@ -50,7 +50,7 @@ pub enum ExpandError {
         /// Why.
         source: SignError,
     },
-    /// The progress callback said to stop.
+    /// The progress callback requested a stop.
     #[error("the expansion was stopped")]
     Stopped {
         /// The term that was being expanded.
@@ -84,7 +84,7 @@ pub enum SignError {
         /// The argument of sign or abs.
         argument: String,
     },
-    /// The sign changes elsewhere.
+    /// The sign changes at another phase than a multiple of a quarter period.
     #[error(
         "`{argument}` changes sign under the pattern at a phase that is no multiple of a quarter period, so its harmonics are no rational multiples of 1/pi; use a rest-to-rest or a symmetric pattern"
     )]

@@ -6,15 +6,15 @@
 //! q = sum_s m_s F_s(w t) ,      q^(n) = w^n sum_s m_s F_s^(n) .
 //! ```
 //!
-//! Each regressor, a polynomial in the q^(n), is first written as a polynomial in the m_s, in w and in the F_s^(n); there
-//! everything that cancels symbolically cancels, such as the offset in (q - q0)^k with q = q0 + a F. Then every product of
-//! shapes that is left is multiplied out once, whichever columns and amplitudes it belongs to, and all its harmonics go
-//! into the table in one pass, none dropped.
+//! Each regressor, a polynomial in the q^(n), is first written as a polynomial in the m_s, in w and in the F_s^(n). In
+//! this form all symbolic cancellations occur, such as that of the offset in (q - q0)^k with q = q0 + a F. Then every
+//! remaining product of shapes is multiplied out once, for all columns and amplitudes to which it belongs, and all its
+//! harmonics are added to the table in one pass; none is dropped.
 //!
-//! Invariants: a product of shapes is reached from a shorter one by one factor, in the order of the packed exponents, so
-//! that only the products on the way to the present one are kept; numerators stand over one denominator, known in
-//! factored form from the factors'; the width of the numerators follows from a bound that is exact for the product before
-//! the last factor.
+//! Invariants: a product of shapes is computed from a shorter one by one multiplication, in the order of the packed
+//! exponents, so that only the prefixes of the current product are kept. Numerators have a common denominator, known in
+//! factored form from those of the factors. The width of the numerators follows from a bound that is exact for the
+//! product before the last factor.
 
 mod atoms;
 mod coefficient;
@@ -51,8 +51,8 @@ pub fn expand(model: &ExactModel, form: &RegressorForm, pattern: &Pattern) -> Re
 /// Expands a model in regressor form under a pattern.
 ///
 /// # Errors
-/// When a coordinate has no motion, a term does not expand finitely, the table would be too large and large ones are not
-/// allowed, or the progress callback says to stop; nothing is dropped.
+/// When a coordinate has no motion, a term does not expand finitely, the table would be too large and large ones are
+/// not allowed, or the progress callback requests a stop; nothing is dropped.
 pub fn expand_with(
     model: &ExactModel,
     form: &RegressorForm,
@@ -76,7 +76,7 @@ pub fn expand_with(
     }
 }
 
-/// Collects all terms, refuses what would be too large, and multiplies out.
+/// Collects all terms, refuses expansions that would be too large, and multiplies out.
 fn run<K: Key>(
     expansion: &mut Expansion<'_, '_, K>,
     options: &mut ExpandOptions<'_>,

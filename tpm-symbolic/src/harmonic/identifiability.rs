@@ -1,16 +1,17 @@
 //! Exact identifiability from harmonic tables: rank, unobservable directions, base parameters.
 //!
 //! The harmonics of all inputs are M theta, where M has one row for every experiment, equation, harmonic and function
-//! (cosine or sine) and its entries are Laurent polynomials in amplitudes, frequency, run-time constants and pi. What of
-//! theta can be estimated is the row space of M. Everything is decided exactly:
+//! (cosine or sine) and its entries are Laurent polynomials in amplitudes, frequency, run-time constants and pi. The
+//! combinations of theta that can be estimated are the row space of M. Everything is decided exactly:
 //!
 //! - values given for symbols are exact rationals; a symbol without one is an indeterminate;
 //! - the rank at a point is a lower bound of the generic rank ([`generic_point`]), and every unobservable direction is checked
 //!   to satisfy M v = 0 identically, an upper bound. Where both agree ([`Identifiability::proven`]) the rank is certain;
 //! - pi is transcendental, so that over the rationals it is an indeterminate as well.
 //!
-//! A row that is needed for the rank has no redundancy (Baarda 1968): what acts in it beside the model is taken for parameters, whatever
-//! its size, and M theta fits it exactly. Rows without redundancy are those that are zero in every relation between rows.
+//! A row that is needed for the rank has no redundancy (Baarda 1968): M theta fits it exactly, whatever its value, so
+//! that an unmodelled force in it biases the parameters without leaving a residual. Rows without redundancy are those
+//! that are zero in every linear relation between rows.
 //!
 //! Amplitudes without a value are taken as positive where a term depends on their sign.
 //!
@@ -37,11 +38,11 @@ pub use crate::harmonic::stacked::{Experiment, IdentifiabilityError, RowLabel, e
 pub struct BaseParameter {
     /// Index of the leading column.
     pub column: usize,
-    /// What is lumped into it: column and factor, over the variables of [`Identifiability::variables`].
+    /// The parameters that are lumped into it: column and factor, over the variables of [`Identifiability::variables`].
     pub others: Vec<(usize, Fraction<usize>)>,
 }
 
-/// What makes one parameter observable.
+/// Observability of one parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Observability {
     /// Whether the experiments determine the parameter by itself.
@@ -52,8 +53,8 @@ pub struct Observability {
     pub band: Option<usize>,
     /// The experiments each of which determines it alone.
     pub experiments: Vec<usize>,
-    /// The rows without redundancy that determine the base parameter which the column leads: a force there that the model lacks is taken
-    /// for it, and leaves no residual. Empty for a column that leads none.
+    /// The rows without redundancy that determine the base parameter which the column leads. A force in such a row that
+    /// the model lacks biases the base parameter and leaves no residual. Empty for a column that leads none.
     pub unchecked: Vec<usize>,
 }
 
@@ -72,18 +73,19 @@ pub struct Identifiability {
     pub variables: Vec<String>,
     /// The rank.
     pub rank: usize,
-    /// Whether the rank is proven, not only right with a probability next to one.
+    /// Whether the rank is proven, rather than right with a probability close to one.
     pub proven: bool,
-    /// Unobservable directions, polynomials over the variables; `None` when they grow beyond use (the rank stands).
+    /// Unobservable directions, polynomials over the variables; `None` when they become too large (the rank is still
+    /// valid).
     pub unobservable: Option<Vec<Vec<Polynomial<usize>>>>,
     /// A maximal observable set; `None` together with the directions.
     pub base: Option<Vec<BaseParameter>>,
-    /// For every column, what makes it observable.
+    /// Observability of the parameter of every column.
     pub observability: Vec<Observability>,
     point: Vec<Vec<Rational>>,
 }
 
-/// Analyses what one or several experiments can identify.
+/// Analyses which parameters one or several experiments can identify.
 ///
 /// # Errors
 /// When the experiments do not belong together or a value does not belong to the table.
@@ -124,7 +126,8 @@ pub fn identifiability(experiments: &[Experiment<'_>]) -> Result<Identifiability
     })
 }
 
-/// The directions that `entries` maps to zero, one for every column that is no pivot; `None` when they grow too large.
+/// The directions that `entries` maps to zero, one for every column that is no pivot; `None` when they become too
+/// large.
 fn null_space(
     entries: &[Vec<Polynomial<usize>>],
     point: &[Vec<Rational>],
@@ -142,7 +145,7 @@ fn null_space(
         });
         return Some(vectors.collect());
     }
-    // Rows that are independent at the point are independent, and the others follow from them.
+    // Rows that are independent at the point are independent, and the others are combinations of them.
     let mut transposed: Vec<Vec<Rational>> =
         (0..columns).map(|column| point.iter().map(|row| row[column].clone()).collect()).collect();
     let independent = linear::reduce(&mut transposed);
@@ -255,7 +258,8 @@ fn observability(matrix: &Matrix, point: &[Vec<Rational>], pivots: &[usize]) -> 
     each.collect()
 }
 
-/// By leading column of a base parameter, which `pivots` are: the rows without redundancy that determine it.
+/// The rows without redundancy that determine each base parameter, by its leading column; `pivots` are the leading
+/// columns.
 fn unchecked(point: &[Vec<Rational>], pivots: &[usize], columns: usize) -> Vec<Vec<usize>> {
     let mut found = vec![Vec::new(); columns];
     let (independent, needed) = if pivots.len() == point.len() {
@@ -267,8 +271,8 @@ fn unchecked(point: &[Vec<Rational>], pivots: &[usize], columns: usize) -> Vec<V
     if needed.is_empty() {
         return found;
     }
-    // The independent rows are T b of the base parameters b, where T has their entries at the leading columns. A base parameter depends
-    // on a row as the inverse of T says.
+    // The independent rows are T b with the base parameters b; T consists of their entries at the leading columns. The
+    // inverse of T gives the rows on which a base parameter depends.
     let mut system: Vec<Vec<Rational>> = independent
         .iter()
         .map(|row| {
@@ -285,10 +289,10 @@ fn unchecked(point: &[Vec<Rational>], pivots: &[usize], columns: usize) -> Vec<V
     found
 }
 
-/// As many independent rows as the rank, and those of them that have no redundancy.
+/// A maximal set of independent rows, and those of them without redundancy.
 fn independent_rows(point: &[Vec<Rational>], columns: usize) -> (Vec<usize>, Vec<usize>) {
-    // The echelon form of the transpose writes all rows as combinations of the independent ones; one of these that is in none but itself
-    // has no redundancy.
+    // The echelon form of the transpose writes all rows as combinations of the independent ones. An independent row
+    // that occurs in no combination but its own has no redundancy.
     let mut transposed: Vec<Vec<Rational>> =
         (0..columns).map(|column| point.iter().map(|row| row[column].clone()).collect()).collect();
     let independent = linear::reduce(&mut transposed);
@@ -299,7 +303,7 @@ fn independent_rows(point: &[Vec<Rational>], columns: usize) -> (Vec<usize>, Vec
     (independent, needed)
 }
 
-/// What the experiments tell about the physical parameters behind the columns, for parameters in general position.
+/// Identifiability of the physical parameters behind the columns, for parameters in general position.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PhysicalIdentifiability {
     /// Names of the physical parameters.
@@ -311,8 +315,8 @@ pub struct PhysicalIdentifiability {
 }
 
 impl Identifiability {
-    /// What the experiments tell about the physical parameters; `None` when a function of parameters has no exact value
-    /// at rational points.
+    /// Identifiability of the physical parameters from the experiments; `None` when a function of parameters has no
+    /// exact value at rational points.
     #[must_use]
     pub fn physical(&self, map: &ParameterMap) -> Option<PhysicalIdentifiability> {
         let mut best: Option<PhysicalIdentifiability> = None;

@@ -1,4 +1,4 @@
-//! Regressors under a pattern: their exact harmonic coefficients, and what these show of the parameters.
+//! Regressors under a pattern: their exact harmonic coefficients, and the parameters that these identify.
 
 pub mod bessel;
 pub mod content;

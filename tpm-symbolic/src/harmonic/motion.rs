@@ -1,7 +1,7 @@
 //! Polynomial expressions of coordinates and constants under a pattern.
 //!
-//! Invariant: the frequency enters as w^n with n the number of time derivatives; a constant of known value is put in, one
-//! that is known at run time only stays a symbol.
+//! Invariant: the frequency enters as w^n with n the number of time derivatives. A constant of known value is replaced
+//! by it; a run-time constant remains a symbol.
 
 use crate::algebra::fourier::Fourier;
 use crate::algebra::polynomial::Monomial;
@@ -19,7 +19,7 @@ pub enum MotionError {
     /// The expression is no polynomial.
     #[error("`{found}` is no polynomial of the motion and of constants")]
     NotPolynomial {
-        /// The expression that was found.
+        /// The rejected expression.
         found: String,
     },
     /// A coordinate has no motion.

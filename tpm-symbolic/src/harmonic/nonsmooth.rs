@@ -7,8 +7,8 @@
 //! although there are infinitely many. On a rest-to-rest pattern x' = -lambda w K sin^(2l+1), so
 //! sign(x') = -sign(lambda) sign(sin theta).
 //!
-//! How many harmonics are kept is the caller's choice; what is left out is bounded by a [`Tail`]. Entries hold for
-//! positive amplitudes and w and are marked with the amplitudes whose sign flips them.
+//! The caller chooses how many harmonics are kept; a [`Tail`] bounds the truncation error. Entries hold for positive
+//! amplitudes and w, and are marked with the amplitudes whose sign changes their sign.
 
 use crate::algebra::fourier::{Fourier, Trig};
 use crate::algebra::polynomial::Monomial;
@@ -62,7 +62,8 @@ pub fn split(model: &ExactModel, form: &RegressorForm) -> Option<(RegressorForm,
 /// The key of the harmonics of one group of terms: equation, column, powers, signs.
 type Group = (usize, Option<usize>, Monomial<usize>, Monomial<usize>);
 
-/// Expands terms with signs and absolute values up to the harmonic of the options, with a bound of what is left out.
+/// Expands terms with signs and absolute values up to the harmonic of the options, with a bound of the truncation
+/// error.
 ///
 /// # Errors
 /// When the sign changes of a term have no exact series under the pattern, or when so many harmonics would take more
@@ -88,7 +89,7 @@ pub fn expand(
     Ok((entries, tails.into_values().collect()))
 }
 
-/// Adds the entries of one term of an equation, and the bound of what is left out of them.
+/// Adds the entries of one term of an equation, and the bound of their truncation error.
 fn expand_term(
     model: &ExactModel,
     pattern: &Pattern,
@@ -137,7 +138,7 @@ fn expand_term(
     Ok(())
 }
 
-/// Refuses tables beyond the memory limit; every harmonic of a term takes an entry of its own.
+/// Refuses tables beyond the memory limit; every harmonic of a term takes one entry.
 fn refuse_too_large(form: &RegressorForm, harmonics: usize, options: &ExpandOptions<'_>) -> Result<(), ExpandError> {
     let mut terms = form.rows.iter().flat_map(|row| &row.terms);
     let Some(first) = terms.next() else { return Ok(()) };
@@ -151,7 +152,7 @@ fn refuse_too_large(form: &RegressorForm, harmonics: usize, options: &ExpandOpti
 struct Parts {
     smooth: Motion,
     sign: QuadrantSign,
-    /// The amplitudes whose sign flips the term.
+    /// The amplitudes whose sign changes the sign of the term.
     flips: Monomial<usize>,
     pi: i32,
 }

@@ -1,4 +1,4 @@
-//! What the caller of an expansion chooses, and the limits that follow.
+//! Options of an expansion, and its limits.
 
 use crate::budget;
 use crate::harmonic::error::ExpandError;
@@ -8,20 +8,20 @@ use std::ops::ControlFlow;
 /// The highest harmonic kept of an infinite series when the caller names none.
 pub const DEFAULT_HARMONICS: usize = 31;
 
-/// How far an expansion has come.
+/// Progress of an expansion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// Steps done.
+    /// Number of finished steps.
     pub done: usize,
-    /// Steps in all; they take differently long.
+    /// Total number of steps, whose durations differ.
     pub total: usize,
 }
 
 /// Options of an expansion.
 #[derive(Default)]
 pub struct ExpandOptions<'a> {
-    /// Expand even when the table would pass [`ExpandOptions::DEFAULT_LIMIT`]. What no machine can address is refused
-    /// all the same.
+    /// Whether to expand even when the table would pass [`ExpandOptions::DEFAULT_LIMIT`]. A table beyond the address
+    /// space of machines is always refused.
     pub allow_large: bool,
     /// Called many times a second during long expansions; [`ControlFlow::Break`] ends the expansion.
     pub progress: Option<&'a mut dyn FnMut(Progress) -> ControlFlow<()>>,
@@ -35,7 +35,7 @@ impl ExpandOptions<'_> {
     /// allows large tables.
     pub const DEFAULT_LIMIT: u128 = budget::TABLE_BYTES;
 
-    /// What is refused always: beyond the memory of machines.
+    /// Size in bytes beyond which a table is always refused, since it exceeds the memory of machines.
     pub(crate) const ADDRESSABLE: u128 = 1 << 46;
 
     /// The largest table in bytes.
@@ -43,9 +43,9 @@ impl ExpandOptions<'_> {
         if self.allow_large || budget::allows_large() { Self::ADDRESSABLE } else { Self::DEFAULT_LIMIT }
     }
 
-    /// Refuses estimates beyond the limit, in the name of the term that contributes most.
+    /// Refuses estimates beyond the limit, and names the term that contributes most.
     pub(crate) fn refuse_beyond(&self, term: Option<TermId>, entries: f64, bytes: f64) -> Result<(), ExpandError> {
-        // Nearly every table is far below every limit, and 128 bits take long to become a float.
+        // Nearly every table is far below every limit, and converting 128 bits to a float is slow.
         if bytes <= 1e6 {
             return Ok(());
         }
@@ -58,10 +58,10 @@ impl ExpandOptions<'_> {
         }
     }
 
-    /// Tells the caller how far the expansion of `term` has come.
+    /// Reports the progress of the expansion of `term` to the caller.
     ///
     /// # Errors
-    /// [`ExpandError::Stopped`] when the caller says to stop.
+    /// [`ExpandError::Stopped`] when the caller requests a stop.
     pub(crate) fn report(&mut self, done: usize, total: usize, term: TermId) -> Result<(), ExpandError> {
         let stop = self.progress.as_mut().is_some_and(|progress| progress(Progress { done, total }).is_break());
         if stop { Err(ExpandError::Stopped { term }) } else { Ok(()) }

@@ -1,4 +1,4 @@
-//! What experiments identify, as plain data for files and for printing.
+//! Identifiability under experiments, as plain data for files and for printing.
 
 use crate::algebra::fourier::Trig;
 use crate::algebra::fraction::display_polynomial;
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 /// The name of the JSON schema of a [`Report`].
 pub const SCHEMA: &str = "tpm.identifiability/1";
 
-/// How a [`Report`] was found.
+/// Method by which a [`Report`] was computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Means {
@@ -21,25 +21,27 @@ pub enum Means {
     Numerical,
 }
 
-/// What experiments show, as plain data. Of an [`Identifiability`], coefficients are exact, in the model language.
+/// Identifiability under experiments, as plain data. The coefficients of an [`Identifiability`] are exact, in the model
+/// language.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
-    /// How it was found.
+    /// The method of computation.
     #[serde(default)]
     pub method: Means,
     /// The rank.
     pub rank: usize,
     /// Number of parameters.
     pub columns: usize,
-    /// Number of harmonics rows.
+    /// Number of rows, one for every harmonic.
     pub rows: usize,
-    /// Whether the rank is proven, not only right with a probability next to one.
+    /// Whether the rank is proven, rather than right with a probability close to one.
     pub proven: bool,
     /// The symbols that were left indeterminate.
     pub indeterminates: Vec<String>,
-    /// The values drawn for these symbols, at which the coefficients hold that are no exact numbers; empty for exact results.
+    /// The values drawn for these symbols, for which coefficients that are no exact numbers hold; empty for exact
+    /// results.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub at: BTreeMap<String, String>,
     /// Directions along which nothing is observed; absent when they are too long to print.
@@ -55,16 +57,17 @@ pub struct Report {
 pub struct ReportedBase {
     /// The leading parameter.
     pub parameter: String,
-    /// What is lumped into it.
+    /// The parameters that are lumped into it, with their factors.
     pub plus: BTreeMap<String, String>,
-    /// The least harmonic up to which the combination is determined; of numerical answers only.
+    /// Lowest harmonic up to which the harmonics determine the combination; of numerical answers only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub harmonics_up_to: Option<usize>,
-    /// The harmonics of its regressor that are not zero for certain, by Jacobi-Anger series; of numerical answers only, and empty where
-    /// the regressor has other functions of the motion than sines and cosines in it.
+    /// The harmonics of its regressor that are certainly not zero, by Jacobi-Anger series. They exist for numerical
+    /// answers only, and are empty where the regressor contains functions of the motion other than sines and cosines.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shown_by: Vec<ShowingHarmonic>,
-    /// Where a force that the model lacks is taken for it and leaves no residual: rows without redundancy.
+    /// Rows without redundancy: a force in such a row that the model lacks biases the combination and leaves no
+    /// residual.
     #[serde(default)]
     pub unchecked_in: Vec<ReportedRow>,
 }
@@ -80,25 +83,25 @@ pub struct ShowingHarmonic {
     pub harmonic: usize,
     /// Its amplitude in the equation per unit of the base parameter.
     pub amplitude: f64,
-    /// A bound of the amplitude's error: tails of series and rounding.
+    /// A bound of the amplitude's error, from truncated series and rounding.
     pub error: f64,
 }
 
-/// What makes a parameter observable.
+/// Observability of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ReportedParameter {
     /// Its name.
     pub name: String,
-    /// Whether it is determined by itself.
+    /// Whether the experiments determine the parameter alone, not only in a combination.
     pub observable: bool,
-    /// The least harmonic up to which it is determined.
+    /// Lowest harmonic up to which the harmonics determine it.
     pub harmonics_up_to: Option<usize>,
     /// The experiments each of which determines it alone.
     pub by_itself_in: Vec<String>,
-    /// Where it has a coefficient.
+    /// Rows in which it has a coefficient.
     pub visible_in: Vec<ReportedRow>,
-    /// Where a force that the model lacks is taken for it and leaves no residual: rows without redundancy. Empty for a parameter that is
-    /// not observable.
+    /// Rows without redundancy: a force in such a row that the model lacks biases the parameter and leaves no residual.
+    /// Empty for a parameter that is not observable.
     #[serde(default)]
     pub unchecked_in: Vec<ReportedRow>,
 }
@@ -117,7 +120,7 @@ pub struct ReportedRow {
 }
 
 impl Identifiability {
-    /// The result as plain data, for `tpm identifiability --json` and for printing.
+    /// The result as plain data, for files and for printing.
     #[must_use]
     pub fn report(&self) -> Report {
         let name = |variable: &usize| self.variables[*variable].clone();

@@ -1,4 +1,4 @@
-//! The sign of a Fourier polynomial that changes at quarter turns of its fundamental only.
+//! The sign of a Fourier polynomial whose sign changes lie only at quarter turns of its fundamental.
 //!
 //! The sign of F(theta) is then constant on the four quadrants of phi = (common multiple) * theta,
 //!
@@ -8,8 +8,8 @@
 //!
 //! with rational mean, alpha_n and beta_n.
 //!
-//! That F changes sign nowhere else is proven, not sampled: with t = tan(phi/2) it is N(t)/(1 + t^2)^n, the roots 0, 1, -1
-//! (and the one at infinity) are divided out, and Sturm's theorem counts the real roots that are left.
+//! That F has no other sign change is proven, not sampled: with t = tan(phi/2) it is N(t)/(1 + t^2)^n, the roots 0, 1,
+//! -1 (and the one at infinity) are divided out, and Sturm's theorem counts the remaining real roots.
 
 use crate::algebra::fourier::Fourier;
 use crate::number::rational::{self, Rational};
@@ -20,14 +20,14 @@ use num_traits::{One, Signed, Zero};
 /// The sign of a Fourier polynomial.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct QuadrantSign {
-    /// The sign on the four quadrants of `multiple * theta`; all equal when there is no change of sign.
+    /// The sign on the four quadrants of `multiple * theta`; all equal when the sign never changes.
     quadrants: [i8; 4],
     /// The common divisor of the harmonics; 1 when the sign is constant.
     multiple: usize,
 }
 
 impl QuadrantSign {
-    /// The sign of what is positive everywhere.
+    /// The sign of a function that is positive everywhere.
     pub(crate) const POSITIVE: Self = Self { quadrants: [1; 4], multiple: 1 };
 
     /// The sign of `fourier`, when it changes at quarter turns of its fundamental at most; `None` otherwise. The zero
@@ -40,7 +40,7 @@ impl QuadrantSign {
         let multiple = fourier.terms().fold(0, |divisor, (k, ..)| divisor.gcd(&k)).max(1);
         let top = fourier.highest_harmonic() / multiple;
         let numerator = half_angle_numerator(fourier, multiple, top);
-        // A zero of the sine at pi lies at infinity and lowers the degree; it needs no division.
+        // A zero of the sine at pi is at infinity in t and lowers the degree, so it need not be divided out.
         let mut rest = numerator.clone();
         for root in [0, 1, -1] {
             let root = rational::integer(root);
@@ -70,7 +70,7 @@ impl QuadrantSign {
 
     /// The product of two signs, when it is of this form.
     pub(crate) fn times(&self, other: &Self) -> Option<Self> {
-        // Both are constant on the quadrants of the least common multiple; the product may be on coarser ones.
+        // Both are constant on the quadrants of the least common multiple; the product may be constant on larger ones.
         let fine = self.multiple.lcm(&other.multiple);
         if fine > 1 << 16 {
             return None;

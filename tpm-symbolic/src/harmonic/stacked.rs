@@ -15,18 +15,18 @@ use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
-/// One experiment: a table with the settings it is run at.
+/// One experiment: a table with the values of its symbols.
 #[derive(Clone, Debug)]
 pub struct Experiment<'a> {
     /// A name for reports.
     pub name: String,
-    /// The table of the pattern that is run.
+    /// The table of the pattern that is played.
     pub table: &'a HarmonicTable,
     /// Exact values of amplitudes, frequency and run-time constants; the others stay indeterminate.
     pub values: BTreeMap<String, Rational>,
     /// Symbols without a value that are the same in every experiment, such as run-time constants.
     pub shared: BTreeSet<String>,
-    /// The highest harmonic that counts; all when not given.
+    /// The highest harmonic that is used; all when not given.
     pub harmonics: Option<usize>,
 }
 
@@ -106,7 +106,7 @@ pub struct RowLabel {
     pub function: Trig,
 }
 
-/// The terms of an entry, as they are found.
+/// The terms of an entry while they are collected.
 type Terms = Vec<(Monomial<usize>, Rational)>;
 
 /// The harmonics of all experiments as one matrix over the parameters, with entries that are Laurent polynomials.
@@ -127,6 +127,7 @@ impl Matrix {
         for (number, experiment) in experiments.iter().enumerate() {
             let table = experiment.table;
             let name = || experiment.name.clone();
+            // The experiments must fit together.
             if table.parameters != *parameters || table.equations != first.table.equations {
                 return Err(IdentifiabilityError::Parameters { experiment: name() });
             }
@@ -207,7 +208,7 @@ impl Matrix {
 
 /// The stacked matrix in double precision, rows in the order of their labels, for condition numbers.
 ///
-/// `value` gives the symbols of experiment number i, in natural units.
+/// `value` gives the symbols of experiment number i, in the units of the model.
 #[must_use]
 pub fn evaluated_matrix(
     tables: &[&HarmonicTable],

@@ -14,9 +14,9 @@ use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The operations that making an entry takes, and adding it to a matrix.
+/// Operations for making an entry or adding it to a matrix, for the budget.
 const ENTRY: u64 = 300;
-/// The operations that writing an entry as text takes.
+/// Operations for writing an entry as text, for the budget.
 const TEXT: u64 = 4000;
 
 /// One coefficient: `coefficient * pi^pi * prod symbol^power` multiplies cos or sin of `harmonic * w t` in the factor of
@@ -49,8 +49,8 @@ impl Entry {
     }
 }
 
-/// What a table leaves out of an infinite series: its harmonics above the last one kept. The bounds are multiplied by
-/// the magnitude of prod symbol^power.
+/// The truncation error of an infinite series in a table: the harmonics above the last one kept. The bounds are
+/// multiplied by the magnitude of prod symbol^power.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tail {
     /// Index of the equation.
@@ -63,10 +63,10 @@ pub struct Tail {
     pub sign: Monomial<usize>,
     /// The highest harmonic kept.
     pub harmonics: usize,
-    /// An upper bound of the root mean square of what is left out, over a period.
+    /// An upper bound of the root mean square of the truncation error over a period.
     pub rms: f64,
-    /// An upper bound of the magnitude of what is left out; `None` when the term jumps, so that no number of harmonics
-    /// makes it small.
+    /// An upper bound of the magnitude of the truncation error; `None` when the term jumps, since no number of
+    /// harmonics makes the error small there.
     pub maximum: Option<f64>,
 }
 
@@ -77,18 +77,18 @@ pub(crate) struct CoefficientSeries {
     pub(crate) column: Option<usize>,
     pub(crate) pi: i32,
     pub(crate) powers: Monomial<usize>,
-    /// The signs of amplitudes, in a box since nearly every table has none.
+    /// The signs of amplitudes. They are boxed, since nearly every table has none.
     pub(crate) sign: Option<Box<Monomial<usize>>>,
-    /// Harmonics first, first + stride, ..., `len` of them.
+    /// First of the harmonics first, first + stride, ..., of which there are `len`.
     pub(crate) first: usize,
     pub(crate) stride: usize,
     pub(crate) len: usize,
     pub(crate) cos: bool,
     pub(crate) sin: bool,
-    /// Every coefficient takes so many words for its numerator, in two's complement, then for its denominator.
+    /// Number of words of every coefficient's numerator, in two's complement. Those of its denominator follow.
     pub(crate) numerator_words: usize,
     pub(crate) denominator_words: usize,
-    /// Where the first coefficient begins in the table's words.
+    /// Index of the first coefficient in the table's words.
     pub(crate) start: usize,
 }
 
@@ -100,7 +100,7 @@ impl CoefficientSeries {
         (self.equation, self.column, self.pi, &self.powers, self.sign.as_deref(), self.first)
     }
 
-    /// Where a coefficient is in the table's words, whether zero or not.
+    /// Index of a coefficient in the table's words, whether it is zero or not.
     fn position(&self, harmonic: usize, function: Trig) -> Option<usize> {
         let index = harmonic.checked_sub(self.first)?;
         if !index.is_multiple_of(self.stride) || index / self.stride >= self.len {
@@ -127,8 +127,8 @@ impl CoefficientSeries {
 
 /// The exact table of a model under a pattern.
 ///
-/// Coefficients are kept as words of numerators and denominators in lowest terms, series by series; [`Entry`] values
-/// are made when they are asked for.
+/// Coefficients are stored as words of numerators and denominators in lowest terms, series by series; [`Entry`] values
+/// are made on request.
 #[derive(Clone, Debug, Default)]
 pub struct HarmonicTable {
     /// The model's name.
@@ -139,7 +139,7 @@ pub struct HarmonicTable {
     pub parameters: Vec<EcoString>,
     /// Names of amplitudes, frequency and run-time constants that occur as powers.
     pub symbols: Vec<EcoString>,
-    /// What is left out, one for every infinite series in the table; empty when the table is the whole.
+    /// The truncation errors, one for every infinite series in the table; empty when the table is complete.
     pub tails: Vec<Tail>,
     /// Sorted by [`CoefficientSeries::key`].
     series: Vec<CoefficientSeries>,
@@ -149,7 +149,7 @@ pub struct HarmonicTable {
 
 impl PartialEq for HarmonicTable {
     fn eq(&self, other: &Self) -> bool {
-        // Equal entries may be stored in different widths.
+        // Equal entries may be stored with different widths.
         (&self.model, &self.equations, &self.parameters, &self.symbols)
             == (&other.model, &other.equations, &other.parameters, &other.symbols)
             && self.len == other.len
@@ -181,7 +181,7 @@ impl HarmonicTable {
             }
         }
         merged.retain(|entry| !entry.coefficient.is_zero());
-        // A gap in the harmonics begins another series, so that storage is bounded by the number of entries.
+        // A gap in the harmonics begins a new series, so that storage is bounded by the number of entries.
         let belongs = |a: &Entry, b: &Entry| {
             (a.equation, a.column, a.pi, &a.powers, &a.sign) == (b.equation, b.column, b.pi, &b.powers, &b.sign)
                 && b.harmonic - a.harmonic <= 8
@@ -236,7 +236,7 @@ impl HarmonicTable {
         Self { model, equations, parameters, symbols, tails: Vec::new(), series, words, len }
     }
 
-    /// The table with further entries, and with a bound of what these leave out.
+    /// The table with further entries, and with bounds of the truncation errors of these.
     #[must_use]
     pub(crate) fn with_infinite(self, entries: Vec<Entry>, tails: Vec<Tail>) -> Self {
         let all = self.entries().chain(entries).collect();
@@ -257,10 +257,10 @@ impl HarmonicTable {
         self.len == 0
     }
 
-    /// Announces that all entries are about to be written as text, which takes longer than expanding them and more memory than the
-    /// table.
+    /// Charges the budget for writing all entries as text, which takes longer than expanding them and more memory than
+    /// the table.
     ///
-    /// Ends the present run of the engine where that is too much ([`budget`]).
+    /// Ends the current run of the engine where the limit is exceeded ([`budget`]).
     pub fn announce_text(&self) {
         budget::charge(TEXT * self.len as u64);
     }
@@ -348,7 +348,7 @@ impl HarmonicTable {
     }
 }
 
-/// Iterator over the entries of a table, sorted; each is made as it is reached.
+/// Iterator over the entries of a table, in sorted order; each entry is made when it is reached.
 #[derive(Clone, Debug)]
 pub struct Entries<'a> {
     table: &'a HarmonicTable,
@@ -378,12 +378,12 @@ impl ExactSizeIterator for Entries<'_> {}
 /// Every stored coefficient, zero or not, in the order of the entries.
 #[derive(Clone, Debug)]
 struct Positions<'a> {
-    /// The series of the present equation, and those of the equations behind it.
+    /// The series of the current equation and of those after it.
     block: &'a [CoefficientSeries],
     rest: &'a [CoefficientSeries],
     harmonic: usize,
     function: Trig,
-    /// The next series to look at in the block.
+    /// Index of the next series in the block.
     index: usize,
 }
 

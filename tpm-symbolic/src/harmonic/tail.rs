@@ -1,4 +1,4 @@
-//! Bounds of what is left of an infinite series above the highest harmonic kept.
+//! Bounds of the truncation error of an infinite series above the highest harmonic kept.
 
 use crate::algebra::fourier::{Fourier, Trig};
 use crate::harmonic::sign::QuadrantSign;
@@ -6,8 +6,8 @@ use crate::number::rational::{self, Rational};
 use num_bigint::BigInt;
 use num_traits::{Signed, ToPrimitive, Zero};
 
-/// The root mean square of what is left out, by Parseval's identity: the whole has that of the smooth factor, since the
-/// square of a sign is 1. Rounded up.
+/// The root mean square of the truncation error, rounded up, by Parseval's identity. The root mean square of the whole
+/// equals that of the smooth factor, since the square of a sign is 1.
 pub(crate) fn root_mean_square(whole: &Fourier, mean: &Fourier, series: &Fourier) -> f64 {
     let inner = |a: &Fourier, b: &Fourier| -> Rational { a.mul(b).cos_coefficient(0) };
     // |mean + series / pi|^2 = A + B / pi + C / pi^2
@@ -18,20 +18,21 @@ pub(crate) fn root_mean_square(whole: &Fourier, mean: &Fourier, series: &Fourier
     if rest.is_positive() { rational::to_f64(&rest).sqrt().next_up().next_up() } else { 0.0 }
 }
 
-/// 1/pi to 80 digits (Abramowitz and Stegun, table 1.1, extended): far below the rounding of the result, also after the
-/// cancellation of all digits that a tail of 1e-20 of the whole leaves.
+/// 1/pi to 80 digits (Abramowitz and Stegun, table 1.1, extended). Its error is far below the rounding of the result,
+/// even after the cancellation in a tail of 1e-20 of the whole.
 fn inverse_of_pi() -> Rational {
     let digits = "31830988618379067153776752674502872406891929148091289749533468811779359526845307";
     let numerator: BigInt = digits.parse().expect("invariant: digits");
     Rational::new(numerator, BigInt::from(10).pow(80))
 }
 
-/// A bound of the largest value of what is left out. When the product is r times continuously differentiable but for
-/// jumps of its r-th derivative, its n-th amplitude is at most V / (pi n^(r+1)), V the variation of the r-th derivative
-/// over a period; the sum over n > N is at most V / (pi r N^r). `None` for r = 0: a jump never dies away.
+/// A bound of the largest magnitude of the truncation error. When the product is r times continuously differentiable
+/// except for jumps of its r-th derivative, its n-th amplitude is at most V / (pi n^(r+1)), with V the variation of the
+/// r-th derivative over a period; the sum over n > N is at most V / (pi r N^r). `None` for r = 0: the Fourier series of
+/// a jump does not converge uniformly.
 pub(crate) fn maximum(fourier: &Fourier, sign: &QuadrantSign, harmonics: usize) -> Option<f64> {
     let multiple = sign.multiple();
-    // In phi = multiple theta the values at quarter turns are rational; otherwise smoothness is not claimed.
+    // In phi = multiple theta the values at quarter turns are rational. For other arguments no smoothness is assumed.
     if fourier.terms().any(|(k, ..)| k % multiple != 0) || harmonics < multiple {
         return None;
     }

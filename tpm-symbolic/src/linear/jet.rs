@@ -39,7 +39,7 @@ pub trait Analytic: Ring {
     fn is_zero(&mut self, a: &Self::Element) -> bool;
 }
 
-/// Where a series does not exist: the node that is singular, or has no value.
+/// The node that is singular or has no value, because of which a series does not exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Singular(pub ExprId);
 
@@ -54,8 +54,8 @@ pub struct Jets<'a, A: Analytic> {
 }
 
 impl<A: Analytic> Jets<'_, A> {
-    /// The jet of an expression. `nodes` are those that it uses, operands first, as copied from the graph: the domain
-    /// may have to change the graph meanwhile.
+    /// The jet of an expression. `nodes` are the nodes that it uses, operands first. They are copies, since the domain
+    /// may change the graph meanwhile.
     ///
     /// # Errors
     /// When a node has no Taylor series at the point; the error holds that node.
@@ -139,7 +139,7 @@ impl<A: Analytic> Jets<'_, A> {
         (value.unwrap_or_else(|| self.domain.number(&rational::integer(0))), rest)
     }
 
-    /// The number of Taylor coefficients of an outer function that matter for an inner part without constant.
+    /// Number of Taylor coefficients of an outer function that affect the result for an inner part without constant.
     fn terms_needed(&self, rest: &Jet<A::Element>) -> u32 {
         if rest.coefficients.is_empty() { 0 } else { self.degree }
     }

@@ -122,8 +122,8 @@ pub struct Linearization {
     pub b: Matrix<ExprId>,
 }
 
-/// The most terms that an equation at the point, and the determinant of the matrices M s^2 + D s + K, may have: of longer ones the
-/// symbolic inverse takes minutes, or all memory.
+/// Most terms of an equation at the point, and of the determinant of M s^2 + D s + K. For longer ones the symbolic
+/// inverse takes minutes, or all memory.
 const MOST_TERMS: u64 = 100_000;
 
 /// An upper bound of the number of terms of a determinant: every term is a product of one monomial of each row.
@@ -151,6 +151,7 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
     let equations = model.equations.clone();
     let mut rows = Vec::with_capacity(n);
     let mut sizes = Sizes::default();
+    // The model must be of second order, smooth, and in equilibrium at the point.
     for equation in &equations {
         for source in &equation.terms {
             let leaves = model.graph.leaves(source.expr);
@@ -178,6 +179,7 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
         }
         rows.push(row);
     }
+    // The derivatives of the rows at the point.
     let jacobian = |model: &mut ExactModel, leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
         let mut matrix = Vec::with_capacity(n);
         for &row in &rows {
@@ -312,7 +314,7 @@ pub struct StateSpace<T> {
 }
 
 impl Linearization {
-    /// A and B in double precision, given the leaves that are left (parameters and run-time constants).
+    /// A and B in double precision, given the values of the remaining leaves (parameters and run-time constants).
     #[must_use]
     pub fn evaluate(&self, model: &ExactModel, mut leaf: impl FnMut(Symbol) -> f64) -> StateSpace<f64> {
         let mut value = |expr: ExprId| {
@@ -359,8 +361,8 @@ pub struct TransferFunction {
     pub numerator: Vec<Rational>,
     /// Denominator.
     pub denominator: Vec<Rational>,
-    /// The common factor that was removed, its last coefficient 1: poles that zeros cancel exactly, which the output does
-    /// not show or the input does not reach.
+    /// The common factor that was removed, its last coefficient 1. Its roots are poles that are exactly cancelled by
+    /// zeros, so they are not observable from the output or not controllable from the input.
     pub cancelled: Vec<Rational>,
 }
 
@@ -469,7 +471,7 @@ pub enum SubstituteError {
         /// The offset.
         offset: String,
     },
-    /// The pattern's motion of the old coordinate has no counterpart in the new one.
+    /// The pattern's motion of the old coordinate cannot be expressed in the new one.
     #[error(
         "the motion of `{coordinate}` under a pattern cannot be moved by `{offset}`, which is not a polynomial of constants; give the pattern in the new coordinate"
     )]
@@ -485,7 +487,7 @@ pub enum SubstituteError {
 /// Fong, Eqn 25); trigonometric functions are brought to their normal form, so that quarter turns disappear.
 ///
 /// # Errors
-/// When the scale is zero, the offset is not constant, or a pattern's motion cannot be carried over.
+/// When the scale is zero, the offset is not constant, or a pattern's motion cannot be expressed in the new coordinate.
 pub fn substitute_coordinate(
     model: &mut ExactModel,
     coordinate: Coordinate,

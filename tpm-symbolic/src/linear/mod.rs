@@ -1,4 +1,4 @@
-//! Models near a point: Taylor series of what does not expand finitely, linearisation at rest, transfer functions.
+//! Models near a point: Taylor series of terms that do not expand finitely, linearisation at rest, transfer functions.
 
 pub mod jet;
 pub mod linearize;

@@ -38,7 +38,7 @@ pub struct TaylorSeries {
     pub function: ExprId,
     /// The coordinates of the expansion and the point about which it is made.
     pub expansions: Vec<Expansion>,
-    /// c_a by the exponents of the coordinates, in the order of `expansions`; what is missing is 0.
+    /// c_a by the exponents of the coordinates, in the order of `expansions`; missing coefficients are 0.
     pub coefficients: BTreeMap<Index, ExprId>,
 }
 
@@ -135,8 +135,8 @@ impl TaylorSeries {
         graph.sum(&terms)
     }
 
-    /// The polynomial with a new parameter for every coefficient, and what each of these stands for. Names are `prefix`
-    /// with the exponents: `a0`, `a1` in one coordinate, `a0_1` in several.
+    /// The polynomial with a new parameter for every coefficient, and the coefficient that each parameter replaces.
+    /// Names are `prefix` with the exponents: `a0`, `a1` in one coordinate, `a0_1` in several.
     pub fn with_parameters(
         &self,
         model: &mut ExactModel,
@@ -163,13 +163,13 @@ pub struct Truncation {
     pub series: TaylorSeries,
 }
 
-/// Replaces, in every equation, what does not expand finitely in the given coordinates (sin q, 1/(1 + q), ...) by its
-/// Taylor polynomial; everything else stays as it is. In a product such as sin(q) cos(q) x' the factors that are not
-/// polynomials are expanded together, to the given total degree. Functions of sign and absolute value alone stay: they
-/// have exact series of their own under a pattern.
+/// Replaces, in every equation, factors that do not expand finitely in the given coordinates (sin q, 1/(1 + q), ...) by
+/// their Taylor polynomials; all other factors are unchanged. In a product such as sin(q) cos(q) x' the factors that
+/// are not polynomials are expanded together, to the given total degree. Signs and absolute values without other such
+/// functions are unchanged, since they have exact series under a pattern.
 ///
 /// # Errors
-/// When a term is singular at the point; the model is then left as it was.
+/// When a term is singular at the point; the model is then unchanged.
 pub fn truncate(model: &mut ExactModel, expansions: &[Expansion]) -> Result<Vec<Truncation>, SeriesError> {
     check_points(model, expansions)?;
     let mut truncations = Vec::new();
@@ -228,7 +228,7 @@ fn is_infinite(model: &ExactModel, atom: ExprId, exponent: i32, expansions: &[Ex
     }
 }
 
-/// Expressions as coefficients; values at the point are brought to their normal form where pi occurs.
+/// Expressions as coefficients; values at the point are brought to their normal form where they contain pi.
 struct Expressions<'a>(&'a mut Graph);
 
 impl Expressions<'_> {

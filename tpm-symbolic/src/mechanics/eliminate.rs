@@ -34,11 +34,12 @@ pub struct Obstacle {
 pub enum Reason {
     /// The equation has an input, which would enter the other equations with its derivatives.
     Input(String),
-    /// A time derivative of the coordinate stands in the equation: solving for it is an integration.
+    /// A time derivative of the coordinate occurs in the equation, so that solving for the coordinate would require an
+    /// integration.
     Derivative(String),
     /// The coordinate does not enter linearly.
     NonLinear(String),
-    /// The coordinate's factor depends on the motion and may vanish on the way.
+    /// The coordinate's factor depends on the motion and may vanish during it.
     MovingFactor(String),
     /// The coordinate's factor is identically zero.
     ZeroFactor,
@@ -78,7 +79,7 @@ pub enum EliminateError {
         /// One obstacle for every equation that contains the coordinate.
         obstacles: Vec<Obstacle>,
     },
-    /// The coordinate stands in no equation.
+    /// The coordinate occurs in no equation.
     #[error("the coordinate `{coordinate}` is to be eliminated but stands in no equation")]
     Absent {
         /// The coordinate.
@@ -87,7 +88,7 @@ pub enum EliminateError {
     /// Every equation was solved for a coordinate, so that none is left.
     #[error("after elimination no equation is left")]
     NothingLeft,
-    /// The search over the order of elimination was given up.
+    /// The search over the order of elimination reached its limit.
     #[error(
         "no order of elimination was found among the {tried} that were tried; eliminate fewer coordinates, `{coordinate}` for one stays"
     )]
@@ -123,7 +124,7 @@ pub(crate) struct Substituted {
     pub(crate) value: Fraction<ExprId>,
 }
 
-/// An equation that is left.
+/// A remaining equation.
 #[derive(Clone, Debug)]
 pub(crate) struct RemainingRow {
     pub(crate) name: String,
@@ -142,7 +143,7 @@ pub(crate) struct Solution {
     pub(crate) divisor: Fraction<ExprId>,
 }
 
-/// How many elimination steps the search over orders may try; a chain of n masses takes n.
+/// Most elimination steps in the search over orders; a chain of n masses takes n.
 const MAX_STEPS: usize = 500;
 
 /// Eliminates `targets` from the equations of `model`, whose graph receives the new atoms.
@@ -217,7 +218,8 @@ fn with_known_values(model: &ExactModel, polynomial: &Polynomial<ExprId>) -> Pol
         let factor = numbers.factors().fold(coefficient.clone(), |product, (atom, exponent)| {
             known(atom).map_or_else(|| product.clone(), |value| &product * rational::power(value, exponent))
         });
-        // A constant of value 0 with a positive exponent makes the term vanish; a division by it stays visible.
+        // A constant of value 0 with a positive exponent makes the term vanish; a division by it is kept, so that it is
+        // reported.
         let vanishes = rest.factors().any(|(atom, exponent)| exponent > 0 && known(atom).is_some());
         (rest, if vanishes { rational::integer(0) } else { factor })
     });
@@ -254,7 +256,7 @@ struct State {
 
 struct Search {
     steps: usize,
-    /// The state with the fewest coordinates left from which nothing can be solved.
+    /// The state with the fewest coordinates left to eliminate among those in which no row can be solved.
     deepest: Option<State>,
 }
 
@@ -357,7 +359,7 @@ fn same_signs(polynomial: &Polynomial<ExprId>) -> bool {
     signs.all(|sign| Some(sign) == first)
 }
 
-/// Why a row is no candidate, before the reason is put into words.
+/// Why a row is no candidate, as data from which the message is made.
 enum Reasons {
     Input,
     Zero,
@@ -419,7 +421,7 @@ fn explain(model: &mut ExactModel, state: &State, target: Coordinate) -> Elimina
             obstacles.push(Obstacle { equation: solution.equation.clone(), term, reason: taken });
         }
     }
-    // Equations that only their input keeps from being solved come last.
+    // Equations that only an input prevents from being solved come last.
     obstacles.sort_by_key(|obstacle| matches!(obstacle.reason, Reason::Input(_)));
     if obstacles.is_empty() {
         EliminateError::Absent { coordinate }
@@ -485,7 +487,7 @@ impl Substitution {
     }
 
     fn apply(&mut self, model: &mut ExactModel, value: &Fraction<ExprId>) -> Fraction<ExprId> {
-        // Terms that share their factors of the eliminated coordinate are multiplied out together.
+        // Terms with the same factors of the eliminated coordinate are multiplied out together.
         let mut groups: BTreeMap<Monomial<ExprId>, Vec<(Monomial<ExprId>, Rational)>> = BTreeMap::new();
         for (monomial, coefficient) in value.numerator().terms() {
             let (own, rest) = monomial.partition(|&atom| involves(&model.graph, atom, self.coordinate));
@@ -501,7 +503,7 @@ impl Substitution {
             let factors: Vec<(&Fraction<ExprId>, u32)> = factors.iter().map(|(value, power)| (value, *power)).collect();
             sum = sum.add(&Fraction::product_of_powers(&factors));
         }
-        // The denominator holds parameters only, so that the substitution leaves it as it is.
+        // The denominator contains parameters only, so the substitution does not change it.
         value.denominator().fold(sum, |sum, (factor, exponent)| {
             let exponent = i32::try_from(exponent).expect("invariant: exponents are small");
             let inverse = Fraction::polynomial(factor.clone()).pow(-exponent);
@@ -514,7 +516,7 @@ impl Substitution {
         if let (&Node::Derivative(_, order), Ok(exponent)) = (model.graph.node(atom), u32::try_from(exponent)) {
             return (self.derivative(model, order), exponent);
         }
-        // A function or quotient of the coordinate becomes the same one of the coordinate's expression.
+        // A function or quotient of the coordinate is replaced by the same one of the coordinate's expression.
         let mut replacement: HashMap<ExprId, ExprId> = HashMap::new();
         for leaf in model.graph.leaves(atom) {
             if let Node::Derivative(found, order) = *model.graph.node(leaf)

@@ -12,7 +12,7 @@
 //! antisymmetric) and the gyroscopic terms of a part of T linear in q', and G = d(V - T_0)/dq with T_0 the part of T
 //! without velocities. For quadratic dissipation dR/dq' = D q', and C + D is the matrix V_m of Fong, Eqns 2 and 3.
 //!
-//! Every term of an energy keeps its [`TermId`] into the equations that it gives rise to.
+//! Every term of an equation keeps the [`TermId`] of the energy term from which it was derived.
 
 use crate::expr::graph::{Coordinate, ExprId, Node};
 use crate::expr::trigonometric;
@@ -32,7 +32,7 @@ pub struct Lagrangian {
     pub potential: Vec<SourceTerm>,
     /// Rayleigh's dissipation function: its derivative by a velocity is the resisting force.
     pub dissipation: Vec<SourceTerm>,
-    /// Generalised forces: what drives a coordinate.
+    /// Generalised forces, each with the coordinate on which it acts.
     pub forces: Vec<(Coordinate, SourceTerm)>,
 }
 
@@ -108,8 +108,7 @@ impl LagrangeError {
     }
 }
 
-/// Derives the equations of motion; the model's own `equations` are left as they are, the caller puts the new ones
-/// there.
+/// Derives the equations of motion. The model's own `equations` are not changed; the caller replaces them.
 ///
 /// # Errors
 /// When an energy has arguments that it must not have, the kinetic energy is not quadratic in the velocities, or a
@@ -125,6 +124,7 @@ pub fn euler_lagrange(model: &mut ExactModel, lagrangian: &Lagrangian) -> Result
     };
     let (positions, velocities) = (leaves(model, 0), leaves(model, 1));
 
+    // The terms of every equation: from the energies, then from the generalised forces.
     let mut terms: Vec<Vec<SourceTerm>> = vec![Vec::new(); n];
     for source in &lagrangian.kinetic {
         check_quadratic(model, source, &velocities)?;
@@ -159,6 +159,7 @@ pub fn euler_lagrange(model: &mut ExactModel, lagrangian: &Lagrangian) -> Result
         equations.push(Equation { name: model.equation_name(&terms, i), terms });
     }
 
+    // The matrices and vectors of the equations.
     let total = |model: &mut ExactModel, sources: &[SourceTerm]| {
         let exprs: Vec<ExprId> = sources.iter().map(|source| source.expr).collect();
         model.graph.sum(&exprs)

@@ -1,4 +1,4 @@
-//! Models of machines, the motions they are commanded to make, and the mechanics that leads from energies to equations.
+//! Models of machines, their commanded motions, and the derivation of equations of motion from energies.
 
 pub mod constraint;
 pub mod eliminate;

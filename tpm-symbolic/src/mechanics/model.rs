@@ -1,4 +1,4 @@
-//! A declared dynamics model, still as it was written: equations, not yet sorted into regressors.
+//! A declared dynamics model in its written form: equations that are not yet separated into regressors.
 //!
 //! Invariants of [`ExactModel`]: every [`Symbol`] and [`Coordinate`] in the graph indexes `symbols` and `coordinates`; each
 //! equation is the list of its source terms, whose sum is zero on every motion (left minus right-hand side), and every
@@ -11,10 +11,10 @@ use crate::number::rational::Rational;
 use ecow::EcoString;
 use serde::{Deserialize, Serialize};
 
-/// The most leaves and operations of an expression that is written out in full in a message.
+/// Most leaves and operations of an expression that a message shows completely.
 const LONGEST_DISPLAYED: f64 = 2000.0;
 
-/// What a named quantity is.
+/// Role of a named quantity.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
@@ -64,7 +64,7 @@ pub struct CoordinateInfo {
     pub unit: Option<Unit>,
 }
 
-/// Identifies a source term; opaque here.
+/// Identifies a source term. Its meaning is known only to the reader of the source.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct TermId(pub u32);
 
@@ -210,15 +210,15 @@ impl ExactModel {
             .unwrap_or(0)
     }
 
-    /// Whether a sign stands in the equations, so that a force jumps where its argument passes zero.
+    /// Whether a sign occurs in the equations, so that a force jumps where its argument passes zero.
     #[must_use]
     pub fn has_jumps(&self) -> bool {
         let is_sign = |id| matches!(self.graph.node(id), Node::Function(Function::Sign, _));
         self.graph.ids().any(is_sign)
     }
 
-    /// The name of an equation by its place from 0: the input's name when exactly one input stands in the terms, otherwise `eq1`,
-    /// `eq2`, ...
+    /// The name of an equation by its index, counted from 0: the input's name when exactly one input occurs in the
+    /// terms, otherwise `eq1`, `eq2`, ...
     #[must_use]
     pub(crate) fn equation_name(&self, terms: &[SourceTerm], index: usize) -> String {
         let mut inputs: Vec<String> = terms
@@ -237,19 +237,20 @@ impl ExactModel {
         }
     }
 
-    /// An expression of this model in the model language where it is short; otherwise what it depends on, as `f(q, dot(q), ...)`.
+    /// An expression of this model in the model language where it is short; otherwise the leaves on which it depends,
+    /// as `f(q, dot(q), ...)`.
     #[must_use]
     pub fn display_short(&self, expr: ExprId) -> String {
         self.graph.display_short(expr, LONGEST_DISPLAYED, self)
     }
 
-    /// An expression of this model for an error, which shows its beginning where it is long.
+    /// An expression of this model for an error message; a long one is truncated.
     #[must_use]
     pub fn display_brief(&self, expr: ExprId) -> String {
         self.graph.display_brief(expr, self)
     }
 
-    /// A source term as it stands in its equation, cut like [`Self::display_brief`].
+    /// A source term as it occurs in its equation, truncated like [`Self::display_brief`].
     #[must_use]
     pub fn display_source(&self, id: TermId) -> String {
         let mut terms = self.equations.iter().flat_map(|equation| &equation.terms);

@@ -3,8 +3,8 @@
 //! A coordinate follows q(t) = sum_s m_s F_s(w t), where every m_s is a product of amplitudes and constants and every
 //! F_s is a [`Fourier`] polynomial with exact coefficients. All coordinates of a pattern share the fundamental w.
 //!
-//! Rest-to-rest shapes stand here by their closed form; any other end conditions are solved by [`shape`](super::shape), which finds the
-//! same coefficients.
+//! Rest-to-rest shapes are computed here in closed form. Any other end conditions are solved by
+//! [`shape`](super::shape), which gives the same coefficients for rest-to-rest conditions.
 
 use crate::algebra::fourier::Fourier;
 use crate::algebra::polynomial::Monomial;
@@ -20,7 +20,7 @@ use thiserror::Error;
 pub struct Motion(Vec<(Monomial<Symbol>, Fourier)>);
 
 impl Motion {
-    /// The motion that stays at 0.
+    /// The motion that is constantly 0.
     #[must_use]
     pub fn zero() -> Self {
         Self::default()

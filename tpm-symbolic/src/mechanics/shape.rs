@@ -28,8 +28,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use thiserror::Error;
 
-/// The highest derivative that [`Shape::solve`] prescribes. No controller asks for more, and the exact elimination stays
-/// quick.
+/// Highest derivative that [`Shape::solve`] prescribes. No controller asks for more, and the exact elimination stays
+/// fast.
 pub const MAX_DERIVATIVE: u32 = 31;
 /// The highest harmonic of a shape that [`Shape::solve`] finds.
 pub const MAX_HARMONIC: u32 = 255;
@@ -40,7 +40,7 @@ pub const MAX_HARMONIC: u32 = 255;
 pub enum EndPhase {
     /// This multiple of pi.
     Pi(Rational),
-    /// The phase in (0, 2 pi) with this tangent of its half: 2 atan(t) for t > 0, 2 pi + 2 atan(t) for t < 0.
+    /// The phase in (0, 2 pi) whose half has this tangent: 2 atan(t) for t > 0, 2 pi + 2 atan(t) for t < 0.
     HalfTangent(Rational),
 }
 
@@ -58,9 +58,9 @@ impl EndPhase {
     /// The phase in (0, pi) or (pi, 2 pi) with a simple rational tangent of its half that lies next to an angle (rad).
     #[must_use]
     pub fn next_to(angle: f64) -> Option<Self> {
-        /// Largest denominator of the tangent that is proposed.
+        /// Largest denominator of a proposed tangent.
         const DENOMINATOR: i64 = 12;
-        /// Largest tangent that is proposed; beyond it the phase is pi for all purposes.
+        /// Largest proposed tangent; beyond it the phase is pi to within 2e-6 rad.
         const STEEPEST: f64 = 1e6;
         let tangent = (angle / 2.0).tan();
         let within = angle > 0.0 && angle < std::f64::consts::TAU && tangent.abs() <= STEEPEST;
@@ -135,7 +135,7 @@ pub struct Condition {
 }
 
 impl Condition {
-    /// What is prescribed, in words, with the value where it is a number.
+    /// The prescribed quantity in words, with the value where it is a number.
     #[must_use]
     pub fn describe(&self) -> String {
         let what = match self.order {
@@ -155,18 +155,19 @@ impl Condition {
     }
 }
 
-/// What a shape is to be: its harmonics, where it ends, and the conditions at both ends.
+/// The request for a shape: its harmonics, its end phase, and the conditions at both ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
     /// Harmonics with a cosine, from 1 on. The mean is added where a position is prescribed.
     pub cosines: BTreeSet<u32>,
     /// Harmonics with a sine.
     pub sines: BTreeSet<u32>,
-    /// Where the motion ends.
+    /// The phase at which the motion ends.
     pub end: EndPhase,
     /// The conditions at both ends.
     pub conditions: Vec<Condition>,
-    /// The coefficient of the cosine of the lowest harmonic, for a shape whose size is an amplitude and not its travel.
+    /// The coefficient of the cosine of the lowest harmonic, for a shape whose size is given by an amplitude instead of
+    /// its travel.
     pub amplitude: Option<Polynomial<Symbol>>,
 }
 
@@ -228,7 +229,7 @@ pub struct Least {
 /// A shape that meets its conditions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solved {
-    /// The parts, by what multiplies them.
+    /// The parts of the series, each with its factor.
     pub parts: Vec<(Monomial<Symbol>, Fourier)>,
     /// The number of coefficients that the conditions left free.
     pub freedom: usize,
@@ -357,9 +358,9 @@ impl Shape {
         Ok(None)
     }
 
-    /// The least harmonics that can meet the conditions, in words.
+    /// The lowest harmonics that can meet the conditions, in words.
     fn least(&self) -> Option<Least> {
-        // A harmonic without exact values at the end phase leaves nothing to propose.
+        // Where a harmonic has no exact values at the end phase, no harmonics are proposed.
         let (highest, solved) = self.lowest().ok().flatten()?;
         let used = |&(trig, k): &Unknown| {
             let which = usize::from(trig == Trig::Sin);
@@ -373,7 +374,7 @@ impl Shape {
 
 /// The derivative of an order of cos(k theta) or sin(k theta), where these are `cos` and `sin`.
 fn derivative(trig: Trig, k: u32, order: u32, cos: &Rational, sin: &Rational) -> Rational {
-    // Every differentiation of the cosine gives k times -sin, -cos, sin, cos; the sine follows one step behind.
+    // Successive derivatives of the cosine are k times -sin, -cos, sin, cos; those of the sine are one step behind.
     let step = if trig == Trig::Cos { order } else { order + 3 };
     let value = match step % 4 {
         0 => cos.clone(),
@@ -533,7 +534,7 @@ mod tests {
 
     #[test]
     fn what_is_free_goes_to_the_least_acceleration() {
-        // Without the fourth sine there is nothing to choose; with it the mean square of the acceleration is smaller.
+        // Without the fourth sine the series is unique; with it the mean square of the acceleration is smaller.
         let end = EndPhase::HalfTangent(ratio(1, 3));
         let square = |shape: &Shape| {
             let series = with(&shape.solve().expect("solvable"), &integer(1), &integer(0)).derivative(2);
@@ -584,7 +585,7 @@ mod tests {
     fn an_end_phase_without_rational_cosine_and_sine_is_refused() {
         let third = point_to_point(&[1, 2, 3, 4], EndPhase::Pi(ratio(1, 3))).solve();
         assert_eq!(third, Err(ConditionError::Irrational { harmonic: 1, phase: "pi/3".to_owned() }));
-        // Harmonics that are multiples of three see multiples of pi.
+        // Harmonics that are multiples of three have multiples of pi as their phases.
         let tripled = point_to_point(&[3, 6, 9], EndPhase::Pi(ratio(1, 3))).solve().expect("solvable");
         let plain = point_to_point(&[1, 2, 3], EndPhase::Pi(integer(1))).solve().expect("solvable");
         let (x0, x1) = (integer(1), integer(-1));
@@ -600,7 +601,7 @@ mod tests {
         assert!(matches!(shape.solve(), Err(ConditionError::Impossible { least: None, .. })));
         let still = Shape { conditions: vec![condition(End::Start, 1, Polynomial::zero())], ..shape };
         assert_eq!(still.solve(), Err(ConditionError::NoMotion));
-        // Cosines have no velocity at the start, so that nothing at all is asked of them.
+        // Cosines have zero velocity at the start, so no condition prescribes any motion.
         assert_eq!(Shape { sines: [].into(), ..still.clone() }.solve(), Err(ConditionError::NoMotion));
         assert_eq!(Shape { conditions: vec![], ..still }.solve_lowest(), Err(ConditionError::NoMotion));
     }

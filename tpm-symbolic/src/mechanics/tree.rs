@@ -1,8 +1,8 @@
 //! Trees of rigid bodies: equations of motion by recursive Newton-Euler.
 //!
-//! A body stands on another one, or on the base, by a joint: the joint's frame is placed in the parent's frame by an origin and a
-//! rotation, and the body's frame moves from there along or about the joint's axis. The inertia of a body consists of ten
-//! parameters about the body's own frame,
+//! A body is attached to its parent, which is another body or the base, by a joint. The joint's frame is placed in the
+//! parent's frame by an origin and a rotation, and the body's frame moves from there along or about the joint's axis.
+//! The inertia of a body consists of ten parameters about the body's own frame,
 //!
 //! ```text
 //! m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz        (mx = m times the x of the centre of mass, Ixy = -int x y dm)
@@ -15,9 +15,10 @@
 //! U = [e]x + [w]x [w]x ,       force f = m a + U h ,       moment n = I e + w x I w + h x a ,       h = (mx, my, mz) .
 //! ```
 //!
-//! Points of the axis of a revolute joint move alike on both links that it joins. Along an axis of both frames U e_k is therefore the
-//! carrier's, and two components of e follow from it. Masses on such an axis belong to the carrier as much as to the link: before torques
-//! are computed with the inertias in them, they are passed inward.
+//! Points on the axis of a revolute joint have the same motion on both links that it connects. Along an axis of both
+//! frames U e_k is therefore equal to that of the carrying link, and two components of e follow from it. Masses on such
+//! an axis may be assigned to the carrying link or to the carried one. Before torques are computed with numerical
+//! inertias, they are assigned to the carrying link.
 //!
 //! The torque of joint j is the power of these wrenches along its screw: with the angular velocity and the velocity (s, v) that a
 //! unit rate of joint j alone gives to the frame of a body outward of it, the body adds s.n + v.f. The screws are sent outward

@@ -1,7 +1,7 @@
 //! Units as formal products of names, for display.
 //!
-//! Invariant: the factors are sorted by name with non-zero exponents. Whether two units agree is checked where a model
-//! is read; here a unit only travels along and is multiplied.
+//! Invariant: the factors are sorted by name with non-zero exponents. Whether units agree is checked where a model is
+//! read; here units are only stored and multiplied.
 
 use crate::algebra::polynomial::Monomial;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ impl Unit {
         Self(self.0.pow(exponent))
     }
 
-    /// The unit with `kg*m^2/s^2` written as `N*m`: a product of the units of parameters that comes to this is the torque on a
+    /// The unit with `kg*m^2/s^2` written as `N*m`: a product of parameter units with this value is the torque on a
     /// rotary coordinate.
     #[must_use]
     pub fn with_torque(self) -> Self {

@@ -1,4 +1,4 @@
-//! Buffers for lists of numerators, kept between products.
+//! Buffers for lists of numerators, reused between products.
 
 use crate::number::numerator::Numerator;
 use crate::number::values::{Values, for_width};
@@ -7,17 +7,17 @@ use num_bigint::BigInt;
 use smallvec::SmallVec;
 use std::any::Any;
 
-/// A numerator whose lists are kept in [`Rooms`].
+/// A numerator whose list buffers are stored in [`Rooms`].
 pub(crate) trait Buffered: Numerator {
     /// The buffers of this width.
     fn room(rooms: &mut Rooms) -> &mut Room<Self>;
 }
 
-/// Buffers of one width, kept between products.
+/// Buffers of one width, reused between products.
 #[derive(Debug)]
 pub(crate) struct Room<T> {
     spare: SmallVec<[Vec<T>; 2]>,
-    /// A buffer for a list that is continued to both sides.
+    /// A buffer for a list that is extended to both sides.
     pub(crate) padded: Vec<T>,
 }
 
@@ -28,9 +28,9 @@ impl<T> Default for Room<T> {
 }
 
 impl<T> Room<T> {
-    /// An empty list with room for `len`.
+    /// An empty list with the capacity `len`.
     pub(crate) fn take(&mut self, len: usize) -> Vec<T> {
-        // Later products are longer: a little more room than needed now saves an allocation.
+        // Later products are longer, so a larger capacity than needed now saves an allocation.
         let Some(mut list) = self.spare.pop() else { return Vec::with_capacity(len.max(16)) };
         list.clear();
         list
@@ -42,7 +42,7 @@ impl<T> Room<T> {
 pub(crate) struct Rooms {
     one: Room<i64>,
     two: Room<i128>,
-    /// The buffers beyond two words, which most tables never need.
+    /// The buffers for numbers of more than two words, which most tables never need.
     wide: Option<Box<WideRooms>>,
 }
 
@@ -56,7 +56,7 @@ struct WideRooms {
 }
 
 impl Rooms {
-    /// Takes back the buffer of values that are not needed any more.
+    /// Stores the buffer of values that are no longer needed.
     pub(crate) fn recycle(&mut self, values: Values) {
         fn give<T: Buffered>(rooms: &mut Rooms, list: Vec<T>) {
             if list.capacity() > 0 {

@@ -1,9 +1,9 @@
-//! Denominators in factored form, and reduction of fractions by the primes that are known to be in them.
+//! Denominators in factored form, and reduction of fractions by the known prime factors.
 //!
 //! Invariant: a [`Denominator`] is the product of 2^two, the powers of the [`Factors`]' odd primes, and the powers of
-//! its cofactors, which are products of primes beyond [`TRIAL`] that were not found by trial division. The cofactors
-//! need not be coprime: the exponents then describe a common multiple that may be larger than the least one, and
-//! reduction by a cofactor takes a greatest common divisor.
+//! its cofactors, which are products of primes beyond [`TRIAL`] that trial division did not find. The cofactors need
+//! not be coprime: the exponents then describe a common multiple that may be larger than the least one, and reduction
+//! by a cofactor requires a greatest common divisor.
 
 use crate::budget;
 use crate::number::numerator::Numerator;
@@ -15,15 +15,15 @@ use num_integer::Integer;
 use num_traits::{One, ToPrimitive};
 use smallvec::SmallVec;
 
-/// The bound of trial division; a remainder below the square of the bound is prime.
+/// Upper bound of trial divisors; a remainder below the square of the bound is prime.
 const TRIAL: u64 = 1024;
 
-/// Operations that making a new unlimited integer takes.
+/// Operations for creating a big integer, for the budget.
 const NEW_INTEGER: u64 = 48;
-/// Operations that dividing a word of an unlimited integer takes.
+/// Operations for dividing one word of a big integer, for the budget.
 const DIVIDED_WORD: u64 = 12;
 
-/// The odd primes and cofactors met so far.
+/// The odd primes and cofactors found so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Factors {
     /// The primes beyond [`OddPrime::SMALL`], whose primes come first in the numbering.
@@ -47,8 +47,7 @@ pub(crate) struct Denominator {
 /// The number of odd primes whose exponents are stored without an allocation.
 const FIRST: usize = 8;
 
-/// Exponents of factors that occur seldom. A list is empty or ends with a non-zero entry, and at least one list is not
-/// empty.
+/// Exponents of rare factors. A list is empty or ends with a non-zero entry, and at least one list is not empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Rare {
     /// The exponents of the odd primes after the first [`FIRST`].
@@ -65,8 +64,7 @@ fn combine(into: &mut Vec<u32>, from: &[u32], combine: impl Fn(u32, u32) -> u32)
 }
 
 impl Denominator {
-    /// self * other^times. Exponents saturate; an expansion that reaches such exponents is refused for the size of its
-    /// numbers.
+    /// self * other^times. Exponents saturate; an expansion with such exponents is refused for the size of its numbers.
     pub(crate) fn multiply(&mut self, other: &Self, times: u32) {
         let raise = |into: u32, from: u32| into.saturating_add(from.saturating_mul(times));
         self.two = raise(self.two, other.two);
@@ -208,7 +206,7 @@ impl Factors {
         let two = u32::try_from(value.trailing_zeros().unwrap_or(0)).expect("invariant: exponents fit");
         let mut result = Denominator { two, ..Denominator::default() };
         let mut rest = value >> two;
-        // A composite trial number never divides: its own primes have been taken out before.
+        // A composite trial divisor never divides, since its prime factors were divided out before.
         for trial in (3..TRIAL).step_by(2) {
             while (&rest % trial).to_u64() == Some(0) {
                 rest /= trial;
@@ -249,7 +247,7 @@ impl Factors {
 
     /// An upper bound of the bit length.
     pub(crate) fn bits(&self, denominator: &Denominator) -> u64 {
-        // In units of 2^-20; 32 bits of exponent and 36 of the logarithm could pass one word.
+        // In units of 2^-20; the product of 32 bits of exponent and 36 bits of the logarithm could exceed one word.
         let mut logarithm = 0u128;
         denominator.primes(|prime, e| logarithm += u128::from(self.known(prime).log2) * u128::from(e));
         for (&e, cofactor) in denominator.cofactors().iter().zip(&self.cofactors) {
@@ -288,7 +286,7 @@ impl Factors {
     }
 
     /// Divides by every odd prime as often as the denominator contains it and `divide` reports that the numerators were
-    /// divided by it too. Cofactors stay.
+    /// divided by it too. Cofactors are unchanged.
     pub(crate) fn reduce(&self, denominator: &mut Denominator, mut divide: impl FnMut(&OddPrime) -> bool) {
         let mut by = |index: usize, exponent: &mut u32| {
             while *exponent > 0 && divide(self.known(index)) {
@@ -333,7 +331,7 @@ impl Factors {
     }
 }
 
-/// A denominator, ready to reduce fractions.
+/// A denominator, prepared for the reduction of many fractions.
 pub(crate) struct Reduction<'a> {
     two: u32,
     odd: SmallVec<[(&'a OddPrime, u32); 4]>,
@@ -400,7 +398,7 @@ impl Reduction<'_> {
         let shift = magnitude.trailing_zeros().min(two);
         let mut magnitude = if shift > 0 { magnitude.shifted_right(shift) } else { magnitude };
         let two = two - shift;
-        // What is left of the denominator, in as many words as it may take.
+        // The remaining denominator, in the number of words reserved for it.
         match below {
             [below] => {
                 let mut product = self.product as u64;
@@ -426,7 +424,7 @@ impl Reduction<'_> {
     #[inline]
     fn divide<T: Numerator>(&self, magnitude: &mut T, prime: &OddPrime, exponent: u32, mut each: impl FnMut()) {
         for _ in 0..exponent {
-            // Only unlimited integers take longer than the charge that covers all values alike: each division makes a new one.
+            // Each division of a big integer allocates a new one, which the charge for all values does not cover.
             if T::BITS == u64::MAX {
                 let words = T::bit_length(std::slice::from_ref(magnitude)) / 64 + 1;
                 budget::charge(NEW_INTEGER + DIVIDED_WORD * words);

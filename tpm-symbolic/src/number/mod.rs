@@ -1,7 +1,8 @@
-//! Exact numbers: rationals of any size, and the bounded integers over common denominators in which tables are
+//! Exact numbers: rationals of any size, and the bounded integers over common denominators with which tables are
 //! multiplied out.
 //!
-//! [`rational`] has the type, its constructors and the one rounding to a float; how a rational is stored is private.
+//! [`rational`] has the type, its constructors and the single rounding to a float; the representation of a rational is
+//! private.
 
 pub(crate) mod buffers;
 pub(crate) mod denominator;

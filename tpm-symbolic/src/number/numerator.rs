@@ -1,8 +1,8 @@
-//! Integers of fixed width for numerators, and the unlimited one that takes over beyond them.
+//! Integers of fixed width for numerators, and the big integer for values beyond these widths.
 //!
-//! Invariant: an operation is only called where a bound, established beforehand by its caller, says that the result
-//! needs at most [`Numerator::BITS`] bits; the fixed widths therefore never wrap. The one-word and two-word types are
-//! the machine's own, checked in builds with debug assertions.
+//! Invariant: the caller of an operation has established a bound by which the result needs at most [`Numerator::BITS`]
+//! bits, so that the fixed widths never wrap. The one-word and two-word types are the machine's own, and are checked in
+//! builds with debug assertions.
 
 use crate::number::prime::OddPrime;
 use crate::number::words::{big_from_words, write_unsigned};
@@ -35,7 +35,7 @@ pub(crate) trait Numerator: Clone {
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self>;
     /// The value as a machine word, for the width of one word only.
     fn as_word(&self) -> Option<i64>;
-    /// The value as an unlimited integer.
+    /// The value as a big integer.
     fn to_big(&self) -> BigInt;
 }
 
@@ -165,7 +165,7 @@ impl Numerator for i128 {
 
     #[inline]
     fn times(&self, factor: i64) -> Self {
-        // The debug build checks; the product modulo 2^128 takes three word multiplications.
+        // The debug build checks the bound. The product modulo 2^128 takes three word multiplications.
         debug_assert!(self.checked_mul(Self::from(factor)).is_some(), "invariant: the bound keeps products in range");
         self.wrapping_mul(Self::from(factor))
     }

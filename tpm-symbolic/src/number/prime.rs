@@ -2,7 +2,7 @@
 //!
 //! n / p = n * (1/p) modulo 2^64 when p divides n, and the product is then at most (2^64 - 1) / p; for any other n it is larger.
 
-/// An odd prime with what is needed to divide by it without a division.
+/// An odd prime with the constants for division by multiplication.
 #[derive(Clone, Debug)]
 pub(crate) struct OddPrime {
     /// The prime.
@@ -11,18 +11,18 @@ pub(crate) struct OddPrime {
     pub(super) inverse: u64,
     /// 1/value modulo 2^128.
     pub(super) inverse_wide: u128,
-    /// The largest quotient by the prime that a word can have; `largest_wide` is that of two words.
+    /// Largest quotient of a word by the prime; `largest_wide` is that of two words.
     largest: u64,
     pub(super) largest_wide: u128,
     /// The binary logarithm in units of 2^-20, rounded up.
     pub(crate) log2: u64,
-    /// value^0, value^1, ... as far as one word holds them, `count` of them.
+    /// The powers value^0, value^1, ... that fit one word, `count` of them.
     powers: [u64; 41],
     count: usize,
 }
 
 impl OddPrime {
-    /// The primes of nearly all denominators, made by the compiler.
+    /// The primes of nearly all denominators, computed at compile time.
     pub(crate) const SMALL: [Self; 9] = [
         Self::with_logarithm(3, 1.584962500721156),
         Self::with_logarithm(5, 2.321928094887362),
@@ -58,7 +58,7 @@ impl OddPrime {
             count += 1;
         }
         let (largest, largest_wide) = (u64::MAX / value, u128::MAX / wide);
-        // One unit more than the rounding of the logarithm could take away.
+        // One unit more covers the rounding of the logarithm.
         let log2 = (log2 * (1 << 20) as f64) as u64 + 1;
         Self { value, inverse: inverse_wide as u64, inverse_wide, largest, largest_wide, log2, powers, count }
     }
@@ -72,7 +72,7 @@ impl OddPrime {
     /// The quotient of a word by the prime, when the prime divides it.
     #[inline]
     pub(crate) fn divide_exactly(&self, word: u64) -> Option<u64> {
-        // n is divisible exactly when n/p modulo 2^64 is not above the largest quotient there is.
+        // n is divisible exactly when n/p modulo 2^64 is not above the largest possible quotient.
         let quotient = word.wrapping_mul(self.inverse);
         (quotient <= self.largest).then_some(quotient)
     }

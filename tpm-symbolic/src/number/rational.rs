@@ -119,7 +119,7 @@ pub fn parse(text: &str) -> Option<Rational> {
         Some((mantissa, exponent)) => (mantissa, exponent.parse::<i32>().ok()?),
         None => (text, 0),
     };
-    // A number such as 1e999999999 would fill the memory; nothing physical is beyond this.
+    // A number such as 1e999999999 would fill the memory; no physical quantity is beyond this bound.
     if exponent.unsigned_abs() > 100_000 {
         return None;
     }
@@ -142,18 +142,18 @@ pub fn display(value: &Rational) -> String {
     value.to_string()
 }
 
-/// The value as it may stand in a name: exact where numerator and denominator are short, and otherwise the nearest number of four or
-/// five significant digits.
+/// The value for use in a name: exact where numerator and denominator are short, otherwise the nearest number of four
+/// or five significant digits.
 #[must_use]
 pub fn readable(value: &Rational) -> Rational {
-    /// Most digits of a short number.
+    /// Most digits of a short numerator or denominator.
     const SHORT: usize = 6;
     let magnitude = abs(value);
     let [above, below] = [magnitude.numer(), magnitude.denom()].map(|number| number.to_string().len());
     if above <= SHORT && below <= SHORT {
         return value.clone();
     }
-    // Differences of lengths are small beside what an i32 holds.
+    // Differences of lengths are far below the range of an i32.
     let places = 4 + below as i32 - above as i32;
     let scale = power(&integer(10), places);
     let scaled = &magnitude * &scale;

@@ -1,4 +1,4 @@
-//! Rational numbers of any size that fit two machine words as long as they can.
+//! Rational numbers of any size, stored in two machine words while they fit.
 //!
 //! Nearly all numbers of models and tables are small; for them an operation is a few instructions, without allocation,
 //! and num-rational takes over where a word is too short (`DESIGN.md`, "How can exact arithmetic be fast enough?").
@@ -30,8 +30,8 @@ enum Value {
     Big(Box<BigRational>),
 }
 
-/// The hash of a quotient in num-rational is that of its continued fraction, a division for every digit; in lowest terms the hash of
-/// the two parts will do.
+/// num-rational hashes a quotient by its continued fraction, which takes one division per digit. For quotients in
+/// lowest terms a hash of numerator and denominator suffices.
 impl Hash for Value {
     fn hash<H: Hasher>(&self, state: &mut H) {
         match self {
@@ -95,7 +95,7 @@ impl Rational {
         }
     }
 
-    /// From a numerator and a positive denominator that have no common divisor.
+    /// A number from a numerator and a positive denominator without a common divisor.
     pub(crate) fn from_lowest_terms(numerator: BigInt, denominator: BigInt) -> Self {
         BigRational::new_raw(numerator, denominator).into()
     }
@@ -173,7 +173,7 @@ impl Rational {
         Pow::pow(self, exponent)
     }
 
-    /// The words of numerator and denominator together.
+    /// Number of words of numerator and denominator together.
     fn words(&self) -> u64 {
         match &self.0 {
             Value::Small(..) => 2,
@@ -181,7 +181,7 @@ impl Rational {
         }
     }
 
-    /// Announces a power, whose last multiplication takes longest.
+    /// Charges the budget for a power, of which the last multiplication takes longest.
     fn charge_power(&self, exponent: u32) {
         let words = self.words().saturating_mul(u64::from(exponent));
         budget::charge(words.saturating_mul(words));
@@ -224,7 +224,8 @@ impl Rational {
         reduced(i128::from(a / left) * i128::from(c / right), i128::from(b / right) * i128::from(d / left))
     }
 
-    /// The sum where a word is too short. Whole numbers need no common divisor, which takes most of the time of a sum.
+    /// The sum for values beyond one word. For whole numbers the common divisor, which takes most of the time of a sum,
+    /// is not computed.
     #[cold]
     fn plus_big(&self, other: &Self) -> Self {
         match (self.is_zero(), other.is_zero()) {
@@ -241,7 +242,7 @@ impl Rational {
         }
     }
 
-    /// The product where a word is too short. Whole numbers need no common divisors.
+    /// The product for values beyond one word. For whole numbers no common divisors are computed.
     #[cold]
     fn times_big(&self, other: &Self) -> Self {
         if self.is_zero() || other.is_zero() {
@@ -270,8 +271,8 @@ impl Rational {
     }
 }
 
-/// Announces that a quotient of so many words is brought into lowest terms. Stein's algorithm goes through the whole numbers once for
-/// every bit, and allocates.
+/// Charges the budget for bringing a quotient of `words` words into lowest terms. Stein's algorithm passes through the
+/// numbers once for every bit, and allocates.
 fn charge_reduction(words: u64) {
     budget::charge(24u64.saturating_mul(words).saturating_mul(words + 40));
 }
@@ -464,7 +465,7 @@ impl num_traits::Num for Rational {
     }
 }
 
-/// The remainder of division towards zero, as num-rational has it.
+/// The remainder of division rounded towards zero, as in num-rational.
 impl std::ops::Rem for Rational {
     type Output = Self;
 
@@ -527,7 +528,7 @@ mod tests {
     use num_traits::{Signed, ToPrimitive, Zero};
     use proptest::prelude::{Just, Strategy, any, prop_assert_eq, prop_oneof, proptest};
 
-    /// Whole numbers on both sides of where a word ends, and small ones that share factors.
+    /// Whole numbers near the limits of one word, and small ones with common factors.
     fn whole() -> impl Strategy<Value = BigInt> {
         let edge = prop_oneof![Just(i64::MIN), Just(i64::MAX), Just(i64::MIN + 1), Just(0), Just(1), Just(-1)];
         prop_oneof![

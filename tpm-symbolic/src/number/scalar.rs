@@ -1,6 +1,6 @@
-//! Exact integer factors, one machine word wide as long as they can be.
+//! Exact integer factors, stored in one machine word while they fit.
 //!
-//! Invariant of [`Scalar`]: `Big` only holds what does not fit `Small`.
+//! Invariant of [`Scalar`]: `Big` holds only values that do not fit `Small`.
 
 use num_bigint::BigInt;
 

@@ -1,4 +1,4 @@
-//! Lists of numerators, all of one width.
+//! Lists of numerators of a common width.
 
 use crate::number::numerator::Numerator;
 use crate::number::wide::Wide;
@@ -53,7 +53,7 @@ impl Values {
         for_width!(self, list => bits(list))
     }
 
-    /// These numbers in the narrowest width that holds magnitudes below 2^bits.
+    /// These numbers in the narrowest width for magnitudes below 2^bits.
     pub(crate) fn widened(&self, bits: u64) -> Self {
         fn convert<S: Numerator, T: Numerator>(from: &[S]) -> Vec<T> {
             let words = if S::BITS == u64::MAX { 0 } else { S::BITS.div_ceil(64) as usize };
@@ -78,14 +78,14 @@ impl Values {
         }
     }
 
-    /// Makes room for magnitudes below 2^bits.
+    /// Widens the list to hold magnitudes below 2^bits.
     pub(crate) fn hold(&mut self, bits: u64) {
         if self.capacity() < bits {
             *self = self.widened(bits);
         }
     }
 
-    /// The values as unlimited integers.
+    /// The values as big integers.
     pub(crate) fn to_big(&self) -> Vec<BigInt> {
         for_width!(self, list => list.iter().map(Numerator::to_big).collect())
     }

@@ -75,7 +75,7 @@ impl<const N: usize> Numerator for Wide<N> {
     fn times(&self, factor: i64) -> Self {
         let by = u128::from(factor.unsigned_abs());
         let mut carry = 0u128;
-        // Modulo 2^(64 N) a two's complement times a non-negative word is the plain product.
+        // Modulo 2^(64 N) the product of a two's complement and a non-negative word is the plain product.
         let product = Self(std::array::from_fn(|i| {
             let sum = u128::from(self.0[i]) * by + carry;
             carry = sum >> 64;
@@ -125,7 +125,7 @@ impl<const N: usize> Numerator for Wide<N> {
 
     #[inline]
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
-        // Hensel division from the low end: what remains to be borrowed at the top is zero exactly when p divides.
+        // Hensel division from the low end: the final borrow is zero exactly when p divides.
         let mut borrow = 0u64;
         let quotient = Self(std::array::from_fn(|i| {
             let (word, under) = self.0[i].overflowing_sub(borrow);

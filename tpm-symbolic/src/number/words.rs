@@ -1,8 +1,8 @@
-//! Unlimited integers as little-endian words.
+//! Conversion of big integers to and from little-endian words.
 
 use num_bigint::{BigInt, BigUint, Sign};
 
-/// Fills `out` with the words of a non-negative integer that fits.
+/// Fills `out` with the words of a non-negative integer; `out` is long enough for it.
 pub(crate) fn write_unsigned(value: &BigUint, out: &mut [u64]) {
     let mut digits = value.iter_u64_digits();
     out.iter_mut().for_each(|slot| *slot = digits.next().unwrap_or(0));

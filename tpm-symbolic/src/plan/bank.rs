@@ -1,4 +1,4 @@
-//! What one sample adds to the Fourier sums of the equations' signals.
+//! The addends of one sample to the Fourier sums of the equations' signals.
 
 use crate::algebra::fourier::Trig;
 use crate::number::rational;
@@ -10,12 +10,13 @@ use std::collections::{BTreeMap, BTreeSet};
 /// A row of the table: equation, harmonic, cosine or sine.
 pub type TableRow = (usize, usize, Trig);
 
-/// Every row's signal times cos or sin of its harmonic. Each equation's signal is multiplied either into every harmonic, or into
-/// the first ones, from which the others then follow, whichever is less work.
+/// The plan of every row's signal times cos or sin of its harmonic. Each equation's signal is multiplied either into
+/// every harmonic, or into the first ones, from which the others then follow, whichever takes fewer operations.
 pub(crate) fn bank(rows: &[TableRow]) -> Plan {
     let mut carried = BTreeSet::new();
     let mut best = Bank::plan(rows, &carried);
-    // What was refused beside the equations that are carried now: asking again would give the answer again.
+    // Equations that were refused for the current set of carried equations; they are not tried again before the set
+    // changes.
     let mut refused = BTreeSet::new();
     for &(equation, ..) in rows {
         if refused.contains(&equation) || !carried.insert(equation) {
@@ -33,13 +34,13 @@ pub(crate) fn bank(rows: &[TableRow]) -> Plan {
     best
 }
 
-/// The highest harmonic whose phasor is made from those of its halves; higher ones follow from phasors `FIRST` and `2 FIRST`
-/// harmonics below.
+/// Highest harmonic whose phasor is computed from those of its halves. Higher ones are computed from the phasors
+/// `FIRST` and `2 FIRST` harmonics below.
 const FIRST: usize = 4;
 
 /// Phasors of harmonics, alone or times a signal, operation by operation. Consecutive harmonics take the same
-/// operations on earlier ones, so that compilers can put them into vectors; algebra that shortens each harmonic in its
-/// own way prevents that.
+/// operations on earlier ones, so that compilers can vectorise them; special algebra for single harmonics would prevent
+/// that.
 struct Bank {
     merger: Merger,
     known: BTreeMap<(Option<usize>, usize), (Slot, Slot)>,
@@ -49,7 +50,7 @@ impl Bank {
     fn plan(rows: &[TableRow], carried: &BTreeSet<usize>) -> Plan {
         let mut bank = Self { merger: Merger::default(), known: BTreeMap::new() };
         let add = |&(equation, harmonic, function): &TableRow| {
-            // A mean needs no phasor: its term is the signal itself.
+            // The row of a mean needs no phasor, since its addend is the signal itself.
             let through = (harmonic == 0 || carried.contains(&equation)).then_some(equation);
             let (cos, sin) = bank.at(through, harmonic);
             let base = if function == Trig::Cos { cos } else { sin };
@@ -67,7 +68,7 @@ impl Bank {
         self.merger.load(Leaf::Signal(equation))
     }
 
-    /// The order of the operands does not matter: a product is one operation either way.
+    /// The order of the operands does not matter, since a product is one operation in either order.
     fn mul(&mut self, a: Slot, b: Slot) -> Slot {
         self.merger.emit(Op::Mul(a.min(b), a.max(b)))
     }
@@ -89,8 +90,8 @@ impl Bank {
                 (self.merger.emit(Op::Mul(signal, cos)), self.merger.emit(Op::Mul(signal, sin)))
             }
             _ => match (harmonic.checked_sub(FIRST).and_then(known), harmonic.checked_sub(2 * FIRST).and_then(known)) {
-                // The three-term recurrence doubles the rounding errors over two steps and grows them as k^2 over many,
-                // so it runs over two steps at most.
+                // The three-term recurrence doubles the rounding errors over two steps and amplifies them as k^2 over
+                // many, so it is used over two steps at most.
                 (Some(near), Some(far)) if (2 * FIRST + 1..=4 * FIRST).contains(&harmonic) => {
                     let (cos, _) = self.at(None, FIRST);
                     let twice = self.merger.emit(Op::Add(cos, cos));
@@ -107,7 +108,8 @@ impl Bank {
         pair
     }
 
-    /// cos and sin of k w t by angle addition: from a power of two and the rest where both are known, else by halves.
+    /// cos and sin of k w t by angle addition: from a power of two and the remainder where both are known, otherwise
+    /// from halves.
     fn sum(&mut self, signal: Option<usize>, harmonic: usize) -> (Slot, Slot) {
         let power = 1 << (harmonic - 1).ilog2();
         let both = self.known.contains_key(&(None, power)) && self.known.contains_key(&(signal, harmonic - power));

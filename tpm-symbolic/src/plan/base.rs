@@ -1,4 +1,4 @@
-//! The equations in base parameters: the combinations of columns that any motion can show, and their regressor.
+//! The equations in base parameters: the combinations of columns that any motion can identify, and their regressor.
 //!
 //! A free column of the regressor is a sum of multiples of leading ones, exactly, so that Phi theta is the product of the leading
 //! columns and the base parameters: every leading parameter plus the multiples of others that are lumped into it.
@@ -28,7 +28,7 @@ pub struct BasePlan {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum BasePlanError {
-    /// There is no rank.
+    /// The rank could not be determined.
     #[error(transparent)]
     Rank(#[from] BaseParameterError),
     /// The combinations have no exact factors.

@@ -1,4 +1,5 @@
-//! Plans from expressions: each common subexpression once, divisions collected, differences rather than negated terms.
+//! Compilation of expressions to plans: each common subexpression once, divisions collected, differences instead of
+//! negated terms.
 
 use crate::expr::graph::{ExprId, Graph, Node};
 use crate::number::rational::Rational;
@@ -17,15 +18,15 @@ impl Plan {
         Self::with_leaves(graph, roots, Leaf::of_model)
     }
 
-    /// The plan in which every product is multiplied from left to right, which counts what an expression costs as it is
-    /// written.
+    /// The plan in which every product is multiplied from left to right. It counts the operations of an expression in
+    /// its written form.
     pub(crate) fn unshared(graph: &Graph, roots: &[ExprId]) -> Self {
         compiled(graph, roots, Leaf::of_model, SharedProducts::default())
     }
 }
 
 impl<L: Clone + PartialEq> Plan<L> {
-    /// The plan that computes `roots`, as [`Plan::new`], where `leaf` says what the leaves of the graph are.
+    /// The plan that computes `roots`, as [`Plan::new`]; `leaf` converts the leaves of the graph.
     pub(crate) fn with_leaves(graph: &Graph, roots: &[ExprId], leaf: impl Fn(&Node) -> L) -> Self {
         compiled(graph, roots, leaf, SharedProducts::of(graph, roots))
     }
@@ -66,7 +67,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
             let missing: Vec<ExprId> =
                 self.graph.operands(id).filter(|operand| !self.done.contains_key(operand)).collect();
             if !missing.is_empty() {
-                // Reversed, so that the first operand is computed first.
+                // The order is reversed, so that the first operand is computed first.
                 stack.extend(missing.into_iter().rev());
                 continue;
             }
@@ -114,7 +115,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
                 None => positive.push(self.done[term]),
             }
         }
-        // Terms that only shared products show to be the same.
+        // Removes equal terms that became recognisable as equal only by shared products.
         negative.retain(|slot| match positive.iter().position(|same| same == slot) {
             Some(same) => {
                 positive.remove(same);
@@ -177,7 +178,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
         product
     }
 
-    /// Twice a value, as the sum of the value with itself: as exact as a product, and without a constant.
+    /// Twice a value, as the sum of the value with itself, which is as exact as a product and needs no constant.
     fn doubled(&mut self, single: Atom) -> Slot {
         let value = self.atom(single);
         self.emit(Op::Add(value, value))
@@ -205,7 +206,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
         }
         let mut above: Option<Slot> = self.shared(id);
         let mut below: Option<Slot> = None;
-        // The shared product holds all factors but the divisors and a part of the coefficient.
+        // The shared product contains all factors except the divisors and a part of the coefficient.
         let whole = above.is_some();
         let value = if whole { self.products.rest(&value) } else { value };
         for factor in factors {
@@ -270,7 +271,7 @@ mod tests {
             let whole = graph.product(factors);
             graph.scale(whole, value)
         };
-        // 2 s a, 2 s^2 a, 4 s b, 3 s^2 b, s^2: 2 s and s^2 or the like are computed once.
+        // 2 s a, 2 s^2 a, 4 s b, 3 s^2 b, s^2: shared factors such as 2 s and s^2 are computed once.
         let roots = [
             product(&mut graph, integer(2), &[s, a]),
             product(&mut graph, integer(2), &[squared, a]),

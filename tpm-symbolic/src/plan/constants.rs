@@ -1,4 +1,4 @@
-//! Constants with a stated value: in plans they are numbers, not leaves.
+//! Replacement of constants with a stated value by numbers in plans.
 
 use crate::expr::graph::{ExprId, Graph, Symbol};
 use crate::mechanics::model::{ExactModel, Kind};
@@ -6,12 +6,12 @@ use crate::plan::draft::Draft;
 use crate::plan::leaf::Leaf;
 use std::collections::HashMap;
 
-/// Replaces stated constants by their values, also inside functions, where the regressor form keeps them as symbols.
+/// Replaces stated constants by their values, even inside functions, where the regressor form keeps them as symbols.
 pub(crate) fn substitute_values(model: &ExactModel, graph: &mut Graph, expr: ExprId) -> ExprId {
     Values::new(model, graph).put_in(graph, expr)
 }
 
-/// The values of the constants of a model, to be put into many expressions of one graph.
+/// The values of the constants of a model, for replacement in many expressions of one graph.
 pub(crate) struct Values(HashMap<ExprId, ExprId>);
 
 impl Values {

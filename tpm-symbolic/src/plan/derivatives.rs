@@ -1,10 +1,11 @@
 //! The derivatives of a model's rows as one plan.
 //!
 //! With `r = Phi theta + known - B u`, the plan has every `dr/d(slot)`, where a slot is a coordinate or one of its time derivatives.
-//! Divided by the part that belongs to the highest derivatives (the matrix of inertias), they are the sensitivities of the motion.
+//! Solved for the highest derivatives (by the mass matrix), they give the sensitivities of the motion.
 //!
-//! A row with `sign(s)` jumps where s passes zero: there its derivative is no number. A second plan has the argument s of every such
-//! *switch* and the height of half a jump in every row, so that an integration knows where a derivative says nothing.
+//! A row with `sign(s)` jumps where s passes zero, so that its derivative does not exist there. A second plan has the
+//! argument s of every such *switch* and half the height of the jump in every row, so that an integrator can locate
+//! these points.
 
 use crate::expr::graph::{Coordinate, ExprId, Function, Node};
 use crate::mechanics::model::ExactModel;
@@ -58,7 +59,7 @@ impl Derivatives {
             coordinates.iter().flat_map(|&(q, highest)| (0..=highest).map(move |order| (q, order))).collect();
         let leaves: Vec<ExprId> = slots.iter().map(|&(q, order)| graph.derivative_of(q, order)).collect();
         let mut rows = Vec::with_capacity(forces.len() * leaves.len());
-        // The rows share their parts: the derivatives of these serve all of them.
+        // The rows share subexpressions, whose derivatives are computed once for all rows.
         let mut slopes: Vec<HashMap<ExprId, ExprId>> = vec![HashMap::new(); leaves.len()];
         for &force in &forces {
             let of_row = leaves.iter().zip(&mut slopes);
@@ -90,7 +91,7 @@ impl Derivatives {
     }
 }
 
-/// The rows `Phi theta + known - B u` in a draft of their own, with theta as [`Leaf::Column`].
+/// The rows `Phi theta + known - B u` in a new draft, with theta as [`Leaf::Column`].
 fn forces(entries: &Entries, columns: usize) -> (Draft, Vec<ExprId>) {
     let Entries { graph, inputs, regressor, known, input_map, .. } = entries;
     let mut draft = Draft::new(graph.clone());

@@ -6,7 +6,7 @@ use crate::expr::graph::{ExprId, Graph, Node};
 use crate::plan::leaf::Leaf;
 use crate::plan::straight_line::Plan;
 
-/// An expression graph that holds leaves of type `L`, beside quantities of a model where it began as the model's graph.
+/// An expression graph with leaves of type `L`. If it began as a model's graph, it also holds quantities of the model.
 #[derive(Debug)]
 pub(crate) struct Draft<L = Leaf> {
     pub(crate) graph: Graph,

@@ -7,8 +7,8 @@
 //! M a = B u - Phi|_{a = 0} theta - known|_{a = 0},    M = d(Phi theta + known)/da .
 //! ```
 //!
-//! Invariant: M is formed exactly, entry by entry, before any number is rounded: a small mass beside a large spring force
-//! loses no digits. Nothing is solved symbolically.
+//! Invariant: M is formed exactly, entry by entry, before any number is rounded, so that a small mass beside a large
+//! spring force loses no digits. No system is solved symbolically.
 
 use crate::expr::graph::{ExprId, Graph, Node};
 use crate::plan::draft::Draft;
@@ -48,7 +48,7 @@ impl Dynamics {
         let theta: Vec<ExprId> = (0..columns).map(|column| draft.leaf(Leaf::Column(column))).collect();
         let graph = &mut draft.graph;
         let zero = graph.integer(0);
-        // Entries share their parts: what is known of these serves all of them.
+        // Entries share subexpressions, whose results are computed once for all entries.
         let mut rest: HashMap<ExprId, ExprId> = highest.iter().map(|&leaf| (leaf, zero)).collect();
         let mut slopes: Vec<HashMap<ExprId, ExprId>> = vec![HashMap::new(); highest.len()];
         let (mut matrix, mut right) = (Vec::with_capacity(rows * rows), Vec::with_capacity(rows));
@@ -80,7 +80,7 @@ impl Dynamics {
 }
 
 impl Dynamics {
-    /// M alone.
+    /// The plan of M alone.
     #[must_use]
     pub fn mass_matrix(&self) -> Plan {
         let mut merger = Merger::default();
@@ -92,13 +92,13 @@ impl Dynamics {
     /// The number of rows, and of coordinates.
     #[must_use]
     pub fn rows(&self) -> usize {
-        // n rows of M and one of the right-hand side.
+        // The plan has n rows of M and one of the right-hand side.
         (1..).find(|n| n * n + n >= self.plan.outputs.len()).unwrap_or_default()
     }
 }
 
-/// Degrees of expressions, as they are written, in some of the leaves; `None` where these stand inside a function or below a
-/// fraction line.
+/// Degrees of expressions in some of the leaves, in the written form; `None` where such a leaf occurs inside a function
+/// or in a denominator.
 pub(super) struct Degrees(Vec<Option<u32>>);
 
 impl Degrees {

@@ -33,7 +33,7 @@ impl Entries {
                 *highest = order.max(*highest);
             }
         }
-        // What was left as it was written needs no search for what it was before it was multiplied out.
+        // Equations in their written form need no search for a shorter form.
         let searched = form.is_expanded(&model.graph);
         let mut values = Values::new(model, &mut graph);
         let (mut regressor, mut known, mut input_map) = (Vec::new(), Vec::new(), Vec::new());

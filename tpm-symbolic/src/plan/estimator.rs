@@ -1,7 +1,7 @@
-//! Everything that an emitted estimator computes, as straight-line plans.
+//! Straight-line plans of everything that an emitted estimator computes.
 //!
-//! Invariant of [`EstimatorPlan`]: no plan has an operation that no output needs. Emitters print these plans and decide no
-//! mathematics.
+//! Invariant of [`EstimatorPlan`]: every operation of a plan is needed by one of its outputs. Emitters print these
+//! plans and decide no mathematics.
 
 use crate::expr::size::Sizes;
 use crate::harmonic::expand::expand;
@@ -21,10 +21,11 @@ use crate::regressor::form::RegressorForm;
 use num_traits::{One, Zero};
 use thiserror::Error;
 
-/// The most terms of equations whose feed-forward is parted: some seconds, and megabytes of code.
+/// Most terms of equations whose feed-forward is split; more would take longer than some seconds and give megabytes of
+/// code.
 const MOST_PARTED: f64 = 2_000_000.0;
 
-/// The equations have too many terms, multiplied out, for their feed-forward to be parted.
+/// The equations have too many terms, multiplied out, for their feed-forward to be split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error(
     "the feed-forward is parted term by term, and the equations may have more than {most} terms when they are multiplied out"
@@ -41,11 +42,11 @@ pub struct EstimatorPlan {
     pub evaluation: Evaluation,
     /// Phi theta + known, one output per row.
     pub inverse_dynamics: Plan,
-    /// The inputs, when every input stands in exactly one equation and alone there.
+    /// The inputs, when every input occurs in exactly one equation, and that equation has no other input.
     pub feed_forward: Option<Plan>,
-    /// The feed-forward in two parts that add up, the motion-independent one first ([`crate::plan::split`]); `None`
-    /// where there is no feed-forward, where its terms cannot be divided between the two, and where the equations are not multiplied
-    /// out ([`Self::part_feed_forward`]).
+    /// The feed-forward in two parts whose sum it is, the motion-independent one first ([`crate::plan::split`]). `None`
+    /// where there is no feed-forward, where its terms cannot be divided between the parts, and where the equations are
+    /// not multiplied out ([`Self::part_feed_forward`]).
     pub feed_forward_parts: Option<[Plan; 2]>,
     /// The columns from the physical parameters; `None` when every column is one of them.
     pub lumping: Option<Plan>,
@@ -97,7 +98,8 @@ impl EstimatorPlan {
 }
 
 impl EstimatorPlan {
-    /// Takes the row forces from the recursion of the mechanism that the equations come from, where that is shorter than Phi theta.
+    /// Computes the row forces by the recursion of the mechanism from which the equations were derived, where that is
+    /// shorter than Phi theta.
     #[must_use]
     pub fn with_recursion(mut self, model: &ExactModel, form: &RegressorForm, mechanism: &Mechanism) -> Self {
         if form.is_expanded(&model.graph) {
@@ -112,8 +114,8 @@ impl EstimatorPlan {
         self
     }
 
-    /// Makes [`Self::feed_forward_parts`] known for equations that are as they were written: they are multiplied out, which may take
-    /// many times their length. `model` and `form` are those of the plans.
+    /// Computes [`Self::feed_forward_parts`] for equations in their written form: they are multiplied out, which may
+    /// increase their length many times. `model` and `form` are those of the plans.
     ///
     /// # Errors
     /// [`TooLong`] when the equations would have too many terms.
@@ -131,7 +133,7 @@ impl EstimatorPlan {
     }
 }
 
-/// Row forces as products of the regressor's own results, so that a program that needs both computes each once.
+/// Row forces as products of the regressor's own entries, so that a program that needs both computes each entry once.
 fn inverse_dynamics(merger: &mut Merger, evaluation: &Evaluation, form: &RegressorForm) -> Vec<Slot> {
     let phi = merger.append(&evaluation.regressor);
     let known = merger.append(&evaluation.known);
@@ -144,8 +146,8 @@ fn inverse_dynamics(merger: &mut Merger, evaluation: &Evaluation, form: &Regress
                 continue;
             }
             let theta = merger.load(Leaf::Column(c));
-            // A negative entry is subtracted from the terms before it. As the first term it is used as it is, since the
-            // regressor computes it.
+            // A negative entry is subtracted from the terms before it. As the first term it is not negated, since the
+            // regressor computes the entry with its sign.
             let (factor, negative) = match *merger.op(entry) {
                 Op::Neg(positive) if total.is_some() || merger.is_number(positive, One::is_one) => (positive, true),
                 _ => (entry, false),
@@ -164,7 +166,7 @@ fn inverse_dynamics(merger: &mut Merger, evaluation: &Evaluation, form: &Regress
     known.iter().enumerate().map(row).collect()
 }
 
-/// The inputs from the row forces, when B has one entry in every row and column that matters.
+/// The inputs from the row forces, when every relevant row and column of B has one entry.
 fn feed_forward(mut merger: Merger, forces: &[Slot], evaluation: &Evaluation, form: &RegressorForm) -> Option<Plan> {
     let factors = merger.append(&evaluation.input_map);
     let inputs = evaluation.inputs.len();
@@ -185,7 +187,7 @@ fn feed_forward(mut merger: Merger, forces: &[Slot], evaluation: &Evaluation, fo
     Some(merger.finish(outputs))
 }
 
-/// The feed-forward of each part of the rows.
+/// The feed-forward of each part of the split rows.
 fn feed_forward_parts(model: &ExactModel, form: &RegressorForm) -> Option<[Plan; 2]> {
     let [resting, moving] = split_form(model, form)?;
     let plan = |part: &RegressorForm| {

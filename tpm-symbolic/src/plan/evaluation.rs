@@ -1,4 +1,4 @@
-//! The evaluation plans of a model in regressor form: what the interpreter runs and what the emitters print.
+//! The evaluation plans of a model in regressor form, which the interpreter executes and the emitters print.
 //!
 //! Invariant: coordinates, constants and inputs are listed in order of declaration; outputs are row-major, rows times
 //! columns (regressor), rows (known) and rows times inputs (input map). The leaves of a plan are derivatives of the

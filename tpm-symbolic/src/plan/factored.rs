@@ -1,10 +1,10 @@
-//! Entries of the regressor as they were written, where that is shorter than multiplied out.
+//! Entries of the regressor in their written form, where that is shorter than the expanded one.
 //!
 //! The regressor form is a sum of monomials: (q - q0)^2 q'' becomes three terms that nearly cancel when q is near q0. The
 //! declared equation still holds the square, and its derivative with respect to a parameter is that parameter's regressor.
 //!
-//! Invariant: an expression is given only when, multiplied out, it is exactly the entry of the regressor form, and costs fewer
-//! operations; it is never trusted for where it came from.
+//! Invariant: an expression is returned only when, multiplied out, it is exactly the entry of the regressor form, and
+//! takes fewer operations. Its origin alone does not count as a proof.
 
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph};
@@ -24,7 +24,7 @@ pub(crate) fn entry(
     (row, column): (usize, Option<usize>),
     polynomial: &Polynomial<ExprId>,
 ) -> Option<ExprId> {
-    // A single term cannot be shortened, and the rows that are left after eliminations are not the declared ones.
+    // A single term cannot be shortened, and the rows that remain after eliminations are not the declared ones.
     if polynomial.len() < 2 || !model.eliminations.is_empty() {
         return None;
     }
@@ -44,7 +44,7 @@ pub(crate) fn entry(
             graph.sum(&rest)
         }
     };
-    // The form has exact constants as numbers.
+    // The form contains the values of exact constants, so they are replaced here too.
     let written = substitute_values(model, graph, written);
     // The row of the form may be scaled so that its input stands alone.
     let found = graph.polynomial(written);

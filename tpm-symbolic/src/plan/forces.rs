@@ -1,7 +1,9 @@
-//! What is made of the row forces Phi theta + known beside their sum: the forces at rest, and the dynamics solved for the accelerations.
+//! Plans derived from the row forces Phi theta + known: the forces at rest, and the dynamics solved for the
+//! accelerations.
 //!
-//! Of a mechanism, forces and mass matrix follow from its recursions, with what its equations add to the inertias (friction, rotors,
-//! forces of the model) beside them. The rows themselves give the same values in other operations; the shorter plan is taken.
+//! For a mechanism, forces and mass matrix are computed by its recursions, to which the other terms of its equations
+//! (friction, rotors, forces of the model) are added. The rows themselves give the same values by other operations; the
+//! shorter plan is chosen.
 
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node};
 use crate::mechanics::model::{ExactModel, Kind};
@@ -24,8 +26,8 @@ pub fn by_recursion(model: &ExactModel, form: &RegressorForm, mechanism: &Mechan
     Some(recursion.written.draft.plan(&recursion.forces))
 }
 
-/// The row forces at rest, one per row: Phi theta + known where all derivatives of coordinates are zero. Of an arm this is what holds
-/// it against gravity.
+/// The row forces at rest, one per row: Phi theta + known where all derivatives of coordinates are zero. For an arm
+/// these are the torques that balance gravity.
 #[must_use]
 pub fn at_rest(model: &ExactModel, form: &RegressorForm, mechanism: Option<&Mechanism>) -> Plan {
     let entries = Entries::new(model, form);
@@ -57,8 +59,8 @@ pub fn at_rest(model: &ExactModel, form: &RegressorForm, mechanism: Option<&Mech
     shorter(Some(of_rows), by_recursion).expect("invariant: the rows have a plan")
 }
 
-/// The dynamics solved for the highest derivatives; `None` where the rows are not as many as the coordinates, or not written as affine
-/// in these.
+/// The dynamics solved for the highest derivatives; `None` where the numbers of rows and coordinates differ, or the
+/// rows are not written as affine in these derivatives.
 #[must_use]
 pub fn dynamics(model: &ExactModel, form: &RegressorForm, mechanism: Option<&Mechanism>) -> Option<Dynamics> {
     let by_recursion = mechanism.and_then(|mechanism| Recursion::new(model, form, mechanism)?.dynamics(model, form));
@@ -75,7 +77,7 @@ fn operations(plan: &Plan) -> usize {
     counts.additions + counts.multiplications + counts.divisions + counts.functions
 }
 
-/// The plan of fewer operations; the first one where they have as many.
+/// The plan with fewer operations; the first one when they are equal.
 pub(crate) fn shorter(first: Option<Plan>, second: Option<Plan>) -> Option<Plan> {
     match (first, second) {
         (Some(first), Some(second)) if operations(&second) < operations(&first) => Some(second),
@@ -97,7 +99,7 @@ struct Recursion<'a> {
     written: Written,
     /// Phi theta + known, by row.
     forces: Vec<ExprId>,
-    /// What stands in the rows beside the inertias.
+    /// Terms of the rows other than those of the inertias.
     rest: Vec<ExprId>,
     /// The mass matrix of the inertias.
     masses: HashMap<(usize, usize), ExprId>,
@@ -111,7 +113,7 @@ impl<'a> Recursion<'a> {
             .map(|symbol| (model.quantity(symbol).name.as_str(), graph.symbol(symbol)))
             .collect();
         let zero = graph.integer(0);
-        // A parameter that enters no equation was not declared.
+        // A parameter that occurs in no equation was not declared.
         let parameters = |body: usize| {
             let label = &mechanism.labels[body].name;
             NAMES.map(|name| names.get(parameter_name(name, label).as_str()).copied().unwrap_or(zero))
@@ -145,12 +147,12 @@ impl<'a> Recursion<'a> {
         Some(Self { mechanism, written, forces, rest, masses: entries })
     }
 
-    /// M and the right-hand side.
+    /// The plan of M and the right-hand side.
     fn dynamics(mut self, model: &ExactModel, form: &RegressorForm) -> Option<Dynamics> {
         let mut coordinates: Vec<Coordinate> =
             self.mechanism.tree.bodies().iter().filter_map(|body| body.joint.coordinate()).collect();
         coordinates.sort_unstable();
-        // Forces of the model may depend on other coordinates, which no joint moves.
+        // Forces of the model may depend on further coordinates, which no joint moves.
         let mut orders: BTreeMap<Coordinate, u32> = BTreeMap::new();
         for leaf in form.leaves(&model.graph) {
             if let Node::Derivative(coordinate, order) = *model.graph.node(leaf) {

@@ -3,7 +3,7 @@
 use crate::expr::graph::{Coordinate, Node, Symbol};
 use serde::{Deserialize, Serialize};
 
-/// A number that a plan is given.
+/// An argument of a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Leaf {

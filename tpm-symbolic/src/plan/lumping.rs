@@ -1,4 +1,4 @@
-//! Columns from physical parameters and back, as plans.
+//! Plans of the map from physical parameters to columns, and of its inverse.
 
 use crate::algebra::fraction::Fraction;
 use crate::algebra::polynomial::Polynomial;
@@ -14,11 +14,11 @@ use crate::regressor::inverse::{Inverse, Variable};
 use crate::regressor::parameter_map::ParameterMap;
 use thiserror::Error;
 
-/// Why the physical parameters do not follow from the columns.
+/// Why the physical parameters cannot be computed from the columns.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum UnlumpGap {
-    /// Different physical parameters have the same columns.
+    /// Different values of these physical parameters give the same columns.
     #[error("the estimated parameters do not determine {}", quoted(.0))]
     NotDetermined(Vec<String>),
     /// The columns determine the parameters, at least locally, but no rational function for them was found.
@@ -35,7 +35,7 @@ fn quoted(names: &[String]) -> String {
 pub struct Unlumping {
     /// The map from the physical parameters to the columns.
     pub map: ParameterMap,
-    /// The inverse of `map`, complete: every parameter of the model is solved.
+    /// The complete inverse of `map`, which solves every parameter of the model.
     pub inverse: Inverse,
     /// The intermediate quantities of the inverse that a parameter needs.
     pub intermediates: Vec<usize>,
@@ -86,7 +86,7 @@ pub(crate) fn unlumping(model: &ExactModel, form: &RegressorForm) -> Option<Resu
             false => UnlumpGap::NotDetermined(open),
         }));
     }
-    // An intermediate is computed from earlier intermediates.
+    // An intermediate quantity is computed from earlier ones.
     let mut needed = vec![false; inverse.intermediates.len()];
     let mark = |needed: &mut Vec<bool>, value: &Fraction<Variable>| {
         let factors = value.denominator().map(|(factor, _)| factor);
@@ -133,7 +133,7 @@ impl From<Leaf> for Part {
     }
 }
 
-/// The plan with every intermediate quantity taken from the output that computes it.
+/// The plan in which every use of an intermediate quantity refers to the output that computes it.
 fn closed(open: &Plan<Part>, intermediates: &[usize]) -> Plan {
     let mut merger = Merger::default();
     let mut slots: Vec<Slot> = Vec::with_capacity(open.ops.len());
@@ -144,7 +144,7 @@ fn closed(open: &Plan<Part>, intermediates: &[usize]) -> Plan {
                 Part::Given(leaf) => merger.load(leaf),
                 Part::Intermediate(index) => {
                     let output = intermediates.iter().position(|&present| present == index);
-                    // The output of an intermediate stands before every use of it.
+                    // The output of an intermediate quantity precedes its uses.
                     at(open.outputs[output.expect("invariant: an intermediate that is read is computed")])
                 }
             },

@@ -1,4 +1,4 @@
-//! Straight-line plans: what the interpreter executes and the writers print, operation by operation, with exact
+//! Straight-line plans, which the interpreter executes and the emitters print, operation by operation, with exact
 //! constants.
 
 pub mod bank;

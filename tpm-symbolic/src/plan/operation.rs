@@ -55,7 +55,7 @@ impl Op {
         pair.into_iter().flatten()
     }
 
-    /// The operation with its operands taken from the slots that `slot` gives for them.
+    /// The operation with each operand replaced by the slot that `slot` gives for it.
     #[must_use]
     pub fn map(&self, slot: impl Fn(Slot) -> Slot) -> Self {
         match self {

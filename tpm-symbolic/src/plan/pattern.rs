@@ -1,4 +1,4 @@
-//! What follows from a trajectory pattern, as plans: the reference motion, the harmonic table, and its exact pseudo-inverse.
+//! Plans that belong to a trajectory pattern: the reference motion, the harmonic table, and its exact pseudo-inverse.
 //!
 //! Where every column of the estimator matrix has one scale, B Lambda = B diag(s) with a matrix B of numbers, so that the least
 //! squares solution for the harmonics h of the forces is
@@ -26,17 +26,17 @@ use crate::plan::table::{TablePlan, table_symbol};
 use num_traits::Zero;
 use thiserror::Error;
 
-/// Why a part that depends on the pattern does not exist.
+/// Why a part of the plans of a pattern does not exist.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PatternGap {
-    /// A coordinate of the equations does not move by the pattern.
+    /// The pattern does not prescribe a coordinate of the equations.
     #[error("the pattern gives the coordinate `{0}` no motion")]
     NoMotion(String),
     /// The harmonic table does not exist.
     #[error(transparent)]
     Expand(#[from] ExpandError),
-    /// The declared Taylor polynomials lump the parameters otherwise than the equations do.
+    /// The declared Taylor polynomials lead to other lumped parameters than the equations.
     #[error("with the declared Taylor polynomials the parameters are {table}, not {exact}")]
     Columns {
         /// The columns of the equations.
@@ -60,12 +60,12 @@ pub struct PatternPlan {
     pub reference: Result<Plan, PatternGap>,
     /// The harmonic table.
     pub table: Result<TablePlan, PatternGap>,
-    /// The exact pseudo-inverse of the estimator matrix, where it has one and is small.
+    /// The exact pseudo-inverse of the estimator matrix, where it exists and is small.
     pub pseudo_inverse: Option<PseudoInverse>,
 }
 
 impl PatternPlan {
-    /// The plans of a pattern of the model; `table` is its harmonic table, or why there is none.
+    /// The plans of a pattern of the model; `table` is its harmonic table, or the reason why there is none.
     pub(crate) fn new(
         model: &ExactModel,
         evaluation: &Evaluation,
@@ -86,11 +86,12 @@ impl PatternPlan {
     }
 }
 
-/// Entries of the estimator matrix up to which the pseudo-inverse is computed: its plan has up to one operation per row and
-/// column, and straight-line code of more is too long to be of use.
+/// Most entries of an estimator matrix whose pseudo-inverse is computed: its plan has up to one operation per row and
+/// column, and longer straight-line code is of no use.
 const MOST_ENTRIES: usize = 400;
 
-/// What the entries of a column of the estimator matrix have in common: a product of powers of quantities, of signs and of pi.
+/// Common factor of the entries in a column of the estimator matrix: a product of powers of quantities, of signs and of
+/// pi.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scale {
     /// Powers of amplitudes, frequency and constants.
@@ -126,7 +127,7 @@ impl PseudoInverse {
         let mut normal: Vec<Vec<Rational>> = (0..columns)
             .map(|a| (0..columns).map(|b| product(a, b)).chain(matrix.iter().map(|row| row[a].clone())).collect())
             .collect();
-        // B^T B beside B^T, reduced to the identity beside the pseudo-inverse.
+        // B^T B next to B^T, reduced to the identity next to the pseudo-inverse.
         if linear::reduce(&mut normal) != (0..columns).collect::<Vec<usize>>() {
             return None;
         }

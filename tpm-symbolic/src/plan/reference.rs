@@ -1,4 +1,4 @@
-//! The reference motion of a pattern, from cosine and sine of its phase.
+//! The reference motion of a pattern, computed from cosine and sine of its phase.
 
 use crate::algebra::fourier::{Fourier, Trig};
 use crate::expr::graph::{Coordinate, ExprId, Graph};
@@ -10,8 +10,8 @@ use crate::plan::leaf::Leaf;
 use crate::plan::straight_line::Plan;
 use std::collections::HashMap;
 
-/// cos k theta and sin k theta by halving and angle addition. Every step adds a few roundings whatever the angle is, whereas
-/// the three-term recurrence loses digits as k^2 near the rest points, where a reference must be smooth.
+/// cos k theta and sin k theta by halving and angle addition. Every step adds a few roundings at any angle, whereas the
+/// three-term recurrence loses digits as k^2 near the rest points, where a reference must be smooth.
 struct Phasors<'d> {
     draft: &'d mut Draft,
     known: HashMap<usize, (ExprId, ExprId)>,
@@ -58,7 +58,7 @@ impl<'d> Phasors<'d> {
 }
 
 /// The plan of every coordinate of `coordinates` with its derivatives 0, 1, ... up to its own order, one coordinate
-/// after the other; or else the first coordinate that the pattern does not move.
+/// after the other; an error with the first coordinate that the pattern does not prescribe.
 pub(crate) fn reference(
     model: &ExactModel,
     coordinates: &[(Coordinate, u32)],

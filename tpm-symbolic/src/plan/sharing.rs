@@ -1,21 +1,22 @@
-//! Products that share their parts: `2 s a`, `2 s^2 a` and `2 s b^2` as multiples of `2 s`.
+//! Products with shared factors: `2 s a`, `2 s^2 a` and `2 s b^2` as multiples of `2 s`.
 //!
-//! The factors of every product are a multiset of atoms. The pair of atoms that the most products hold becomes an atom of its own,
-//! and so on until no pair stands in two products (greedy, as Breuer's factoring of multiplications). Invariant: an atom is an
-//! expression of the graph, the number two, or a pair of atoms that were there before it; the product of a node's atoms is the
-//! node without its divisors and without what [`SharedProducts::rest`] leaves of its coefficient. Of coefficients only powers of
-//! two take part: multiplying by them rounds nothing. The result depends on the order of the roots alone.
+//! The factors of every product are a multiset of atoms. The pair of atoms that occurs in the most products becomes a
+//! new atom, and so on until no pair occurs in two products (a greedy search, as in Breuer's factoring of
+//! multiplications). Invariant: an atom is an expression of the graph, the number two, or a pair of earlier atoms. The
+//! product of a node's atoms is the node without its divisors and without the part of its coefficient that
+//! [`SharedProducts::rest`] gives. Of coefficients only powers of two become atoms, since multiplying by them causes no
+//! rounding. The result depends on the order of the roots alone.
 
 use crate::expr::graph::{ExprId, Graph, Node};
 use crate::number::rational::Rational;
 use num_traits::{One, Signed};
 use std::collections::{HashMap, HashSet};
 
-/// The highest power whose base is a repeated factor; higher powers are computed by squaring.
+/// Highest power whose base becomes a repeated factor; higher powers are computed by squaring.
 const HIGHEST_POWER: i32 = 8;
-/// The most factors of two that are taken out of a coefficient.
+/// Most factors of two that are taken out of a coefficient.
 const MOST_TWOS: usize = 3;
-/// The most products among which shared pairs are searched for; every pair that is found takes a pass over all of them.
+/// Most products among which shared pairs are searched for; the search passes over all of them for every pair found.
 const MOST_PRODUCTS: usize = 2000;
 
 /// A factor of a product.
@@ -34,7 +35,7 @@ pub(crate) enum Atom {
 pub(crate) struct SharedProducts {
     products: HashMap<ExprId, Vec<Atom>>,
     pairs: Vec<(Atom, Atom)>,
-    /// For every pair, the number of places in products and in other pairs where it stands.
+    /// For every pair, the number of its occurrences in products and in other pairs.
     places: Vec<usize>,
 }
 
@@ -74,7 +75,8 @@ impl SharedProducts {
         self.pairs[index]
     }
 
-    /// The atom that a pair doubles, when several products contain the pair; in a single product the factor two stays a factor.
+    /// The atom that a pair doubles, when several products contain the pair; in a single product the factor two is not
+    /// paired.
     pub(crate) fn doubled(&self, index: usize) -> Option<Atom> {
         match self.pairs[index] {
             (Atom::Two, single) if self.places[index] > 1 => Some(single),
@@ -82,13 +84,13 @@ impl SharedProducts {
         }
     }
 
-    /// The part of a positive coefficient that is left when its twos have become atoms.
+    /// The remaining part of a positive coefficient after its factors of two have become atoms.
     pub(crate) fn rest(&self, value: &Rational) -> Rational {
         (0..twos(value)).fold(value.clone(), |value, _| value / Rational::from_integer(2.into()))
     }
 
     fn count(&mut self) {
-        // Equal products are one operation, so that they count once.
+        // Equal products are one operation, so they count once.
         let products: HashSet<&[Atom]> = self.products.values().map(Vec::as_slice).collect();
         let mut places = vec![0; self.pairs.len()];
         let inner = self.pairs.iter().flat_map(|&(a, b)| [a, b]);
@@ -104,7 +106,7 @@ impl SharedProducts {
         loop {
             let Some((a, b)) = self.most_frequent(order) else { return };
             let pair = Atom::Pair(self.pairs.len());
-            // A number stands before what it multiplies.
+            // A number precedes the factor that it multiplies.
             self.pairs.push(if b == Atom::Two { (b, a) } else { (a, b) });
             for id in order {
                 let Some(atoms) = self.products.get_mut(id) else { continue };
@@ -118,9 +120,9 @@ impl SharedProducts {
 }
 
 impl SharedProducts {
-    /// The pair that stands in the most products, in two at least; the first one of several.
+    /// The pair that occurs in the most products, in at least two; the first one of several.
     fn most_frequent(&self, order: &[ExprId]) -> Option<(Atom, Atom)> {
-        // Equal products are one operation, so that they count once.
+        // Equal products are one operation, so they count once.
         let mut distinct: HashSet<&[Atom]> = HashSet::new();
         let mut places: HashMap<(Atom, Atom), usize> = HashMap::new();
         let mut found: Vec<((Atom, Atom), usize)> = Vec::new();
@@ -149,7 +151,7 @@ impl SharedProducts {
     }
 }
 
-/// The first places at which a pair stands, the smaller one first.
+/// The first positions at which a pair occurs, the smaller one first.
 fn places_of(atoms: &[Atom], a: Atom, b: Atom) -> Option<(usize, usize)> {
     let first = atoms.iter().position(|&atom| atom == a)?;
     let second = atoms.iter().enumerate().position(|(place, &atom)| place != first && atom == b)?;

@@ -1,5 +1,5 @@
-//! The two parts of every input: what holds a machine's own joint still while everything else moves, and what moves it
-//! (Feng, section 6.2).
+//! The split of every input into two parts: the input that holds the driven joint still while all others move, and the
+//! rest, which moves it (Feng, section 6.2).
 //!
 //! The equations of motion are solved for the inputs, u = f(q, q', q'', ...). Of input i, which drives the coordinates D(i),
 //!
@@ -8,13 +8,14 @@
 //! motion-dependent part     f_i minus the motion-independent part
 //! ```
 //!
-//! The first is a reaction: an actuator gives it standing still, as fast as its amplifier is; the second also fights the
-//! joint's inertia and speed. For the driven pendulum on a driven cart these are Feng's F_MI, F_MD, tau_MI and tau_MD
-//! (Eqns 6.6 and 6.7).
+//! The first part is a reaction: an actuator supplies it at standstill, as fast as its amplifier permits. The second
+//! part also depends on the joint's own inertia and speed. For the driven pendulum on a driven cart these are Feng's
+//! F_MI, F_MD, tau_MI and tau_MD (Eqns 6.6 and 6.7).
 //!
-//! Invariants of [`Split`]: `independent` and `dependent` are sums of monomials over the atoms of the equations; every
-//! monomial that does not depend on a derivative of the driven coordinates stands in `independent` as it is, every one
-//! that vanishes with them in `dependent` as it is; their sum is the solved input, exactly.
+//! Invariants of [`Split`]: `independent` and `dependent` are sums of monomials over the atoms of the equations. Every
+//! monomial that does not depend on a derivative of the driven coordinates belongs unchanged to `independent`, every
+//! one that vanishes with these derivatives belongs unchanged to `dependent`, and their sum is exactly the solved
+//! input.
 
 use crate::algebra::characteristic::{self, Matrix};
 use crate::algebra::polynomial::{Monomial, Polynomial};
@@ -41,7 +42,7 @@ pub struct InputParts {
     pub input: Symbol,
     /// The coordinates that it drives.
     pub motions: Vec<Coordinate>,
-    /// The motion-independent part, term by term, each with the source term that it came from.
+    /// The motion-independent part, term by term, each with the source term from which it was derived.
     pub independent: Vec<SourceTerm>,
     /// The motion-dependent part.
     pub dependent: Vec<SourceTerm>,
@@ -50,7 +51,7 @@ pub struct InputParts {
 /// The parts of all inputs.
 #[derive(Clone, Debug)]
 pub struct Split {
-    /// The model whose graph holds the expressions; its equations are those that were given.
+    /// The model whose graph holds the expressions; its equations are the given ones.
     pub model: ExactModel,
     /// The inputs in order of declaration.
     pub inputs: Vec<InputParts>,
@@ -83,7 +84,7 @@ pub enum SplitError {
         /// The input.
         input: String,
     },
-    /// The equations do not tell which coordinate an input drives.
+    /// The equations do not determine which coordinate an input drives.
     #[error("it does not follow from the equations which coordinate `{input}` drives; say which")]
     Motion {
         /// The input.
@@ -122,7 +123,8 @@ impl SplitError {
     }
 }
 
-/// The most terms that equations may have, multiplied out, to be split: some seconds of work, and text that nobody reads.
+/// Most terms of equations that are split, multiplied out; more would take longer than some seconds and give text that
+/// nobody reads.
 const MOST_TERMS: u64 = 1_000_000;
 
 /// Splits every input of a model. `motions` names the coordinates that an input drives. For an input that is not
@@ -214,7 +216,7 @@ impl Split {
             }
         }
         model.eliminations.clear();
-        // The parts are lumped anew: a name given to a lump of the whole need not fit any lump of the parts.
+        // The parts are lumped anew, since a name for a lumped parameter of the whole need not fit one of the parts.
         model.lumps.clear();
         model.equations.clear();
         for input in &self.inputs {
@@ -250,7 +252,7 @@ pub struct NumericPart {
     pub equation: usize,
     /// The harmonics of the part.
     pub wave: Wave,
-    /// An upper bound of the magnitude of what the harmonics leave out.
+    /// An upper bound of the magnitude of the truncation error of the harmonics.
     pub tail: f64,
 }
 
@@ -331,7 +333,7 @@ pub fn split_form(model: &ExactModel, form: &RegressorForm) -> Option<[Regressor
     Some(parts)
 }
 
-/// Maps every derivative of the coordinates that stand still to zero.
+/// Maps every derivative of the fixed coordinates to zero.
 fn standing_still(graph: &mut Graph, coordinates: &[Coordinate], order: u32) -> HashMap<ExprId, ExprId> {
     let zero = graph.integer(0);
     let mut still = HashMap::new();
@@ -343,7 +345,7 @@ fn standing_still(graph: &mut Graph, coordinates: &[Coordinate], order: u32) -> 
     still
 }
 
-/// A row with inputs, and what multiplies its terms in each input's solution.
+/// A row with inputs, and its weight in each input's solution.
 struct Solved {
     equation: usize,
     rest: Vec<SourceTerm>,
@@ -356,6 +358,7 @@ fn solved_for(model: &mut ExactModel, inputs: &[Symbol]) -> Result<Vec<Solved>, 
     let leaves: Vec<ExprId> = inputs.iter().map(|&input| model.graph.symbol(input)).collect();
     let mut rows: Vec<Solved> = Vec::new();
     let mut map: Matrix<Polynomial<ExprId>> = Vec::new();
+    // Separate every row into the factors of the inputs and the other terms.
     for (equation, declared) in model.equations.clone().iter().enumerate() {
         let mut factors = vec![Polynomial::zero(); inputs.len()];
         let mut rest = Vec::with_capacity(declared.terms.len());
@@ -394,6 +397,7 @@ fn solved_for(model: &mut ExactModel, inputs: &[Symbol]) -> Result<Vec<Solved>, 
     if rows.len() < inputs.len() {
         return Err(SplitError::Undetermined { inputs: inputs.len(), rows: rows.len() });
     }
+    // Where every row has a single input, each row gives its input.
     let minus_one = rational::integer(-1);
     let single = |row: &Vec<Polynomial<ExprId>>| row.iter().filter(|factor| !factor.is_zero()).count() == 1;
     if rows.len() == inputs.len() && map.iter().all(single) {
@@ -458,7 +462,7 @@ fn orders(model: &ExactModel) -> Vec<u32> {
     orders
 }
 
-/// Whether a derivative of at least this order stands in an equation.
+/// Whether a derivative of at least this order occurs in an equation.
 fn stands(model: &ExactModel, equation: &Equation, coordinate: usize, order: u32) -> bool {
     equation.terms.iter().any(|term| {
         model.graph.leaves(term.expr).into_iter().any(|leaf| match *model.graph.node(leaf) {
@@ -468,8 +472,9 @@ fn stands(model: &ExactModel, equation: &Equation, coordinate: usize, order: u32
     })
 }
 
-/// For every equation the coordinate whose highest derivative it determines: by position where that fits, as it does for
-/// Euler-Lagrange equations, otherwise the only way that fits; `None` when there is none or more than one.
+/// For every equation the coordinate whose highest derivative it determines: the one of the same index where that is
+/// possible, as for Euler-Lagrange equations, otherwise the unique assignment; `None` when there is none or more than
+/// one.
 fn pairing(model: &ExactModel) -> Option<Vec<usize>> {
     let n = model.coordinates.len();
     if model.equations.len() != n {
@@ -518,7 +523,8 @@ fn driven(model: &ExactModel, pairs: Option<&[usize]>, acts: impl Iterator<Item 
         let own = pairs[equation];
         let mut coordinates = vec![own];
         if orders[own] < 2 {
-            // A coordinate of first order, such as a current, is no motion: the input drives the motions in its row.
+            // A coordinate of first order, such as a current, is no motion; the input then drives the motions in its
+            // row.
             let moving = (0..orders.len()).filter(|&c| orders[c] >= 2);
             let moving: Vec<usize> = moving.filter(|&c| stands(model, &model.equations[equation], c, 1)).collect();
             if !moving.is_empty() {
@@ -535,7 +541,7 @@ fn driven(model: &ExactModel, pairs: Option<&[usize]>, acts: impl Iterator<Item 
     Some(found)
 }
 
-/// The two parts of a product or sum; the atom at fault when it has no value at rest.
+/// The two parts of a product or sum; an error with the atom that has no value at rest.
 fn parts_of(model: &mut ExactModel, expr: ExprId, still: &HashMap<ExprId, ExprId>) -> Result<(ExprId, ExprId), String> {
     let graph = &mut model.graph;
     let polynomial = graph.polynomial(expr);
@@ -637,7 +643,8 @@ mod tests {
 
     #[test]
     fn rows_in_any_order_and_mixed_inputs() {
-        // v = k q'' + p'' written first; q'' + k p'' = 3 u second: positions do not fit only when the pairing is unique.
+        // v = k q'' + p'' comes first, q'' + k p'' = 3 u second; the assignment by index is used only if it is
+        // possible.
         let Two { mut model, a, u, k } = two();
         let g = &mut model.graph;
         let coupled = g.mul(k, a[0]);

@@ -1,7 +1,7 @@
-//! Straight-line evaluation plans: shared by the interpreter and by every source emitter.
+//! Straight-line evaluation plans, shared by the interpreter and all emitters.
 //!
 //! Invariant: every operand slot is smaller than the slot of the operation that uses it; no two operations are equal.
-//! Whoever executes the operations in order with one rounding each gets the same numbers as everybody else.
+//! Executing the operations in order with one rounding each gives the same numbers on every platform.
 
 use crate::budget;
 use crate::number::rational::Rational;
@@ -11,10 +11,10 @@ use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// The work, in operations on machine words, of putting a new operation into a plan.
+/// Operations on machine words for adding an operation to a plan, for the budget.
 const EMITTED: u64 = 200;
 
-/// A list of operations, some of whose results are asked for. `L` is the type of its leaves.
+/// A list of operations, some of whose results are outputs. `L` is the type of its leaves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Plan<L = Leaf> {
     /// The leaves that the plan reads, in order of first use.
@@ -38,7 +38,7 @@ impl<L: Clone + PartialEq> Plan<L> {
                 let op = &self.ops[slot.index()];
                 let missing: Vec<Slot> = op.operands().filter(|operand| slots[operand.index()].is_none()).collect();
                 if slots[slot.index()].is_none() && !missing.is_empty() {
-                    // Reversed, so that the first operand is computed first.
+                    // The order is reversed, so that the first operand is computed first.
                     stack.extend(missing.into_iter().rev());
                     continue;
                 }
@@ -55,8 +55,8 @@ impl<L: Clone + PartialEq> Plan<L> {
         Self { inputs: merger.inputs, ops: merger.ops, outputs }
     }
 
-    /// The exact values of the outputs, given exact leaves; `None` when pi, a function without a rational value or a
-    /// division by zero stands in the way.
+    /// The exact values of the outputs, given exact leaves; `None` when the plan contains pi, a function without a
+    /// rational value or a division by zero.
     #[must_use]
     pub fn evaluate_exact(&self, mut leaf: impl FnMut(&L) -> Option<Rational>) -> Option<Vec<Rational>> {
         let mut values: Vec<Rational> = Vec::with_capacity(self.ops.len());
@@ -96,7 +96,7 @@ impl<L: Clone + PartialEq> Plan<L> {
     }
 }
 
-/// Puts operations and whole plans together, every operation once.
+/// Merges operations and whole plans, with every operation once.
 #[derive(Clone, Debug)]
 pub struct Merger<L = Leaf> {
     inputs: Vec<L>,
@@ -111,7 +111,7 @@ impl<L> Default for Merger<L> {
 }
 
 impl<L: Clone + PartialEq> Merger<L> {
-    /// The slot of an operation on slots of this merger.
+    /// Adds an operation on slots of this merger, and returns its slot.
     pub fn emit(&mut self, op: Op) -> Slot {
         if let Some(&slot) = self.known.get(&op) {
             return slot;
@@ -123,7 +123,7 @@ impl<L: Clone + PartialEq> Merger<L> {
         slot
     }
 
-    /// The slot of a leaf.
+    /// Adds a leaf, and returns its slot.
     pub fn load(&mut self, leaf: L) -> Slot {
         let index = self.inputs.iter().position(|present| *present == leaf).unwrap_or_else(|| {
             self.inputs.push(leaf);
@@ -132,7 +132,7 @@ impl<L: Clone + PartialEq> Merger<L> {
         self.emit(Op::Load(u32::try_from(index).expect("invariant: fewer than 2^32 inputs")))
     }
 
-    /// Takes in a whole plan and returns the slots of its outputs.
+    /// Adds a whole plan and returns the slots of its outputs.
     pub fn append(&mut self, plan: &Plan<L>) -> Vec<Slot> {
         let mut slots: Vec<Slot> = Vec::with_capacity(plan.ops.len());
         for op in &plan.ops {
@@ -151,13 +151,13 @@ impl<L: Clone + PartialEq> Merger<L> {
         &self.ops[slot.index()]
     }
 
-    /// Whether a slot is a number with some property.
+    /// Whether a slot is a number with the given property.
     #[must_use]
     pub fn is_number(&self, slot: Slot, property: impl FnOnce(&Rational) -> bool) -> bool {
         matches!(self.op(slot), Op::Constant(value) if property(value))
     }
 
-    /// The plan of these outputs, without the operations and leaves that none of them needs.
+    /// The plan of these outputs, without operations and leaves that no output needs.
     #[must_use]
     pub fn finish(self, outputs: Vec<Slot>) -> Plan<L> {
         let mut needed = vec![false; self.ops.len()];

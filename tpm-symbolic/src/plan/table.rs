@@ -1,4 +1,4 @@
-//! The harmonic table as plans: the estimator matrix with the known terms, and the sums of a sample.
+//! Plans of the harmonic table: the estimator matrix with the known terms, and the addends of a sample.
 
 use crate::expr::graph::{ExprId, Function, Graph, Symbol};
 use crate::harmonic::table::{Entry, HarmonicTable};
@@ -9,7 +9,7 @@ use crate::plan::constants;
 use crate::plan::draft::Draft;
 use crate::plan::straight_line::Plan;
 
-/// The harmonic table and the plans that follow from it.
+/// The harmonic table and the plans derived from it.
 #[derive(Clone, Debug)]
 pub struct TablePlan {
     /// The table itself.
@@ -20,7 +20,7 @@ pub struct TablePlan {
     pub places: Vec<(usize, Option<usize>)>,
     /// The entries at `places`; leaves are amplitudes, frequency and constants.
     pub matrix: Plan,
-    /// What a sample of the equations' signals adds to the sum of every row, the signal times cos or sin of `harmonic * w t`;
+    /// The addend of a sample to the sum of every row: the equation's signal times cos or sin of `harmonic * w t`. The
     /// leaves are the signals, cos w t and sin w t.
     pub bank: Plan,
 }
@@ -81,7 +81,7 @@ fn entry_expr(model: &ExactModel, draft: &mut Draft, entry: &Entry) -> ExprId {
     draft.graph.product(&factors)
 }
 
-/// The symbol at an index of a table's list of symbols: that of a table which came from expansion is the model's own list.
+/// The symbol at an index of a table's list of symbols. A table that came from expansion has the model's own list.
 #[must_use]
 pub fn table_symbol(index: usize) -> Symbol {
     Symbol(u32::try_from(index).expect("invariant: fewer than 2^32 symbols"))
@@ -107,7 +107,7 @@ pub fn entry_formula(table: &HarmonicTable, entry: &Entry) -> String {
             above.push(format!("sign({})", table.symbols[symbol]));
         }
     }
-    // A factor 1 is left out beside other factors.
+    // A factor 1 is omitted next to other factors.
     if above.len() > 1 && (above[0] == "1" || above[0] == "-1") {
         let minus = if above.remove(0) == "-1" { "-" } else { "" };
         above[0].insert_str(0, minus);

@@ -1,9 +1,10 @@
-//! The row forces of equations that were left as they were written.
+//! The row forces of equations in their written form.
 //!
-//! Phi theta adds up what belongs to every parameter by itself, whereas a recursion adds forces of the same point before it carries them
-//! further. Where the equations were not multiplied out, the forces are therefore taken from the equations, with the columns in the
-//! place of the parameters. A column that stands for several proportional parameters takes the place of one of these, and the others are
-//! zero: the column is their sum with the factors of the proportion, so that the rows stay what they are.
+//! Phi theta adds the contributions of every parameter separately, whereas a recursion adds the forces at a point
+//! before it transforms them further. Where the equations were not multiplied out, the forces are therefore computed
+//! from the equations, with columns substituted for the parameters. A column that stands for several proportional
+//! parameters is substituted for one of them, and the others are set to zero. The column is their sum weighted by the
+//! factors of proportion, so that the rows keep their values.
 
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph, Node};
@@ -16,8 +17,8 @@ use crate::plan::straight_line::Plan;
 use crate::regressor::form::{RegressorForm, Row};
 use std::collections::HashMap;
 
-/// Phi theta + known, one output per row; `None` where the equations are multiplied out, where a column is no sum of parameters, and
-/// where a row was divided by something that is no number.
+/// Phi theta + known, one output per row; `None` where the equations are multiplied out, where a column is no sum of
+/// parameters, and where a row was divided by a factor that is no number.
 pub(crate) fn forces(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
     if form.is_expanded(&model.graph) {
         return None;
@@ -32,12 +33,12 @@ pub(crate) fn forces(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
     Some(written.draft.plan(&roots))
 }
 
-/// The way from expressions in a model's equations to those in the place of its rows.
+/// Converts expressions of a model's equations to the corresponding expressions of its rows.
 pub(crate) struct Written {
     pub(crate) draft: Draft,
     values: Values,
     replacement: HashMap<ExprId, ExprId>,
-    /// Of every row the number by which its equation was multiplied.
+    /// The number by which the equation of every row was multiplied.
     scales: Vec<Rational>,
 }
 
@@ -74,7 +75,7 @@ impl Written {
         self.draft.graph.substitute_beside(expr, &mut self.replacement)
     }
 
-    /// A part of an equation as it stands in the equation's row.
+    /// A subexpression of an equation, scaled as in the equation's row.
     pub(crate) fn scaled(&mut self, row: usize, expr: ExprId) -> ExprId {
         self.draft.graph.scale(expr, self.scales[row].clone())
     }
@@ -103,7 +104,7 @@ fn scale(graph: &mut Graph, equation: &Equation, row: &Row, values: &mut Values)
     let slope = graph.sum(&slopes);
     let slope = values.put_in(graph, slope);
     let slope = graph.polynomial(slope);
-    // The input has moved to the other side.
+    // The input was moved to the other side.
     let (_, of_row) = factor.terms().next()?;
     let (_, of_equation) = slope.terms().next()?;
     let scale = -(of_row / of_equation);

@@ -1,7 +1,8 @@
-//! Base parameters: the combinations of parameters that any motion can show, exactly.
+//! Base parameters: the combinations of parameters that any motion can identify, computed exactly.
 //!
-//! The rows of the regressor at many motions, stacked, have a rank r; what can be estimated is the row space. The rows are evaluated at
-//! points where everything is a number of a field ([`crate::expr::point`]), with velocities and accelerations drawn at random.
+//! The rows of the regressor at many motions, stacked, have a rank r; the combinations that can be estimated are the
+//! row space. The rows are evaluated at points whose coordinates are elements of a field ([`crate::expr::point`]), with
+//! velocities and accelerations drawn at random.
 //!
 //! - The rank modulo a prime of 61 bits is a certain lower bound of r. It is smaller only with a probability of about d / 2^60 for
 //!   entries of degree d (Schwartz and Zippel).
@@ -29,30 +30,31 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use thiserror::Error;
 
-/// Points in a row that show nothing new before the rank is taken as reached. A sign that is drawn alike at all of them would hide what
-/// depends on it.
+/// Number of successive points without a new independent row after which the rank counts as reached. There must be so
+/// many, since a sign that is drawn alike at all of them would hide the terms that depend on it.
 const NOTHING_NEW: usize = 24;
 
-/// Points at which null vectors are checked over the rationals, and modulo a prime.
+/// Number of points at which null vectors are checked over the rationals, and modulo a prime.
 const CHECKS: usize = 2;
 
-/// The number of the first point of a check; the points of a rank have smaller numbers.
+/// Number of the first point of a check; the points that determine a rank have smaller numbers.
 const FRESH: u64 = 1 << 32;
 
-/// Draws that may fail because a divisor vanishes there.
+/// Most draws that may fail because a denominator vanishes.
 const FAILURES: u64 = 20;
 
-/// Where a coordinate rests.
+/// Position of a coordinate at rest.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rest {
-    /// An angle, by the tangent of its half; as a number it is taken as generic, unless it is zero.
+    /// An angle, given by the tangent of its half. Where it occurs as a number it is taken as generic, unless it is
+    /// zero.
     HalfTangent(Rational),
     /// A length; its sine and cosine are taken as generic, unless it is zero.
     Value(Rational),
 }
 
-/// The motions that are asked about: which coordinates move, all of them independently, and which constants have which values.
+/// The motions in question: the moving coordinates, all independent of each other, and the values of constants.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Motions {
     /// Coordinates at rest. All others move.
@@ -66,11 +68,11 @@ pub struct Motions {
 pub struct BaseParameter {
     /// Index of the leading column.
     pub column: usize,
-    /// What is lumped into it: column and factor.
+    /// The parameters that are lumped into it: column and factor.
     pub others: Vec<(usize, Rational)>,
 }
 
-/// From what the result follows, for [`verify`].
+/// The data from which [`verify`] can check the result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Certificate {
     /// The rank.
@@ -79,8 +81,8 @@ pub struct Certificate {
     pub prime: u64,
     /// The numbers of the points whose rows, stacked, have this rank.
     pub points: Vec<u64>,
-    /// As many null vectors as columns are left, each as columns with factors that are not zero, and each with a factor of one at a
-    /// column of its own, named first. `None` where they depend on constants without a value.
+    /// A basis of the null space, each vector as columns with nonzero factors, and with a factor of one at its own
+    /// column, named first. `None` where the vectors depend on constants without a value.
     pub directions: Option<Vec<Vec<(usize, Rational)>>>,
 }
 
@@ -93,14 +95,14 @@ pub struct BaseParameters {
     pub rank: usize,
     /// A maximal set of combinations that can be estimated; `None` where they depend on constants without a value.
     pub base: Option<Vec<BaseParameter>>,
-    /// From what this follows.
+    /// The certificate of the result.
     pub certificate: Certificate,
 }
 
 impl BaseParameters {
-    /// Directions along which no equation changes at any motion while the columns `held` keep their values: columns with factors, in each
-    /// direction a factor of one at a column that no other direction has. Nothing where the directions depend on constants without a
-    /// value.
+    /// Directions along which no equation changes at any motion while the columns `held` keep their values, as columns
+    /// with factors. In each direction the factor is one at a column that no other direction has. Empty where the
+    /// directions depend on constants without a value.
     #[must_use]
     pub fn hidden(&self, held: &[usize]) -> Vec<Vec<(usize, Rational)>> {
         let certified = self.certificate.directions.iter().flatten();
@@ -108,7 +110,7 @@ impl BaseParameters {
             certified.map(|direction| direction.iter().cloned().collect()).collect();
         for column in held {
             let moving = (0..directions.len()).filter(|&index| directions[index].contains_key(column));
-            // The shortest one leaves the fewest terms in the others.
+            // The shortest direction leaves the fewest terms in the others.
             let Some(shortest) = moving.min_by_key(|&index| directions[index].len()) else { continue };
             let pivot = directions.remove(shortest);
             for direction in &mut directions {
@@ -127,7 +129,7 @@ impl BaseParameters {
     }
 }
 
-/// Why there is no rank, or why a certificate does not hold.
+/// Why the rank cannot be determined, or why a certificate does not hold.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum BaseParameterError {
@@ -142,7 +144,7 @@ pub enum BaseParameterError {
         /// The rank of the certificate.
         claimed: usize,
     },
-    /// The null vectors are not independent, or not as many as columns less the rank.
+    /// The null vectors are not independent, or their number is not that of the columns minus the rank.
     #[error("{found} independent null vectors are given, where {wanted} belong to the rank")]
     Count {
         /// How many independent ones there are.
@@ -158,7 +160,7 @@ pub enum BaseParameterError {
     },
 }
 
-/// What a drawn value depends on.
+/// Dependence of a drawn value on the point.
 enum Policy {
     /// An exact value.
     Exact(Rational),
@@ -176,7 +178,7 @@ struct Rows<'a> {
     policies: FxHashMap<Drawn, Policy>,
     rows: usize,
     columns: usize,
-    /// Row, column, and what stands there.
+    /// Row, column, and factor of every term.
     terms: Vec<(usize, usize, Product)>,
 }
 
@@ -207,7 +209,7 @@ impl<'a> Rows<'a> {
 
     /// The rows at a point; `None` where a divisor vanishes.
     fn at<F: Field>(&self, field: &F, number: u64) -> Option<Vec<Vec<F::Element>>> {
-        // A draw depends on its number and key only, not on what else is drawn.
+        // A draw depends only on its number and key, not on other draws.
         let word = |number: u64, key: u64| {
             let mut draws = Draws::new(number.wrapping_mul(0x1_0000_0001).wrapping_add(key));
             draws.word();
@@ -232,7 +234,7 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// What a drawn value depends on, and the key of its draws, which follows from the model alone.
+/// Dependence of a drawn value on the point, with the key of its draws, which follows from the model alone.
 fn policy(model: &ExactModel, motions: &Motions, points: &Points<'_>, drawn: Drawn) -> Policy {
     let graph = &model.graph;
     let key = match drawn {
@@ -248,7 +250,7 @@ fn policy(model: &ExactModel, motions: &Motions, points: &Points<'_>, drawn: Dra
     let moving = points.leaves(drawn).iter().any(moves);
     match drawn {
         Drawn::Sign(_) if moving => Policy::Sign(key),
-        // Of an argument whose value is not known either sign is as good.
+        // For an argument of unknown value both signs are possible.
         Drawn::Sign(argument) => {
             let leaf = |leaf: &Node| match *leaf {
                 Node::Symbol(symbol) => known(model, motions, symbol),
@@ -310,7 +312,7 @@ struct Echelon<'f> {
 }
 
 impl Echelon<'_> {
-    /// Adds a row; whether it was independent of those before.
+    /// Adds a row; returns whether it was independent of the earlier ones.
     fn add(&mut self, mut row: Vec<u64>) -> bool {
         for (pivot, known) in &self.rows {
             let factor = row[*pivot];
@@ -378,7 +380,7 @@ fn null_vectors<T: Clone>(
 /// and Khalil 1990).
 ///
 /// # Errors
-/// When the equations have no value at the motions that are asked about.
+/// When the equations have no value at the motions in question.
 pub fn base_parameters(
     model: &ExactModel,
     form: &RegressorForm,
@@ -396,7 +398,7 @@ pub fn base_parameters(
     for count in 1..=fields.len() {
         if bases.len() < count {
             let (next, _) = basis(&rows, &fields[count - 1])?;
-            // Another rank would be a prime that divides what it must not.
+            // A different rank would mean that the prime divides a determinant or denominator.
             if next.len() != rank {
                 break;
             }
@@ -432,7 +434,8 @@ pub fn base_parameters(
     Ok(BaseParameters { parameters, rank, base, certificate })
 }
 
-/// The columns in the order in which their first parameters were declared: a lumped one stands where its parameters do.
+/// The columns in the order in which their first parameters were declared; a lumped one has the place of its first
+/// parameter.
 fn declared(model: &ExactModel, form: &RegressorForm) -> Vec<usize> {
     let first = |column: usize| {
         let definition = &form.columns[column].definition;
@@ -448,7 +451,7 @@ fn declared(model: &ExactModel, form: &RegressorForm) -> Vec<usize> {
     order
 }
 
-/// A null vector by its free column: what moves into the leading columns when the free one is left out.
+/// A null vector by its free column, with the factors by which the free column is added to the leading columns.
 type Lifted = (usize, Vec<(usize, Rational)>);
 
 fn terms(vectors: &[Lifted]) -> usize {
@@ -503,8 +506,8 @@ fn residue(value: &BigInt, field: &Residues) -> u64 {
     rest.iter_u64_digits().next().unwrap_or(0)
 }
 
-/// The rows at a few points of a field, beginning with the point `first`, each cleared of denominators; fewer where a divisor vanishes
-/// again and again.
+/// The rows at a few points of a field, beginning with the point `first`, each cleared of denominators; fewer points
+/// where a denominator vanishes repeatedly.
 fn at_fresh<F: Field>(rows: &Rows<'_>, field: &F, first: u64) -> Vec<Vec<Vec<F::Element>>> {
     let matrices = (first..first + CHECKS as u64 + FAILURES).filter_map(|number| rows.at(field, number));
     let cleared = |matrix: Vec<Vec<F::Element>>| matrix.into_iter().map(|row| field.cleared(row)).collect();
@@ -540,11 +543,12 @@ fn annihilate<F: Field>(
     Ok(())
 }
 
-/// Checks a certificate for a model in regressor form under some motions: that the rows at its points have its rank, and that its vectors
-/// are independent null vectors, at points that `seed` chooses. Nothing that led to the certificate is used.
+/// Checks a certificate for a model in regressor form under some motions: the rows at its points must have its rank,
+/// and its vectors must be independent null vectors, at points that `seed` chooses. The check uses no intermediate
+/// result of the computation of the certificate.
 ///
 /// # Errors
-/// When the certificate does not hold; what is wrong is named.
+/// When the certificate does not hold; the fault is named.
 pub fn verify(
     model: &ExactModel,
     form: &RegressorForm,

@@ -1,4 +1,4 @@
-//! Equations sorted into parameter and motion monomials, row by row.
+//! Equations separated into parameter and motion monomials, row by row.
 //!
 //! Every term of an equation is a rational number times powers of parameters, constants and motion atoms (derivatives of
 //! coordinates and functions of them).
@@ -17,7 +17,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum RegressorError {
-    /// A parameter stands inside a function of the motion.
+    /// A parameter occurs inside a function of the motion.
     #[error("the model is not linear in `{parameter}`: it stands inside `{inside}`, which depends on the motion")]
     InsideFunction {
         /// The source term at fault.
@@ -54,10 +54,10 @@ pub enum RegressorError {
     TooLarge {
         /// The source term at fault.
         term: TermId,
-        /// The most that are sorted.
+        /// Most monomials that are collected.
         most: usize,
     },
-    /// A constant whose value is 0 stands in a denominator.
+    /// A constant whose value is 0 occurs in a denominator.
     #[error("`{divisor}` is 0 and stands in a denominator; give it another value, or take it out")]
     ZeroDivisor {
         /// The source term at fault.
@@ -68,7 +68,7 @@ pub enum RegressorError {
     /// No equation has an input.
     #[error("no equation has an input, so nothing fixes the scale of the parameters")]
     NoInput,
-    /// The terms of an equation cancel, so that nothing is left of it.
+    /// The terms of an equation cancel completely.
     #[error("equation {name} cancels to nothing")]
     Empty {
         /// The equation.
@@ -94,7 +94,7 @@ impl RegressorError {
     }
 }
 
-/// What a factor of a term is.
+/// Kind of a factor of a term.
 enum Class {
     Input(Symbol),
     Parameter,
@@ -156,25 +156,25 @@ impl CollectedTerm {
     }
 }
 
-/// An equation sorted into parameter and motion monomials: each pair once, in increasing order, with a coefficient that is
-/// not zero.
+/// An equation separated into parameter and motion monomials: each pair once, in increasing order, with a nonzero
+/// coefficient.
 pub(crate) struct CollectedRow {
     pub(crate) name: EcoString,
     pub(crate) terms: Vec<CollectedTerm>,
     pub(crate) inputs: Vec<(Symbol, Polynomial<ExprId>)>,
 }
 
-/// A source term as a Laurent polynomial over atoms, beside the expression it was written as.
+/// A source term as a Laurent polynomial over atoms, with its written expression.
 pub(crate) struct WrittenTerm {
     pub(crate) id: TermId,
     pub(crate) source: ExprId,
     pub(crate) polynomial: Polynomial<ExprId>,
 }
 
-/// What the source terms of an equation consist of, on its left-hand side.
+/// The collected source terms of an equation, on its left-hand side.
 #[derive(Default)]
 pub(crate) struct Gathered {
-    /// In any order, a pair of parameter side and motion side as often as it was met.
+    /// Terms in any order; a pair of parameter side and motion side may occur several times.
     pub(crate) terms: Vec<CollectedTerm>,
     /// The factor of every input, with the first source term that has the input.
     pub(crate) inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
@@ -199,7 +199,7 @@ fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered,
     for source in written {
         for (monomial, coefficient) in source.polynomial.terms() {
             let mut coefficient = coefficient.clone();
-            // Both are parts of a sorted list and stay sorted.
+            // Both are parts of a sorted list, and therefore sorted.
             let (mut parameters, mut motion) = (Factorisation::new(), Factorisation::new());
             let mut input = None;
             let mut moves = false;
@@ -281,7 +281,7 @@ pub(crate) fn row_of(
         1 => inputs.keys().next().map_or_else(EcoString::new, |symbol| model.quantity(*symbol).name.clone()),
         _ => name.into(),
     };
-    // The input moves to the right-hand side.
+    // The input is moved to the right-hand side.
     let minus_one = rational::integer(-1);
     let inputs = inputs.into_iter().map(|(symbol, (factor, _))| (symbol, factor.scale(&minus_one))).collect();
     Ok(CollectedRow { name, terms, inputs })

@@ -1,4 +1,4 @@
-//! What a regressor form consists of: columns, and rows of terms.
+//! The elements of a regressor form: columns, and rows of terms.
 //!
 //! The entry of a row and column is the sum of its terms. A factor of a term is an atom (a leaf, a function, a divisor) or a sum that
 //! was left as it was written, because the equations would be too long multiplied out (`DESIGN.md`, "Why is a regressor entry an expression
@@ -61,7 +61,7 @@ pub struct Row {
 /// The whole model in regressor form.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RegressorForm {
-    /// What is estimated.
+    /// The estimated parameters.
     pub columns: Vec<Column>,
     /// The equations.
     pub rows: Vec<Row>,
@@ -81,7 +81,7 @@ impl Term {
         self.atoms.factors().map(factor).product()
     }
 
-    /// The product, multiplied out; `known` holds the polynomials of parts, and takes in those that are found.
+    /// The product, multiplied out. `known` holds the polynomials of subexpressions, and the new ones are added to it.
     fn polynomial(&self, graph: &Graph, known: &mut FxHashMap<ExprId, Polynomial<ExprId>>) -> Polynomial<ExprId> {
         let mut product = Polynomial::constant(self.coefficient.clone());
         for (&atom, exponent) in self.atoms.factors() {
@@ -104,7 +104,7 @@ impl RegressorForm {
         self.rows.iter().flat_map(|row| &row.terms).all(|term| term.is_expanded(graph))
     }
 
-    /// Whether every column stands in some row.
+    /// Whether every column occurs in some row.
     #[must_use]
     pub fn is_whole(&self) -> bool {
         let stands = |column| self.rows.iter().flat_map(|row| &row.terms).any(|term| term.column == Some(column));

@@ -1,7 +1,7 @@
-//! The model sorted into its parameters: Phi(q, q', ...) theta + known = B u, row by row.
+//! The regressor form of a model: Phi(q, q', ...) theta + known = B u, row by row.
 //!
-//! Products of parameters become *lumped* parameters, so that the result is linear in what is estimated; the map from
-//! physical to lumped parameters is kept exactly.
+//! Products of parameters become *lumped* parameters, so that the result is linear in the estimated parameters; the map
+//! from physical to lumped parameters is kept exactly.
 
 use crate::budget;
 use crate::expr::size::Sizes;
@@ -16,11 +16,11 @@ pub use crate::regressor::collect::RegressorError;
 pub use crate::regressor::entries::{Column, RegressorForm, Row, Term};
 pub use crate::regressor::lump::canonical;
 
-/// The most terms that the equations of a model may have, multiplied out, for [`prepare`](crate::regressor::prepare::prepare) to multiply
-/// them out, which takes some milliseconds. Longer ones keep their structure.
+/// Most terms of a model's equations, multiplied out, for which [`prepare`](crate::regressor::prepare::prepare)
+/// multiplies them out, which takes some milliseconds. Longer equations keep their structure.
 const MOST_TERMS: f64 = 5_000.0;
 
-/// Sorts a model into its parameters, its equations multiplied out.
+/// The regressor form of a model with its equations multiplied out.
 ///
 /// # Errors
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
@@ -43,8 +43,8 @@ pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorErro
     Ok(assemble(model, rows, groups))
 }
 
-/// Sorts a model into its parameters, its equations as they were written. The factors of the form's terms are added to the model's
-/// graph.
+/// The regressor form of a model with its equations in their written form. The factors of the form's terms are added to
+/// the model's graph.
 ///
 /// # Errors
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
@@ -52,8 +52,8 @@ pub fn structured_form(model: &mut ExactModel) -> Result<RegressorForm, Regresso
     structured(model, None)
 }
 
-/// [`structured_form`] with the columns of another form of the model: multiplied out, equations may have further columns, which are
-/// proportional to others but for an identity such as that of sine and cosine.
+/// [`structured_form`] with the columns of another form of the model. Equations that are multiplied out may have
+/// further columns, which are proportional to others only by an identity such as that of sine and cosine.
 ///
 /// # Errors
 /// See [`structured_form`].

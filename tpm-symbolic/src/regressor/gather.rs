@@ -1,8 +1,10 @@
-//! Equations sorted into parameter monomials as they were written, without multiplying out what depends on the motion.
+//! Equations separated by parameter monomials in their written form, without multiplying out the factors that depend on
+//! the motion.
 //!
-//! Every node that holds a parameter or an input becomes a map from monomials of these to coefficients, which are expressions of the
-//! motion and of constants. A sum adds maps, a product multiplies them, and a node that several others share is sorted once. So the work
-//! grows with the number of nodes times the number of parameters, whatever the number of terms would be.
+//! Every node that contains a parameter or an input becomes a map from monomials of these to coefficients, which are
+//! expressions of the motion and of constants. A sum adds maps, a product multiplies them, and a shared node is
+//! separated once. So the work grows with the number of nodes times the number of parameters, whatever the number of
+//! expanded terms would be.
 //!
 //! Invariant of [`Parts`]: the node equals the sum of its monomials times their coefficients; no coefficient holds a parameter or an
 //! input, and none is the number zero.
@@ -17,13 +19,14 @@ use num_traits::{One, Zero};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
-/// The most monomials of parameters that a node may have: far above any machine, and below what a memory holds.
+/// Most parameter monomials of a node. The bound is far above the number for any machine, and below the limits of
+/// memory.
 const MOST_MONOMIALS: usize = 100_000;
 
 /// A node by its monomials of parameters and inputs.
 type Parts = BTreeMap<Monomial<ExprId>, ExprId>;
 
-/// What a node depends on.
+/// Dependence of a node on parameters, inputs and the motion.
 #[derive(Clone, Copy, Debug, Default)]
 struct Dependence {
     parameter: Option<Symbol>,
@@ -37,20 +40,20 @@ impl Dependence {
     }
 }
 
-/// The equations of a model, sorted term by term. Constants of known value are put in everywhere.
+/// The equations of a model, separated term by term. Constants of known value are replaced everywhere.
 pub(crate) struct Gather<'m> {
     model: &'m mut ExactModel,
-    /// For the nodes that were there when the sorting began; later ones are coefficients.
+    /// Dependences of the nodes that existed when the separation began; later nodes are coefficients.
     dependence: Vec<Dependence>,
     values: HashMap<ExprId, ExprId>,
     memo: HashMap<ExprId, Rc<Parts>>,
 }
 
-/// Why a node has no parts.
+/// Why a node cannot be separated.
 enum Obstacle {
-    /// A parameter inside something that depends on the motion.
+    /// A parameter inside an expression that depends on the motion.
     Inside(Symbol, ExprId),
-    /// An input inside a function or below a fraction line.
+    /// An input inside a function or in a denominator.
     Input(Symbol),
     /// Too many monomials.
     TooLarge,
@@ -108,7 +111,7 @@ impl<'m> Gather<'m> {
         Ok(gathered)
     }
 
-    /// The input that a node is.
+    /// The input that a node represents.
     fn input(&self, atom: ExprId) -> Option<Symbol> {
         match *self.model.graph.node(atom) {
             Node::Symbol(symbol) if self.model.quantity(symbol).kind == Kind::Input => Some(symbol),
@@ -116,7 +119,7 @@ impl<'m> Gather<'m> {
         }
     }
 
-    /// Makes known what the nodes depend on that have come since.
+    /// Computes the dependences of nodes that were added meanwhile.
     fn extend_dependence(&mut self) {
         let graph = &self.model.graph;
         for id in graph.ids().skip(self.dependence.len()) {
@@ -141,7 +144,7 @@ impl<'m> Gather<'m> {
     }
 
     fn of(&self, id: ExprId) -> Dependence {
-        // Nodes that came later are coefficients, which are never sorted.
+        // Later nodes are coefficients, which are never separated.
         self.dependence[id.index()]
     }
 
@@ -169,7 +172,7 @@ impl<'m> Gather<'m> {
         Ok(Rc::clone(&self.memo[&root]))
     }
 
-    /// The parts of a node that holds a parameter or an input, from those of its operands.
+    /// The separated form of a node that contains a parameter or an input, from those of its operands.
     fn node(&mut self, id: ExprId) -> Result<Parts, Obstacle> {
         let one = self.model.graph.integer(1);
         match self.model.graph.node(id).clone() {
@@ -189,7 +192,7 @@ impl<'m> Gather<'m> {
             Node::Product(factors) => {
                 let (unknown, known): (Vec<ExprId>, Vec<ExprId>) =
                     factors.into_iter().partition(|&factor| self.of(factor).is_unknown());
-                // A single factor may be a product of products, and stays one.
+                // A single factor may be a product of products, and keeps its structure.
                 let known = match known.as_slice() {
                     [single] => *single,
                     _ => self.model.graph.product(&known),
@@ -264,7 +267,7 @@ impl<'m> Gather<'m> {
     }
 }
 
-/// An expression as a number times a product of powers, sums among the bases left as they are.
+/// An expression as a number times a product of powers; sums among the bases keep their structure.
 fn factors(graph: &Graph, expr: ExprId) -> (Rational, Monomial<ExprId>) {
     let mut number = Rational::one();
     let mut powers = Factorisation::new();

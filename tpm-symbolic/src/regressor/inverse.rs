@@ -1,7 +1,7 @@
 //! The physical parameters as functions of the lumped ones, in closed form.
 //!
-//! A value that is more than a single product is an intermediate quantity of its own, so that expressions do not grow from
-//! step to step. [`ParameterMap::inverse`] finds an inverse; this module evaluates, checks and displays it.
+//! A value of more than a single product becomes an intermediate quantity, so that expressions do not grow from step to
+//! step. [`ParameterMap::inverse`] finds an inverse; this module evaluates, checks and displays it.
 
 use crate::algebra::fraction::{Fraction, display_polynomial};
 use crate::algebra::polynomial::{Monomial, Polynomial};
@@ -10,7 +10,7 @@ use crate::number::rational::Rational;
 use crate::regressor::parameter_map::ParameterMap;
 use num_traits::One;
 
-/// The largest number of terms in the numerator of a closed form; a longer one is of no use.
+/// Most terms in the numerator of a closed form; a longer one is of no use.
 pub(super) const MAX_TERMS: usize = 500;
 
 /// A variable of an inverse: `Variable(j)` is column j; beyond the columns come the constants that are known at run time,
@@ -31,7 +31,7 @@ pub struct Intermediate {
 pub struct Constraint {
     /// The column that the others determine; `None` when the relation comes from a sum of parameters.
     pub column: Option<usize>,
-    /// What the column equals, or what equals zero.
+    /// The expression that the column equals or, without a column, the expression that equals zero.
     pub value: Fraction<Variable>,
 }
 
@@ -54,13 +54,14 @@ pub struct Inverse {
 }
 
 impl Inverse {
-    /// Number of variables that are given, which is the index of the first intermediate.
+    /// Number of given variables, which is the index of the first intermediate.
     #[must_use]
     pub fn given(&self) -> usize {
         self.columns + self.constants.len()
     }
 
-    /// An expression with the intermediates replaced, over columns and constants; `None` when it grows beyond use.
+    /// An expression in which the intermediates are replaced, over columns and constants; `None` when it becomes too
+    /// long.
     #[must_use]
     pub fn over_columns(&self, value: &Fraction<Variable>) -> Option<Fraction<usize>> {
         let mut value = value.clone();
@@ -94,8 +95,8 @@ impl Inverse {
         self.solved.iter().map(|(parameter, value)| (*parameter, value.evaluate_f64(|&v| values[v]))).collect()
     }
 
-    /// Checks every intermediate, parameter and constraint as an identity in the physical parameters; `None` when
-    /// functions of parameters other than sums stand in the way.
+    /// Checks every intermediate, parameter and constraint as an identity in the physical parameters; `None` when the
+    /// definitions contain functions of parameters other than sums.
     #[must_use]
     pub fn holds(&self, map: &ParameterMap) -> Option<bool> {
         let mut known = map.rational_definitions()?;
@@ -125,7 +126,7 @@ impl Inverse {
         Some(true)
     }
 
-    /// An expression in the model language; intermediates appear as the products they stand for.
+    /// An expression in the model language, in which intermediates are written as their products.
     #[must_use]
     pub fn display(&self, map: &ParameterMap, value: &Fraction<Variable>) -> String {
         value.display(|&variable| match self.intermediates.get(variable.wrapping_sub(self.given())) {

@@ -30,7 +30,7 @@ impl ParameterMap {
     }
 }
 
-/// Total of all exponents.
+/// Sum of the magnitudes of all exponents.
 fn weight(polynomial: &Polynomial<ExprId>) -> u32 {
     let exponents = polynomial.terms().flat_map(|(monomial, _)| monomial.factors().map(|(_, e)| e));
     exponents.map(i32::unsigned_abs).sum()
@@ -39,10 +39,10 @@ fn weight(polynomial: &Polynomial<ExprId>) -> u32 {
 /// A polynomial times powers of shared factors, by index.
 type Factored = (Polynomial<ExprId>, Vec<(usize, i32)>);
 
-/// The definitions with every sum that divides two of them, or one of them twice, as an atom of its own.
+/// The definitions, in which every sum that divides two of them, or one of them twice, is an atom.
 fn with_shared_factors(graph: &mut Graph, definitions: &[Polynomial<ExprId>]) -> Vec<Polynomial<ExprId>> {
     let mut bases: Vec<(Polynomial<ExprId>, usize)> = Vec::new();
-    // Short sums first: a longer one is then divided by them.
+    // Short sums come first, so that longer ones are divided by them.
     let mut order: Vec<usize> = (0..definitions.len()).collect();
     order.sort_by_key(|&i| (definitions[i].len(), weight(&definitions[i])));
     let mut factored: Vec<Factored> = vec![(Polynomial::zero(), Vec::new()); order.len()];
@@ -63,7 +63,8 @@ fn with_shared_factors(graph: &mut Graph, definitions: &[Polynomial<ExprId>]) ->
         if let Some((content, coefficient, sum)) = primitive_part(&rest)
             && sum.len() > 1
         {
-            // The denominator stays with the sum: m2/g1 + m3/g1 + m3/g2 is known once k2 and k2 times it are.
+            // The denominator remains part of the sum: m2/g1 + m3/g1 + m3/g2 is known when k2 and its product with k2
+            // are known.
             let below: Monomial<ExprId> = content.factors().filter(|(_, e)| *e < 0).map(|(&v, e)| (v, e)).collect();
             factors.push((bases.len(), 1));
             bases.push((sum.mul_monomial(&below), 1));
@@ -91,12 +92,12 @@ struct LinearEquation {
     right: Fraction<Variable>,
 }
 
-/// What an equation says.
+/// Origin of an equation.
 #[derive(Clone, Copy)]
 enum Origin {
     /// The definition of a column.
     Column(usize),
-    /// Sum - atom = 0, which may be multiplied by any product.
+    /// The definition of a shared sum: sum - atom = 0, which may be multiplied by any product.
     Sum(ExprId),
 }
 
@@ -104,7 +105,7 @@ enum Origin {
 struct Equation {
     polynomial: Polynomial<ExprId>,
     origin: Origin,
-    /// Total of all exponents: short definitions are used before long ones.
+    /// Sum of the magnitudes of all exponents: short definitions are used before long ones.
     weight: u32,
     used: bool,
 }
@@ -120,8 +121,8 @@ struct Inversion<'a> {
     lattice: Lattice,
     intermediates: Vec<Intermediate>,
     constraints: Vec<Constraint>,
-    /// Values of the variables at a generic physical system, by which what vanishes on every physical system is
-    /// recognised: such an expression need not be zero as a function of independent columns.
+    /// Values of the variables at a generic physical system. They show which expressions vanish on every physical
+    /// system; such an expression need not be zero as a function of independent columns.
     witness: Option<Vec<Rational>>,
 }
 
@@ -158,7 +159,7 @@ impl<'a> Inversion<'a> {
             let Node::Symbol(symbol) = *graph.node(atom) else { continue };
             let Kind::Constant { value } = &map.quantities[symbol.0 as usize].kind else { continue };
             let known = match value {
-                // A constant that is zero cannot join the lattice, whose products are divided by.
+                // A constant with the value zero cannot join the lattice, since its products are used as divisors.
                 Some(value) if value.is_zero() => continue,
                 Some(value) => Fraction::constant(value.clone()),
                 None => {
@@ -188,7 +189,8 @@ impl<'a> Inversion<'a> {
         }
     }
 
-    /// A product that makes a known one of `atom`. Any other such product differs from it by a known factor.
+    /// A product that, multiplied by `atom`, gives a known value. Any other such product differs from it by a known
+    /// factor.
     fn scale_of(&self, atom: ExprId) -> Monomial<ExprId> {
         let Some(position) = self.atoms.iter().position(|own| *own == atom) else { return Monomial::one() };
         let known = self.lattice.basis.iter().find(|(vector, _)| vector[position].abs() == 1);
@@ -253,7 +255,8 @@ impl<'a> Inversion<'a> {
         }
     }
 
-    /// One round: records what reduces to nothing as constraints and adds what is isolated to the lattice.
+    /// One round: equations that reduce to zero are recorded as constraints, and isolated products are added to the
+    /// lattice.
     fn advance(&mut self, equations: Vec<LinearEquation>) -> bool {
         let mut progress = false;
         let mut singles = Vec::new();
@@ -280,7 +283,7 @@ impl<'a> Inversion<'a> {
                 _ => {}
             }
         }
-        // The simplest first; what then follows from it is found to be a constraint in the next round.
+        // The simplest products come first; equations that follow from them become constraints in the next round.
         let size = |product: &Exponents| product.iter().map(|e| e.unsigned_abs()).sum::<u32>();
         singles.sort_by_key(|(_, product, value)| (value.numerator().len(), size(product)));
         for (origin, product, value) in singles {
@@ -296,7 +299,7 @@ impl<'a> Inversion<'a> {
         progress
     }
 
-    /// A value of more than one term as a new intermediate.
+    /// Makes a value of more than one term a new intermediate.
     fn named(&mut self, product: &Exponents, value: Fraction<Variable>) -> Fraction<Variable> {
         if value.as_polynomial().is_some_and(|polynomial| polynomial.len() == 1) {
             return value;
@@ -310,8 +313,8 @@ impl<'a> Inversion<'a> {
         Fraction::variable(self.map.definitions().len() + self.constants.len() + self.intermediates.len() - 1)
     }
 
-    /// Gauss-Jordan elimination of the unknown products; an equation that reduces to nothing keeps its own right-hand
-    /// side with factor 1.
+    /// Gauss-Jordan elimination of the unknown products; an equation that reduces to zero keeps its own right-hand side
+    /// with factor 1.
     fn reduced(&self, mut equations: Vec<LinearEquation>) -> Vec<LinearEquation> {
         let mut done: Vec<LinearEquation> = Vec::new();
         while !equations.is_empty() {
@@ -340,7 +343,7 @@ impl<'a> Inversion<'a> {
                 equation.right = equation.right.sub(&pivot.right.mul(&factor));
                 equation.terms.retain(|_, value| !self.vanishes(value));
             }
-            // An equation that grows beyond use is given up; a later round may find its product in another way.
+            // An equation that becomes too long is dropped; a later round may find its product in another way.
             let grown = |value: &Fraction<Variable>| value.numerator().len() > MAX_TERMS;
             equations.retain(|equation| !grown(&equation.right) && !equation.terms.values().any(grown));
             done.push(pivot);

@@ -1,6 +1,6 @@
 //! Products of parameters with known values.
 //!
-//! With k2 and k2 m2/k3 also m2/k3 is known, and its powers: the exponent vectors of what is known form a lattice.
+//! With k2 and k2 m2/k3 also m2/k3 is known, and its powers: the exponent vectors of known products form a lattice.
 //!
 //! Invariant of [`Lattice`]: its basis is in echelon form with positive pivots.
 
@@ -21,7 +21,7 @@ fn pivot_of(exponents: &[i32]) -> Option<usize> {
 }
 
 impl Lattice {
-    /// `exponents` modulo the lattice, and the value of what was taken off.
+    /// `exponents` modulo the lattice, and the value of the subtracted product.
     pub(super) fn reduce(&self, mut exponents: Exponents) -> (Exponents, Fraction<Variable>) {
         let mut factor = Fraction::one();
         for (vector, value) in &self.basis {

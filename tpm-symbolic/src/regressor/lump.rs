@@ -1,4 +1,4 @@
-//! Lumped parameters: which parameter monomials share a column, and what the columns are called.
+//! Lumped parameters: parameter monomials that share a column, and the names of the columns.
 //!
 //! Products of parameters become lumped parameters, and parameters whose regressors are proportional over all rows are merged
 //! into one, since no motion could ever tell them apart. Where theta_k has the regressor of theta_j times r, the column is
@@ -22,7 +22,7 @@ pub(crate) struct Group {
     members: SmallVec<[(ParameterMonomial, Rational); 1]>,
 }
 
-/// A parameter monomial's regressor over the whole system: its terms, row by row.
+/// A parameter monomial's regressor over all equations: its terms, row by row.
 type Regressor<'a> = SmallVec<[(usize, &'a [CollectedTerm]); 2]>;
 
 /// The ratio of `regressor` to `first`, when the two are proportional.
@@ -40,8 +40,7 @@ fn multiple(regressor: &Regressor<'_>, first: &Regressor<'_>) -> Option<Rational
     pairs.iter().all(|(a, b)| a.coefficient == &ratio * &b.coefficient).then_some(ratio)
 }
 
-/// Parameter monomials with their regressors, in the order in which columns appear: as the user wrote them, by row, then by source
-/// term.
+/// Parameter monomials with their regressors, in the order of their first appearance: by row, then by source term.
 fn regressors(rows: &[CollectedRow]) -> Vec<(&ParameterMonomial, Regressor<'_>)> {
     let mut regressors: BTreeMap<&ParameterMonomial, ((usize, TermId), Regressor<'_>)> = BTreeMap::new();
     for (r, row) in rows.iter().enumerate() {
@@ -63,7 +62,7 @@ fn regressors(rows: &[CollectedRow]) -> Vec<(&ParameterMonomial, Regressor<'_>)>
 /// Groups parameter monomials whose regressors are proportional over all rows; the equations are multiplied out.
 pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
     let order = regressors(rows);
-    // A group with the regressor of its first member.
+    // Groups, each with the regressor of its first member.
     let mut groups: Vec<(Group, &Regressor<'_>)> = Vec::with_capacity(order.len());
     // Groups by the row and the motion monomial of their first term.
     let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[usize; 1]>> = BTreeMap::new();
@@ -81,7 +80,8 @@ pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
     groups.into_iter().map(|(group, _)| group).collect()
 }
 
-/// Groups parameter monomials whose regressors are proportional over all rows, by their traces; the equations are as they were written.
+/// Groups parameter monomials whose regressors are proportional over all rows, according to their traces; the equations
+/// are in their written form.
 pub(crate) fn merge_by_traces(rows: &[CollectedRow], traces: &Traces<'_>) -> Vec<Group> {
     let directions = traces.directions(rows);
     let mut groups: Vec<Group> = Vec::new();
@@ -111,7 +111,7 @@ pub(crate) fn groups_of(columns: &[Column]) -> Vec<Group> {
     let group = |column: &Column| {
         let mut members: SmallVec<[(ParameterMonomial, Rational); 1]> =
             column.definition.terms().map(|(monomial, ratio)| (monomial.clone(), ratio.clone())).collect();
-        // The column is the regressor of a member that it holds once.
+        // The regressor of the column is that of a member with the factor one.
         members.sort_by_key(|(_, ratio)| !ratio.is_one());
         Group { members }
     };
@@ -162,7 +162,7 @@ pub(crate) fn assemble(model: &ExactModel, rows: Vec<CollectedRow>, groups: Vec<
             let column = if parameters.is_one() {
                 None
             } else {
-                // Both lists ascend.
+                // Both lists are in ascending order.
                 while position.get(at).is_some_and(|(first, _)| *first < parameters) {
                     at += 1;
                 }
@@ -180,7 +180,7 @@ pub(crate) fn assemble(model: &ExactModel, rows: Vec<CollectedRow>, groups: Vec<
     RegressorForm { rows: rows.collect(), columns }
 }
 
-/// All names that a model has already.
+/// All names that the model already has.
 pub(crate) fn names(model: &ExactModel) -> BTreeSet<String> {
     let symbols = model.symbols.iter().map(|quantity| quantity.name.to_string());
     symbols.chain(model.coordinates.iter().map(|coordinate| coordinate.name.clone())).collect()
@@ -195,7 +195,8 @@ fn monomial_unit(model: &ExactModel, monomial: &ParameterMonomial) -> Option<Uni
     Some(unit)
 }
 
-/// The user's name when one was given by `lump`, otherwise the canonical expression, with long numbers cut, spelled as an identifier.
+/// The user's name when `lump` gives one, otherwise the canonical expression, with long numbers shortened, spelled as
+/// an identifier.
 fn lumped_name(model: &ExactModel, definition: &Polynomial<ExprId>, taken: &mut BTreeSet<String>) -> String {
     for lump in &model.lumps {
         if model.graph.polynomial(lump.expr) == *definition {
@@ -203,7 +204,7 @@ fn lumped_name(model: &ExactModel, definition: &Polynomial<ExprId>, taken: &mut 
             return lump.name.clone();
         }
     }
-    // Numbers of a machine, such as lengths, make ratios that nobody reads to their last digit.
+    // Measured numbers, such as lengths, give ratios whose last digits are of no interest.
     let readable: Polynomial<ExprId> =
         definition.terms().map(|(monomial, ratio)| (monomial.clone(), rational::readable(ratio))).collect();
     let mut name = identifier(&canonical(model, &readable));
@@ -216,7 +217,8 @@ fn lumped_name(model: &ExactModel, definition: &Polynomial<ExprId>, taken: &mut 
 /// The canonical expression of a lumped parameter: factors and terms in order of declaration, such as `m2*c2^2`.
 #[must_use]
 pub fn canonical(model: &ExactModel, definition: &Polynomial<ExprId>) -> String {
-    // The member that was met first leads; the polynomial's own order is by declaration, since symbols are interned so.
+    // The first member comes first in the text. The polynomial's own order is that of declaration, since symbols are
+    // interned in that order.
     display_polynomial(definition, |&atom| match model.graph.node(atom) {
         Node::Symbol(_) | Node::Function(..) | Node::Pi | Node::Atan2(..) => model.display(atom),
         _ => format!("({})", model.display(atom)),
@@ -244,6 +246,6 @@ fn identifier(expression: &str) -> String {
     }
     let name = name.replace("__", "_");
     let name = name.trim_matches('_');
-    // No language takes a name that begins with a digit.
+    // No target language accepts a name that begins with a digit.
     if name.starts_with(char::is_numeric) { format!("lumped_{name}") } else { name.to_owned() }
 }

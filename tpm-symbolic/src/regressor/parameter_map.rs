@@ -59,7 +59,8 @@ impl ParameterMap {
             .collect();
         let parameters: Vec<Symbol> = symbols.into_iter().collect();
         let position: BTreeMap<Symbol, usize> = parameters.iter().enumerate().map(|(i, &symbol)| (symbol, i)).collect();
-        // An atom depends on few parameters; of an arm there are hundreds of both.
+        // An atom depends on few parameters, whereas an arm has hundreds of atoms and parameters, so the derivatives
+        // are stored sparsely.
         let mut rates: BTreeMap<ExprId, Vec<(usize, Polynomial<ExprId>)>> = BTreeMap::new();
         for &atom in &atoms {
             let mut of_atom = Vec::new();
@@ -148,13 +149,13 @@ impl ParameterMap {
         self.jacobian.iter().map(|row| row.iter().map(|entry| evaluate_f64(entry, &atoms)).collect()).collect()
     }
 
-    /// The lumped parameters, exactly; `None` where a division by zero or a function without a rational value is met.
+    /// The lumped parameters, exactly; `None` where a division by zero or a function without a rational value occurs.
     #[must_use]
     pub fn evaluate_exact(&self, value: impl Fn(Symbol) -> Rational) -> Option<Vec<Rational>> {
         self.definitions.iter().map(|definition| self.exact(definition, &value)).collect()
     }
 
-    /// The Jacobian, exactly; `None` where a division by zero or a function without a rational value is met.
+    /// The Jacobian, exactly; `None` where a division by zero or a function without a rational value occurs.
     #[must_use]
     pub fn jacobian_exact(&self, value: impl Fn(Symbol) -> Rational) -> Option<Vec<Vec<Rational>>> {
         let row = |row: &Vec<Polynomial<ExprId>>| row.iter().map(|entry| self.exact(entry, &value)).collect();
@@ -238,7 +239,7 @@ impl Names for ParameterMap {
     }
 
     fn coordinate_name(&self, coordinate: Coordinate) -> String {
-        // Parameters do not depend on coordinates, so that none is ever named.
+        // Parameters do not depend on coordinates, so this name is never printed.
         format!("q{}", coordinate.0)
     }
 }

@@ -1,4 +1,5 @@
-//! From a declared model to the regressor form that everything else works on: coordinates eliminated, parameters lumped.
+//! Preparation of a declared model: its coordinates are eliminated and its parameters lumped to give the regressor
+//! form.
 //!
 //! Without eliminations the result is [`regressor_form`], or [`structured_form`] where the equations are too long to be multiplied out.
 //! With eliminations, every motion monomial of the remaining equations
@@ -25,7 +26,7 @@ use thiserror::Error;
 
 /// An eliminated coordinate in terms of the remaining ones: x1 = x2 + m2/k3 x2'' (Feng, Eqn 4.32).
 ///
-/// A controller of the driven coordinate takes its reference from here.
+/// The reference of the eliminated coordinate is computed from this expression.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Reconstruction {
     /// The coordinate.
@@ -72,7 +73,7 @@ impl PrepareError {
     }
 }
 
-/// Eliminates what the model asks to eliminate and sorts the rest into its parameters.
+/// Eliminates the requested coordinates and computes the regressor form of the remaining equations.
 ///
 /// With eliminations, the lumped parameters are numbered by their motion monomials: by the highest derivative,
 /// descending (of the coordinate declared first, where two are equal); then its exponent, ascending; then the total
@@ -140,8 +141,8 @@ fn derivative_orders(graph: &Graph, atom: ExprId) -> Vec<u32> {
 
 /// The terms of a row as Laurent polynomials over atoms.
 ///
-/// Sums in denominators are atoms there, so what cancels between source terms must cancel before: each motion monomial
-/// then gets its whole coefficient, credited to the first source term that contributes.
+/// Sums in denominators are atoms there, so terms that cancel between source terms must cancel before: each motion
+/// monomial then gets its whole coefficient, assigned to the first source term that contributes.
 fn written_terms(graph: &mut Graph, row: &RemainingRow) -> Vec<WrittenTerm> {
     if row.terms.iter().all(|term| term.value.as_polynomial().is_some()) {
         let plain = row.terms.iter().map(|term| WrittenTerm {
@@ -292,7 +293,7 @@ fn unit_of(model: &ExactModel, monomial: &Monomial<ExprId>) -> Option<Unit> {
     Some(unit)
 }
 
-/// A motion monomial, its factors in the order in which the rule looks at them.
+/// A motion monomial, its factors in the order in which the numbering compares them.
 type MotionKey = Vec<(Factor, i32)>;
 
 /// A factor of a motion monomial. Derivatives come before everything else, the highest first.
@@ -325,7 +326,7 @@ fn compare(left: &[(Factor, i32)], right: &[(Factor, i32)]) -> Ordering {
     let degree = |key: &[(Factor, i32)]| key.iter().map(|(_, exponent)| exponent).sum::<i32>();
     match (left.split_first(), right.split_first()) {
         (None, None) => Ordering::Equal,
-        // A monomial whose factors have ended comes last.
+        // A monomial without further factors comes last.
         (None, Some(_)) => Ordering::Greater,
         (Some(_), None) => Ordering::Less,
         (Some(((a, p), rest_a)), Some(((b, q), rest_b))) => {

@@ -1,9 +1,10 @@
-//! Which entries vanish and which are proportional, decided without multiplying out.
+//! Detection of zero and proportional entries without multiplying out.
 //!
-//! The *trace* of an entry is its values at a few points drawn at random modulo a prime of 61 bits. An entry whose trace is not zero is
-//! not zero. An entry of degree d that is not zero has a zero trace with a probability of at most (d / 2^60)^3 (Schwartz and Zippel),
-//! which for d = 10^6 is below 10^-36. Proportional entries have proportional traces, and the reverse fails no more often. The ratio of
-//! proportional entries is read off at a rational point, exactly.
+//! The *trace* of an entry consists of its values at a few points drawn at random modulo a prime of 61 bits. An entry
+//! with a nonzero trace is not zero. A nonzero entry of degree d has a zero trace with a probability of at most (d /
+//! 2^60)^3 (Schwartz and Zippel), which for d = 10^6 is below 10^-36. Proportional entries have proportional traces,
+//! and the converse fails with no higher probability. The ratio of proportional entries is computed exactly at a
+//! rational point.
 
 use crate::algebra::field::{Field, Rationals, Residues};
 use crate::expr::graph::{ExprId, Graph};
@@ -17,20 +18,21 @@ use std::collections::BTreeMap;
 /// The number of points of a trace.
 const POINTS: usize = 3;
 
-/// The number of draws that may fail because a divisor vanishes there.
+/// Most draws that may fail because a denominator vanishes.
 const FAILURES: u64 = 20;
 
 /// The values of one entry.
 type Trace = [u64; POINTS];
 
-/// The traces of a parameter monomial's entries, by row, divided by the first value that is not zero: equal for proportional columns.
+/// The traces of a parameter monomial's entries, by row, divided by the first nonzero value: equal for proportional
+/// columns.
 pub(crate) type Direction = Vec<(usize, Trace)>;
 
 /// The traces of all entries.
 pub(crate) struct Traces<'g> {
     graph: &'g Graph,
-    /// For each row the parameter monomials with their traces, in the order of the row; nothing where the equations have a division
-    /// by zero.
+    /// For each row, the traces of its parameter monomials in the order of the row; empty where the equations have a
+    /// division by zero.
     rows: Vec<Vec<Trace>>,
 }
 
@@ -49,8 +51,8 @@ fn value<F: Field>(field: &F, atoms: &FxHashMap<ExprId, F::Element>, entry: &[Co
     })
 }
 
-/// Draws of a point, each kept for when it is asked for again. Signs are drawn among all elements: two among a few points could agree by
-/// chance.
+/// Draws of a point. Each is stored and returned again on later requests. Signs are drawn among all elements of the
+/// field, since two drawn among a few points could agree by chance.
 fn drawn<F: Field>(field: &F, number: u64) -> impl FnMut(Drawn) -> Option<F::Element> {
     let mut draws = Draws::new(number);
     let mut known: FxHashMap<Drawn, F::Element> = FxHashMap::default();
@@ -98,7 +100,7 @@ impl<'g> Traces<'g> {
         }
     }
 
-    /// The direction of every parameter monomial's column; of none where there are no traces.
+    /// The direction of every parameter monomial's column; empty where there are no traces.
     pub(crate) fn directions<'r>(&self, rows: &'r [CollectedRow]) -> BTreeMap<&'r ParameterMonomial, Direction> {
         let mut columns: BTreeMap<&ParameterMonomial, Direction> = BTreeMap::new();
         for (r, (row, traces)) in rows.iter().zip(&self.rows).enumerate() {

@@ -387,6 +387,7 @@ impl<'a> Context<'a> {
         text.push_str(&format!(
             "    static const struct {{\n        unsigned short row, column;\n        {scalar} coefficient;\n        short powers[{width}];\n    }} terms[] = {{\n"
         ));
+        // One line per term.
         for term in &table.terms {
             let (row, column) = match term.place {
                 Place::Entry(row, column) => (row, column),
@@ -398,6 +399,7 @@ impl<'a> Context<'a> {
             text.push_str(&format!("        {{{row}, {column}, {coefficient}, {{{powers}}}}},\n"));
         }
         text.push_str("    };\n");
+        // The values of the bases.
         let writer = Writer::new(self.scalar, spell);
         let bases = table.bases.iter().map(|base| match base {
             Base::Pi => writer.expression(&Expression::Pi),
@@ -408,6 +410,7 @@ impl<'a> Context<'a> {
         let bases = if bases.is_empty() { one.clone() } else { bases.join(", ") };
         text.push_str(&statement(1, &format!("const {scalar} bases[{width}] = {{{bases}}};")));
         text.push_str("    size_t i, j;\n\n");
+        // All entries are zero before the terms are added.
         let zero = self.zero();
         match columns {
             Some(columns) => text.push_str(&format!(

@@ -12,6 +12,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     if context.estimator.plan.feed_forward_parts.is_none() {
         return;
     }
+    // The state of a low pass, and its steady state.
     let real = context.scalar.name();
     let fields = format!(
         "{}    {real} inputs[2];\n{}    {real} outputs[2];\n",
@@ -28,6 +29,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     if let (Some(filter), Some(coefficients)) = (&filters.independent, &independent) {
         low_pass(context, "independent_low_pass", filters, filter, coefficients, Filters::INDEPENDENT);
     }
+    // The common scheme: one low pass per input for the whole feed-forward.
     let (of_slow, of_fast) = (context.global("dependent_low_pass"), context.global("independent_low_pass"));
     let settle = context.global("low_pass_settle");
     let state = |name: &str, about: &str, context: &Context<'_>| {
@@ -42,6 +44,7 @@ pub(super) fn write(context: &mut Context<'_>) {
         &|i, field| statement(1, &format!("{settle}(&filters->whole[{i}], independent.{field} + dependent.{field});")),
         &|i, field| format!("{of_slow}(&filters->whole[{i}], independent.{field} + dependent.{field})"),
     );
+    // The split scheme: low passes for the parts.
     let mut both = state("dependent", "Past of the motion-dependent part, per input.", context);
     let fast = independent.is_some();
     if fast {

@@ -248,6 +248,7 @@ fn known_harmonics(context: &mut Context<'_>, index: usize, table: &TablePlan) {
 }
 
 fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
+    // The structure of the sums.
     let scalar = context.scalar;
     let (real, one) = (scalar.name(), scalar.literal(1.0));
     let of = |context: &Context<'_>, name: &str| context.global(&context.of_pattern(index, name));
@@ -267,6 +268,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     context.structure(&context.of_pattern(index, "accumulator"), about, &fields);
     let accumulator = format!("{} *accumulator", of(context, "accumulator"));
     let sample = format!("const {} *sample", context.global("forces"));
+    // Clear and, where requested, fade the sums.
     let mut clear = format!(
         "    size_t i;\n\n    for (i = 0; i < {rows}; ++i) {{\n        accumulator->sums[i] = {};\n    }}\n    accumulator->samples = 0;\n",
         scalar.literal(0.0)
@@ -284,6 +286,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
         context.function(&of(context, "accumulator_fade"), function::FADE, "void", &parameters, &body);
     }
 
+    // Add a sample with known cosine and sine of the phase.
     let (reads, statements, addends) = function::bank(context.estimator, table);
     let writer = Writer::new(scalar, |leaf| context.leaf(leaf, "", &[], ""));
     // The local copy tells the compiler that no store into the sums changes the sample.
@@ -305,6 +308,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let about =
         format!("Takes in one sample where cosine and sine of the phase are known.{}", text::operations(&table.bank));
     context.function(&at, &about, "void", &parameters, &body);
+    // Add a sample at a phase.
     let body = statement(
         1,
         &format!("{at}(accumulator, {}(phase), {}(phase), sample);", scalar.function("cos"), scalar.function("sin")),
@@ -315,6 +319,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let about = "Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds up from sample to sample.";
     context.function(&accumulate, about, "void", &parameters, &body);
 
+    // Add a sample under a Hann window.
     let mut body = statement(1, &format!("const {real} weight = {one} - {}(phase / periods);", scalar.function("cos")));
     body.push_str(&statement(1, &format!("{} weighted;", context.global("forces"))));
     body.push('\n');
@@ -333,6 +338,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
                  What is no harmonic leaks less into the harmonics, at the price of some of the data.";
     context.function(&of(context, "accumulate_hann"), about, "void", &parameters, &body);
 
+    // The harmonics from the sums.
     let (empty, weight) = if forgetting {
         let empty = format!("accumulator->samples == 0 && accumulator->faded <= {}", scalar.literal(0.0));
         (empty, format!("(accumulator->faded + ({real})accumulator->samples)"))
@@ -408,6 +414,7 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let (harmonics, pattern, matrix) = (of("harmonics"), of("pattern"), of("estimator_matrix"));
     let (known_harmonics, identify) = (of("known_harmonics"), of("identify"));
     let estimate = format!("{} *estimate", context.global("estimate"));
+    // The workspace and the least-squares solver.
     let fields = format!(
         "{}    {real} matrix[{rows}][{columns}];\n{}    {real} right[{rows}];\n{}    {real} factor[{columns}][{columns}];\n",
         doc(1, "What takes parameters to harmonics; destroyed by a solution."),
@@ -426,6 +433,7 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     );
     context.function(&solve, &about, &status, &parameters, &body);
 
+    // The identification: fill matrix and right-hand side, weigh the rows, solve.
     let mut parameters = vec![Parameter::new(format!("const {pattern} *pattern"))];
     parameters.extend(context.constants_parameter(true));
     parameters.push(Parameter::new(format!("const {harmonics} *effort")));

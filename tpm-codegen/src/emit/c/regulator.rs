@@ -19,6 +19,7 @@ pub fn files(
     scalar: Scalar,
 ) -> Result<Files, EmitError> {
     regulator.check(scalar)?;
+    // The prefix of all names.
     let prefix = match prefix {
         Some(prefix) if is_prefix(prefix) => prefix.to_owned(),
         Some(prefix) => return Err(EmitError::Prefix(prefix.to_owned())),
@@ -30,6 +31,7 @@ pub fn files(
     let real = scalar.name();
     let literal = |value: f64| scalar.literal(rounded(scalar, value));
     let (coordinates, inputs) = regulator.names(Language::C);
+    // Types of coordinates, rates and inputs.
     let structure = |name: &str, about: &str, signals: &[Signal], names: &[String], rate: bool| {
         let fields: String = signals
             .iter()
@@ -47,6 +49,7 @@ pub fn files(
         &inputs,
         false,
     ));
+    // The feedback from coordinates and rates.
     let mut functions = String::new();
     let mut source = String::new();
     let (positions, rates) = (format!("const {prefix}_positions *positions"), format!("const {prefix}_rates *rates"));
@@ -69,6 +72,7 @@ pub fn files(
         source.push_str(&statement(1, &format!("{text};")));
     }
     source.push_str("    return inputs;\n}\n");
+    // Where rates are not measured, a filtered difference forms them.
     if let Some(pole) = regulator.differences {
         types.push_str(&format!(
             "{}typedef struct {{\n    {prefix}_positions last;\n    {prefix}_rates rates;\n{}    int started;\n}} {prefix}_past;\n\n",
@@ -103,6 +107,7 @@ pub fn files(
             "    past->last = *positions;\n    return {prefix}_feedback(positions, &past->rates);\n}}\n"
         ));
     }
+    // The header and the source.
     let guard = format!("{}_H_INCLUDED", prefix.to_uppercase());
     let header = format!(
         "{}#ifndef {guard}\n#define {guard}\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n{types}{functions}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n",

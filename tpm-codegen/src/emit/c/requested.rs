@@ -455,6 +455,7 @@ fn estimator(context: &mut Context<'_>) {
     }
     let names = base_fields(context);
     let (real, size) = (context.scalar.name(), context.constant("BASE_PARAMETERS"));
+    // Structures: the estimator, its workspace and its result.
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
     let fields = [
         field(
@@ -493,6 +494,7 @@ fn estimator(context: &mut Context<'_>) {
     .concat();
     context.structure("base_estimate", "What samples show of the base parameters.", &fields);
 
+    // Clear and, where requested, fade the estimator.
     let pointer = Parameter::new(format!("{} *estimator", context.global("base_estimator")));
     let zero = context.zero();
     let body = format!(
@@ -534,6 +536,7 @@ fn estimator(context: &mut Context<'_>) {
         let parameters = [pointer.clone(), Parameter::new(format!("{real} share"))];
         context.function(&context.global("base_estimator_fade"), requested::FADE, "void", &parameters, &body);
     }
+    // The solver without its last function, then the function that processes a sample.
     let words = words(context);
     let mut solver = filled(SQUARE_ROOT, &words);
     let at = solver.rfind(&format!("\n{} {}(", context.global("status"), context.global("base_solve")));
@@ -579,6 +582,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
     };
     let argument = context.constants_argument();
     let known = requested::has_known(context.estimator);
+    // Evaluate the regressor and the right-hand side.
     let mut body = format!("    {real} matrix[{rows}][{size}];\n    {real} right[{rows}];\n");
     if known {
         body.push_str(&format!("    {forces} known;\n"));
@@ -593,6 +597,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
         let minus = if known { format!(" - known.{field}") } else { String::new() };
         body.push_str(&statement(1, &format!("right[{row}] = applied->{field}{minus};")));
     }
+    // Weigh the rows, refuse values that are not finite, and rotate the rows into the factor.
     body.push_str("    if (deviations != NULL) {\n");
     let list: Vec<String> = context.names.rows.iter().map(|names| format!("deviations->{}", names.field)).collect();
     body.push_str(&statement(2, &format!("const {real} deviation[{rows}] = {{{}}};", list.join(", "))));

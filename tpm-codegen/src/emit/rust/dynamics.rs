@@ -246,6 +246,7 @@ fn motion(context: &Context<'_>) -> TokenStream {
     let coordinates = &context.names.coordinates;
     let mut types = TokenStream::new();
     let mut fields = TokenStream::new();
+    // One type per coordinate, with its derivatives.
     for names in coordinates {
         let info = &model.coordinates[names.coordinate.0 as usize];
         let derivatives: Vec<Ident> = (0..=names.order).map(derivative_field).collect();
@@ -262,6 +263,7 @@ fn motion(context: &Context<'_>) -> TokenStream {
         let about = doc(&format!("`{}` and its derivatives.", info.name));
         fields.extend(quote!(#about pub #field: #name<T>,));
     }
+    // Conversions from and to a list.
     let order = context.estimator.plan.evaluation.order();
     let values = locals(coordinates.len() * (order as usize + 1));
     let length = count(values.len());
@@ -420,6 +422,7 @@ fn implementation(context: &Context<'_>) -> TokenStream {
     }
     let name = &context.names.model_type;
     let text = &context.estimator.model.name;
+    // The order of every coordinate below the highest one.
     let orders = context.names.coordinates.iter().enumerate().filter_map(|(c, names)| {
         let (c, order) = (count(c), count(names.order as usize));
         (names.order < context.estimator.plan.evaluation.order()).then(|| quote!(#c => #order,))
@@ -437,6 +440,7 @@ fn implementation(context: &Context<'_>) -> TokenStream {
             }
         }
     };
+    // Names and units.
     let labels = [
         ("coordinate", "COORDINATES"),
         ("input", "INPUTS"),
@@ -452,6 +456,7 @@ fn implementation(context: &Context<'_>) -> TokenStream {
             }
         }
     });
+    // Conversion of the arguments.
     let constants = if context.has_constants() {
         quote!(let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);)
     } else {

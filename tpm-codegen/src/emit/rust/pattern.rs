@@ -517,6 +517,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let sin = ident(if reads.sin { "sin" } else { "_sin" });
     let storage = function::storage(table);
     let stored: Vec<&Ident> = storage.iter().map(|&place| &locals[place]).collect();
+    // The sums of a sample, and the factors of the harmonics.
     let sums = addends.iter().zip(&locals).map(|(addend, sum)| {
         let addend = writer.at(addend, Level::Sum);
         quote!(*#sum += #addend;)
@@ -530,6 +531,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let comment = "Measured from the nearer end of the period, so that the phase keeps its digits.";
     let comment = context.comment(comment.to_owned());
     let fields: Vec<&Ident> = context.names.rows.iter().map(|names| &names.field).collect();
+    // Where requested, a method that reduces the weight of earlier samples.
     let (mut field, mut start, mut fade) = Default::default();
     let (mut empty, mut weight) = (quote!(self.samples == 0), quote!(T::from_f64(self.samples as f64)));
     let mut about = doc("Samples taken in so far.");

@@ -111,6 +111,7 @@ fn base(context: &Context<'_>) -> TokenStream {
     else {
         return TokenStream::new();
     };
+    // The structure of the base parameters.
     let names = base_fields(context);
     let fields: Vec<Field> = names
         .iter()
@@ -123,6 +124,7 @@ fn base(context: &Context<'_>) -> TokenStream {
          parameter that leads it.",
         &fields,
     );
+    // Their labels, and their regressor.
     let label_type = ident("Label");
     let columns = estimator.parts.base.iter().flat_map(|base| &base.parameters).map(|base| base.column);
     let labels: Vec<TokenStream> = columns
@@ -134,6 +136,7 @@ fn base(context: &Context<'_>) -> TokenStream {
     let length = count(labels.len());
     let arguments = arguments(context, function.reads, false);
     let regressor = matrix(context, "base_regressor", &function, arguments, names.len());
+    // Conversions from and to the parameters of the columns.
     let owner = ident("self");
     let writer = Writer::new(|leaf| match *leaf {
         tpm_symbolic::plan::leaf::Leaf::Column(index) => {

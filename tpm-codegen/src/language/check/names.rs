@@ -289,6 +289,7 @@ impl<'a> Names<'a, '_, '_> {
             arguments.iter().for_each(|argument| self.visit(argument, place, user));
             return;
         };
+        // The number of arguments.
         if let Some(arity) = function.arity().filter(|&arity| arity != arguments.len()) {
             self.diagnostics.push(
                 Diagnostic::error(
@@ -298,6 +299,7 @@ impl<'a> Names<'a, '_, '_> {
                 .help(format!("write `{}`", function.usage())),
             );
         }
+        // The context of the call, then the kinds of the arguments.
         self.place_of(function, name.span, place);
         match (function, arguments) {
             (Function::Der, [moving, order]) => {
@@ -464,6 +466,7 @@ impl<'a> Names<'a, '_, '_> {
         let used = self.reachable();
         let inputs: Vec<_> = quantities(model, Role::Input).collect();
         let driven = inputs.iter().any(|(name, _)| used.contains(name));
+        // A model needs an input in some equation.
         if !driven
             && model
                 .items
@@ -483,6 +486,7 @@ impl<'a> Names<'a, '_, '_> {
             };
             self.diagnostics.push(Diagnostic::error(span, message).note("nothing drives this model").help(help));
         }
+        // Names of the model.
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => {
@@ -518,6 +522,7 @@ impl<'a> Names<'a, '_, '_> {
                 _ => {}
             }
         }
+        // Names of the patterns.
         let patterns =
             model.items.iter().filter_map(|item| if let Item::Pattern(pattern) = item { Some(pattern) } else { None });
         for (index, pattern) in patterns.enumerate() {

@@ -145,6 +145,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         // Energies are compared once the `let`s that they use are known.
         let mut later = Vec::new();
         let mut mechanism = None;
+        // Statements in the order of the text.
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => {
@@ -211,6 +212,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                 }
             }
         }
+        // Energies and forces are compared with the unit of the kinetic energy.
         let energy = kinetic.map(|kinetic| (self.terms(&kinetic.value, None), kinetic.keyword));
         for item in later {
             match (item, &energy) {

@@ -1,7 +1,7 @@
 //! Lowers reference motions to Fourier polynomials.
 //!
-//! Invariant: a motion is a finite Fourier series in w t with rational coefficients times products of amplitudes and constants.
-//! What is not one is an error at its place, never an approximation.
+//! Invariant: a motion is a finite Fourier series in w t with rational coefficients times products of amplitudes and
+//! constants. Any other motion is reported as an error at its place, never approximated.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -110,7 +110,7 @@ impl Scope<'_> {
             (_, _, Some(&symbol)) => {
                 Ok(Motion::term(Monomial::power_of(symbol, 1), Fourier::constant(Rational::one())))
             }
-            // The checks have reported it.
+            // The fault was reported by the checks.
             _ => Err(Diagnostic::error(span, format!("`{name}` cannot stand in a motion"))
                 .help("use amplitudes and constants")),
         }
@@ -146,7 +146,7 @@ impl Scope<'_> {
         Ok(Motion::term(Monomial::one(), series))
     }
 
-    /// An expression as a number times powers of w and t; `None` when it is not of this form.
+    /// An expression as a number times powers of w and t; `None` when it does not have this form.
     fn phase(&self, expr: &Expr) -> Lower<Option<Phase>> {
         let pure = |factor: Rational| Phase { factor, frequency: 0, time: 0 };
         Ok(match &expr.kind {
@@ -196,7 +196,7 @@ impl Scope<'_> {
         })
     }
 
-    /// The integer multiple of the fundamental that a motion plays at.
+    /// The integer multiple of the fundamental frequency at which a motion is played.
     fn multiple(&self, frequency: &Expr) -> Lower<usize> {
         let w = self.frequency.as_deref().unwrap_or("w");
         self.phase(frequency)?
@@ -276,7 +276,7 @@ impl Scope<'_> {
                 }
             }
         }
-        // Positions first, then velocities, so that a contradiction names the highest derivative.
+        // Positions come first, then velocities, so that the message on a contradiction names the highest derivative.
         shape.conditions.sort_by_key(|condition| (condition.order, condition.end));
         let solved = if chosen { shape.solve() } else { shape.solve_lowest() };
         let motion = Motion::of_shape(solved.map_err(|error| unsolved(&error, &shape.end, phase, span))?);
@@ -346,7 +346,7 @@ fn steady_value(motion: &Motion) -> Polynomial<Symbol> {
     motion.terms().map(|(monomial, series)| (monomial.clone(), series.cos_coefficient(0))).collect()
 }
 
-/// Which phases a motion may end at, with one next to `angle` (rad) where one is wanted.
+/// The permitted end phases as text, with one near `angle` (rad) where an angle is given.
 fn end_phases(angle: Option<f64>) -> String {
     let rule = "write a multiple of pi, such as `pi` or `pi/2`, or `2*atan2(p, q)` with rational p and q";
     match angle.and_then(|angle| EndPhase::next_to(angle).map(|next| (angle, next))) {
@@ -355,7 +355,7 @@ fn end_phases(angle: Option<f64>) -> String {
     }
 }
 
-/// What is wrong with the end conditions of a shape, at its place.
+/// The fault in the end conditions of a shape, at its place.
 fn unsolved(error: &ConditionError, end: &EndPhase, phase: Option<Span>, span: Span) -> Diagnostic {
     match error {
         ConditionError::Irrational { .. } => {
@@ -385,7 +385,7 @@ fn multiply(left: &Motion, right: &Motion, span: Span) -> Lower<Motion> {
     Ok(left.mul(right))
 }
 
-/// 1 over a motion that is a single product of numbers, amplitudes and constants.
+/// The reciprocal of a motion that is a single product of numbers, amplitudes and constants.
 fn inverse(motion: &Motion, span: Span) -> Lower<Motion> {
     let mut terms = motion.terms();
     match (terms.next(), terms.next()) {

@@ -1,4 +1,4 @@
-//! Parameters in which the equations are not linear: run-time constants with an interval, and what keeps one from being found.
+//! Nonlinear parameters: run-time constants with an interval, and checks of whether they can be identified.
 
 use std::collections::BTreeSet;
 
@@ -33,7 +33,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// Reports nonlinear parameters that cannot be found, and remarks on those in which the equations are linear.
+    /// Reports nonlinear parameters that cannot be identified, and remarks on those in which the equations are linear.
     pub(super) fn check_nonlinear(&mut self, model: &ModelDeclaration) {
         let written = model.items.iter().flat_map(|item| match item {
             Item::Nonlinear(parameters) => parameters.as_slice(),
@@ -68,7 +68,7 @@ impl<'a> Lowering<'a, '_, '_> {
             ));
         }
         let ends = [rational::to_f64(&own.from), rational::to_f64(&own.to)];
-        // Values at both ends of a part that depends on this parameter alone.
+        // Values at both ends of the interval of an expression that depends on this parameter alone.
         let values = |part: ExprId| -> Option<[f64; 2]> {
             let alone = graph.leaves(part) == [leaf];
             alone.then(|| ends.map(|end| graph.evaluate(part, |_| end)))

@@ -10,8 +10,8 @@ use crate::language::lex::shorten;
 use crate::language::token::TokenKind;
 use crate::source::Span;
 
-/// Most digits of a literal's mantissa: far more than any number of a model has, few enough that reading one, which takes
-/// quadratic time, is quick.
+/// Most digits of a literal's mantissa: far more than any number of a model has, and few enough that reading one, which
+/// takes quadratic time, is fast.
 const MOST_DIGITS: usize = 20_000;
 
 /// Largest decimal exponent of a literal. Without a bound a ten-byte text could ask for a gigabyte of zeros.

@@ -18,15 +18,15 @@ use crate::number::scalar::Scalar;
 use crate::regressor::form::RegressorForm;
 use smallvec::SmallVec;
 
-/// One part of what an atom becomes under the pattern: factor * symbols * shape.
+/// One part of an atom under the pattern: factor * symbols * shape.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
     pub(super) factor: Scalar,
-    /// Its powers of symbols among all, from one index up to the next.
+    /// Range of its powers of symbols in the list of all powers.
     pub(super) powers: (usize, usize),
-    /// The sum of their magnitudes.
+    /// The sum of the magnitudes of these powers.
     degree: u64,
-    /// By index into [`Atoms::shapes`].
+    /// Its shape, as an index into [`Atoms::shapes`].
     pub(super) shape: Option<usize>,
 }
 
@@ -35,11 +35,11 @@ pub(super) struct Part {
 pub(super) struct Shape<'a> {
     pub(super) fourier: &'a Fourier,
     pub(super) order: u32,
-    /// The highest exponent it occurs with.
+    /// The highest exponent with which it occurs.
     largest: u64,
 }
 
-/// The index that pi has among the symbols, which no symbol of a model reaches.
+/// Index of pi among the symbols, which is larger than that of any symbol of a model.
 pub(super) const PI: usize = usize::MAX;
 
 /// All atoms of a regressor form, as sums of parts.
@@ -53,9 +53,9 @@ pub(super) struct Atoms<'a> {
     /// Symbols of the model that occur in parts, and [`PI`].
     pub(super) symbols: SmallVec<[usize; 8]>,
     pub(super) shapes: SmallVec<[Shape<'a>; 4]>,
-    /// No exponent of a symbol or shape in any product is larger.
+    /// Upper bound of the exponents of symbols and shapes in all products.
     pub(super) largest_exponent: u64,
-    /// An upper bound of the number of symbolic products, and the term with most.
+    /// An upper bound of the number of symbolic products, and the term with the most products.
     products: f64,
     worst: Option<(f64, TermId)>,
 }
@@ -65,12 +65,12 @@ const UNRESOLVED: u32 = u32::MAX;
 /// An atom under the pattern.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Atom {
-    /// Its parts among all, from one index up to the next.
+    /// Range of its parts in the list of all parts.
     pub(super) start: usize,
     pub(super) end: usize,
     /// The highest sum of exponents of symbols in a part, at least 1.
     highest: u64,
-    /// Whether it may stand in a denominator: a single product of symbols.
+    /// Whether it may occur in a denominator: it is a single product of symbols.
     invertible: bool,
 }
 
@@ -123,7 +123,7 @@ impl<'a> Atoms<'a> {
                 }
             }
             if largest > i32::MAX as u64 {
-                // Such a power is beyond every limit, whatever its base.
+                // The number of terms of such a power exceeds every limit, whatever its base.
                 let bytes = u128::from(largest) * u128::from(largest);
                 let limit = ExpandOptions::ADDRESSABLE;
                 return Err(ExpandError::TooLarge { term: term.source, entries: largest.into(), bytes, limit });
@@ -139,7 +139,7 @@ impl<'a> Atoms<'a> {
         Ok(())
     }
 
-    /// In the model's order, so that powers come out sorted.
+    /// Sorts the symbols in the model's order, so that powers are sorted.
     fn sort_symbols(&mut self) {
         if self.symbols.is_sorted() {
             return;
@@ -152,7 +152,8 @@ impl<'a> Atoms<'a> {
         }
     }
 
-    /// The last shape is multiplied first: those that occur most come early on the way to all products.
+    /// Sorts the shapes. The last shape is multiplied first, so that shapes with high exponents belong to many common
+    /// prefixes.
     fn sort_shapes(&mut self) {
         if self.shapes.is_sorted_by_key(|shape| shape.largest) {
             return;
@@ -237,7 +238,7 @@ impl<'a> Atoms<'a> {
                 self.powers.push((symbol, exponent));
             }
             let powers = (start, self.powers.len());
-            // A whole number is kept out of the shapes, so that offsets cancel before anything is multiplied out.
+            // A whole number is separated from the shapes, so that offsets cancel before anything is multiplied out.
             let [value, _] = if constant { fourier.pair(0) } else { [None; 2] };
             let part = match value.filter(|value| rational::is_integer(value)) {
                 Some(value) => Part { factor: numerator_of(value), powers, degree, shape: None },
@@ -249,7 +250,7 @@ impl<'a> Atoms<'a> {
     }
 
     pub(super) fn refuse_too_many_products(&self, options: &ExpandOptions<'_>) -> Result<(), ExpandError> {
-        // Two keys and a factor.
+        // Size of a product in bytes: two keys and a factor.
         options.refuse_beyond(self.worst.map(|(_, term)| term), self.products, self.products * 64.0)
     }
 }

@@ -24,9 +24,9 @@ type PowersPart<'a, K> = (i32, Monomial<usize>, &'a [Product<K>]);
 
 /// The entries of one row, column and product of symbols.
 pub(super) struct Group {
-    /// The common denominator of the column's coefficients, when it is not 1: an index into [`Expansion::common`].
+    /// Index into [`Expansion::common`] of the common denominator of the column's coefficients, when it is not 1.
     pub(super) common: Option<u32>,
-    /// With several products of shapes: an index into [`Expansion::sums`].
+    /// Index into [`Expansion::sums`], when the group has several products of shapes.
     pub(super) sum: Option<u32>,
     pub(super) term: TermId,
 }
@@ -35,13 +35,13 @@ pub(super) struct Group {
 pub(super) struct Sum {
     /// The common denominator of the products.
     pub(super) denominator: Denominator,
-    /// How many are still to come.
+    /// Number of products that are still to be added.
     pub(super) pending: usize,
-    /// The sum so far.
+    /// The sum of the products so far.
     pub(super) spectrum: Spectrum,
 }
 
-/// What the groups of one column have in common.
+/// Place of the groups of one column in the table.
 #[derive(Clone, Copy)]
 struct Place {
     equation: usize,
@@ -50,15 +50,15 @@ struct Place {
     term: TermId,
 }
 
-/// A product of shapes that goes into a group.
+/// A product of shapes that is added to a group.
 pub(super) struct Contribution<K> {
     pub(super) shapes: K,
     pub(super) group: usize,
     pub(super) factor: Scalar,
 }
 
-/// The expansion of one regressor form: first its terms are collected as contributions to groups, then the contributions are
-/// multiplied out into series.
+/// The expansion of one regressor form. First its terms are collected as contributions to groups; then the
+/// contributions are multiplied out into series.
 pub(super) struct Expansion<'a, 'p, K> {
     pub(super) model: &'a ExactModel,
     pub(super) form: &'a RegressorForm,
@@ -73,7 +73,7 @@ pub(super) struct Expansion<'a, 'p, K> {
     powers: Vec<Vec<Vec<Product<K>>>>,
     /// Common denominators of columns.
     pub(super) common: Vec<Denominator>,
-    /// The products of the column at hand, and room to multiply them.
+    /// The products of the current column, with a buffer in which they are multiplied.
     products: Vec<Product<K>>,
     scratch: Vec<Product<K>>,
     pub(super) groups: Vec<Group>,
@@ -126,7 +126,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         }
     }
 
-    /// Shapes as factors and parts as products.
+    /// Converts shapes to factors, and parts to products.
     pub(super) fn prepare(&mut self) {
         let atoms = self.atoms;
         let mut wholes: SmallVec<[Whole<'_>; 2]> = SmallVec::new();
@@ -190,7 +190,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
                 let (pi, powers) = self.powers_of(&same[0].symbols);
                 parts.push((pi, powers, same));
             }
-            // In the order of the table, which is not that of the packed exponents.
+            // The order of the table differs from that of the packed exponents.
             parts.sort_unstable_by(|a, b| (a.0, &a.1).cmp(&(b.0, &b.1)));
             for (pi, powers, same) in parts {
                 self.add_group(place, pi, powers, same);
@@ -263,7 +263,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         }
     }
 
-    /// Makes the powers of an atom with no or several parts known up to `exponent`.
+    /// Computes the powers up to `exponent` of an atom with no part or several parts.
     fn extend_powers(&mut self, index: usize, exponent: u32) {
         let powers = &mut self.powers[index];
         if powers.is_empty() {

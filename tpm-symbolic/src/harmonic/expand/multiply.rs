@@ -1,7 +1,7 @@
 //! Products of shapes, each multiplied out once, and their coefficients in lowest terms.
 //!
-//! Invariant: contributions are visited in the order of their packed exponents, so that a product of shapes is reached from a
-//! shorter one by one factor and only the products on the way to the present one are kept.
+//! Invariant: contributions are visited in the order of their packed exponents, so that a product of shapes is computed
+//! from a shorter one by one multiplication, and only the prefixes of the current product are kept.
 
 use crate::algebra::packed::Key;
 use crate::algebra::spectrum::Spectrum;
@@ -18,14 +18,14 @@ use crate::number::values::for_width;
 use smallvec::{SmallVec, smallvec};
 use std::cell::Cell;
 
-/// A product of shapes on the way to the present one.
+/// A prefix of the current product of shapes.
 struct Level {
     spectrum: Spectrum,
     denominator: Denominator,
 }
 
 impl<K: Key> Expansion<'_, '_, K> {
-    /// Multiplies out every product of shapes once. `present_term` is set to the source term that is worked on.
+    /// Multiplies out every product of shapes once. `present_term` is set to the current source term.
     pub(super) fn multiply_out(
         &mut self,
         options: &mut ExpandOptions<'_>,
@@ -35,13 +35,13 @@ impl<K: Key> Expansion<'_, '_, K> {
         contributions.sort_unstable_by(|a, b| (&a.shapes, a.group).cmp(&(&b.shapes, b.group)));
         let total = contributions.len();
         let count = self.shape_layout.variables;
-        // The exponents of the product so far; the first `depth + 1` levels are the products on the way to it, the empty
-        // one first.
+        // The exponents of the current product. The first `depth + 1` levels are its prefixes, beginning with the empty
+        // product.
         let mut present: SmallVec<[i64; 8]> = smallvec![0; count];
         let mut exponents = present.clone();
         let (present, exponents) = (present.as_mut_slice(), exponents.as_mut_slice());
         let mut levels: Vec<Level> = Vec::with_capacity(4);
-        // What comes first is the empty product, when there is one.
+        // The empty product comes first, when there is one.
         let constant = contributions.first().is_some_and(|first| first.shapes == K::one(self.shape_layout));
         let spectrum = if constant { Spectrum::one() } else { Spectrum::factor_one() };
         levels.push(Level { spectrum, denominator: Denominator::default() });
@@ -123,7 +123,8 @@ impl<K: Key> Expansion<'_, '_, K> {
         series.start = self.words.len();
         let wide;
         let needed = if matches!(factor, Scalar::Big(_)) { u64::MAX } else { bits };
-        // Bringing a number into lowest terms divides by factors of its denominator.
+        // Bringing a number into lowest terms requires divisions by factors of its denominator, which the budget
+        // counts.
         let words = (series.numerator_words + series.denominator_words) as u64;
         budget::charge((2 * series.len as u64).saturating_mul(words.saturating_mul(words)));
         let values = if spectrum.values().capacity() < needed {
@@ -158,7 +159,7 @@ fn store<T: Numerator>(
     let mut slots = &mut out[start..];
     let mut count = 0;
     let halvings = u32::from(reduction.is_even());
-    // Beyond one word the numerators are unlimited.
+    // Beyond one word the numerators are big integers.
     let doubled = if halvings == 1 { None } else { Some(factor.times(&Scalar::Small(2))) };
     let of_rest = doubled.as_ref().unwrap_or(factor);
     let mut values = values;

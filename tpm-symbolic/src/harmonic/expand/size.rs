@@ -1,4 +1,4 @@
-//! How large a table becomes, before anything is multiplied out.
+//! Estimate of the size of a table before anything is multiplied out.
 
 use crate::algebra::packed::Key;
 use crate::algebra::spectrum::Base;
@@ -8,7 +8,8 @@ use crate::harmonic::options::ExpandOptions;
 use crate::mechanics::model::TermId;
 
 impl<K: Key> Expansion<'_, '_, K> {
-    /// Estimates the table from the bounds of its numerators and denominators.
+    /// Estimates the size of the table from the bounds of its numerators and denominators, and refuses a table that is
+    /// too large.
     pub(super) fn refuse_too_large(&mut self, options: &ExpandOptions<'_>) -> Result<(), ExpandError> {
         let (reserved, small) = self.size_at_most();
         if small {
@@ -34,11 +35,11 @@ impl<K: Key> Expansion<'_, '_, K> {
             if let Some(common) = group.common {
                 below += self.factors.bits(&self.common[common as usize]) as f64;
             }
-            // Harmonics of one parity, cosines or sines alone: as the factors have them.
+            // If all factors have harmonics of one parity, so has the product.
             let harmonics = if mixed { highest + 1.0 } else { highest * 0.5 + 1.0 };
             let count = if both { harmonics * 2.0 } else { harmonics };
             let words = (bits + below) / 64.0 + 2.0;
-            // Exponents of primes are counted in 32 bits; beyond that no limit is wide enough.
+            // Exponents of primes are counted in 32 bits; a larger denominator exceeds every limit.
             let size = if below < f64::from(u32::MAX) { count * words * 8.0 } else { f64::INFINITY };
             entries += count;
             bytes += size;
@@ -47,12 +48,12 @@ impl<K: Key> Expansion<'_, '_, K> {
             }
         }
         options.refuse_beyond(worst.map(|(_, term)| term), entries, bytes)?;
-        // Memory that is not written is not taken, so the whole estimate may be asked for while it is moderate.
+        // Memory that is not written is not occupied, so the whole estimate is reserved while it is moderate.
         self.words.reserve((bytes / 8.0).min(1e6) as usize);
         Ok(())
     }
 
-    /// A quick bound of the table's words, from the largest base and the largest exponents, and whether it settles that
+    /// A quick bound of the table's words, from the largest base and the largest exponents, and whether it proves that
     /// the table is far below every limit.
     fn size_at_most(&self) -> (usize, bool) {
         let highest = self.bases.iter().map(Base::highest_harmonic).max().unwrap_or(0) as f64;
@@ -60,7 +61,7 @@ impl<K: Key> Expansion<'_, '_, K> {
         let degree = self.atoms.largest_exponent as f64;
         let words = (degree * bits as f64 + (self.factor_bits + self.common_bits) as f64) / 64.0 + 2.0;
         let entries = self.contributions.len() as f64 * 2.0 * (degree * highest + 1.0);
-        // Half of the harmonics are of the other parity, and one of cosine and sine is mostly missing.
+        // Half of the harmonics have the other parity, and usually either cosines or sines are missing.
         ((entries * words / 4.0) as usize, entries * words < 3e4)
     }
 }

@@ -1,6 +1,7 @@
-//! Equations that were left as they were written, multiplied out for a table.
+//! Equations in their written form, multiplied out for a table.
 //!
-//! What has no finite series is refused before anything is multiplied out, and so is what would be too long.
+//! Equations without a finite series, and equations that would be too long, are refused before anything is multiplied
+//! out.
 
 use crate::algebra::polynomial::Monomial;
 use crate::expr::graph::{ExprId, Function, Graph, Node};
@@ -15,7 +16,7 @@ use crate::regressor::form::{RegressorForm, Row, Term};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-/// The memory that a term takes while it is multiplied out, in bytes: a product of several atoms and its coefficient.
+/// Memory of a term while it is multiplied out, in bytes: a product of several atoms and its coefficient.
 const BYTES: f64 = 128.0;
 
 /// The form with all its terms multiplied out.
@@ -45,7 +46,7 @@ pub(super) fn multiplied_out<'f>(
     Ok(form.expanded(&model.graph))
 }
 
-/// A form with one term for every atom of every source term, for questions that are asked of atoms alone.
+/// A form with one term for every atom of every source term, for checks that concern single atoms.
 fn atom_by_atom(graph: &Graph, form: &RegressorForm) -> RegressorForm {
     let mut seen: BTreeSet<(ExprId, bool)> = BTreeSet::new();
     let rows = form.rows.iter().map(|row| {
@@ -58,7 +59,7 @@ fn atom_by_atom(graph: &Graph, form: &RegressorForm) -> RegressorForm {
                     continue;
                 }
                 match *graph.node(id) {
-                    // Signs and absolute values have series of their own.
+                    // Signs and absolute values are expanded separately.
                     Node::Number(_) | Node::Function(Function::Sign | Function::Abs, _) => {}
                     Node::Sum(_) if !below => stack.extend(graph.operands(id).map(|part| (part, false))),
                     Node::Product(_) => stack.extend(graph.operands(id).map(|part| (part, below))),

@@ -1,4 +1,4 @@
-//! Bodies, the joints by which they stand on each other, and the tree that they are.
+//! Bodies, the joints by which they are attached to each other, and the tree that they form.
 
 use crate::expr::graph::Coordinate;
 use crate::mechanics::tree::inertia::Inertia;
@@ -9,19 +9,19 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use thiserror::Error;
 
-/// How a body moves against its parent.
+/// Motion of a body relative to its parent.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Joint {
-    /// Not at all.
+    /// No relative motion.
     Fixed,
-    /// It turns about an axis.
+    /// Rotation about an axis.
     Revolute {
         /// The angle, rad.
         coordinate: Coordinate,
         /// The axis, a unit vector in the joint's frame.
         axis: [Rational; 3],
     },
-    /// It slides along an axis.
+    /// Translation along an axis.
     Prismatic {
         /// The displacement, m.
         coordinate: Coordinate,
@@ -41,10 +41,10 @@ impl Joint {
     }
 }
 
-/// A body and the joint by which it stands on its parent.
+/// A body and the joint by which it is attached to its parent.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Body {
-    /// The index of the body that this one stands on; `None` for the base, which does not move.
+    /// Index of the parent body; `None` for the base, which does not move.
     pub parent: Option<usize>,
     /// The origin of the joint's frame in the parent's frame, m: expressions that do not depend on the motion.
     pub origin: Vector,
@@ -56,18 +56,18 @@ pub struct Body {
     pub inertia: Inertia,
 }
 
-/// Rigid bodies that stand on each other and on a base.
+/// Rigid bodies that are attached to each other and to a base.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tree {
     pub(super) gravity: Vector,
     pub(super) bodies: Vec<Body>,
 }
 
-/// Why bodies are no tree.
+/// Why bodies do not form a tree.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum TreeError {
-    /// A body comes before the body that it stands on.
+    /// A body comes before its parent.
     #[error("body {body} stands on body {parent}, which does not come before it")]
     Order {
         /// The index of the body.
@@ -116,7 +116,7 @@ impl Tree {
         Ok(Self { gravity, bodies })
     }
 
-    /// The bodies, each after the body that it stands on.
+    /// The bodies, each after its parent.
     #[must_use]
     pub fn bodies(&self) -> &[Body] {
         &self.bodies

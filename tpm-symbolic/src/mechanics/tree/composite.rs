@@ -10,8 +10,9 @@ use crate::mechanics::tree::rotation::Rotation;
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, times, zero};
 
 impl Tree {
-    /// The entries of the mass matrix on and below its diagonal, by the coordinates of row and column; pairs of joints of which neither
-    /// carries the other have none. `parameters` gives the ten parameters of every body of unknown inertia by its index.
+    /// The entries of the mass matrix on and below its diagonal, by the coordinates of row and column. Pairs of joints
+    /// of which neither carries the other have no entry. `parameters` gives the ten parameters of every body of unknown
+    /// inertia by its index.
     pub fn mass_matrix(
         &self,
         graph: &mut Graph,
@@ -40,7 +41,7 @@ impl Tree {
     }
 }
 
-/// The torques of a unit acceleration of the joint of one link, on that joint and on those that carry it.
+/// The torques of a unit acceleration of one link's joint, on that joint and on those that carry it.
 fn column(
     graph: &mut Graph,
     links: &[Link],
@@ -94,7 +95,7 @@ fn displacement(graph: &mut Graph, coordinate: Coordinate, axis: &Vector) -> Vec
     scale(graph, axis, position)
 }
 
-/// An inertia about the frame of a link, about the frame of the link's parent.
+/// Transforms an inertia about the frame of a link to the frame of its parent.
 fn inward(graph: &mut Graph, link: &Link, step: &Step, inertia: &[ExprId; 10]) -> [ExprId; 10] {
     let turned = match &link.joint {
         Joint::Prismatic { coordinate, axis } => {
@@ -104,7 +105,8 @@ fn inward(graph: &mut Graph, link: &Link, step: &Step, inertia: &[ExprId; 10]) -
         }
         _ => step.turned_back(graph, inertia),
     };
-    // The rotation between the frames first, then the shift: each entry of the turned inertia stays one value.
+    // The rotation between the frames comes first, then the translation, so that each entry of the rotated inertia is
+    // one shared value.
     let nowhere = zero(graph);
     let turned = moved(graph, &turned, &nowhere, &link.rotation);
     moved(graph, &turned, &link.origin, &Rotation::identity())

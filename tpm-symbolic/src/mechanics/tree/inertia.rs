@@ -14,7 +14,7 @@ pub const NAMES: [&str; 10] = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy"
 /// Rows and columns of the moments of inertia, in the order of [`NAMES`].
 pub(super) const MOMENTS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
-/// What is known of the inertia of a body.
+/// Inertia of a body.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Inertia {
     /// A frame without mass.
@@ -102,9 +102,10 @@ pub(super) fn together(graph: &mut Graph, a: &[ExprId; 10], b: &[ExprId; 10]) ->
     std::array::from_fn(|k| graph.sum_of_wholes(&[a[k], b[k]]))
 }
 
-/// The parameters of a body as those of two about the same frame: what a turn about an axis of the frame moves, and masses on that axis.
-/// With the other axes i and j these are the mass, the first moment along the axis and I_jj, once about i and once about j; I_ii - I_jj
-/// is left. Where I_ii or I_jj is zero the moments of inertia stay where they are.
+/// Splits the parameters of a body into those of two bodies about the same frame: the part that depends on rotation
+/// about an axis of the frame, and masses on that axis. With the other axes i and j, the second part consists of the
+/// mass, the first moment along the axis, and I_jj as the moment about both i and j; I_ii - I_jj remains in the first.
+/// Where I_ii or I_jj is zero the moments of inertia are not split.
 pub(super) fn parted(graph: &mut Graph, inertia: &[ExprId; 10], axis: usize) -> ([ExprId; 10], [ExprId; 10]) {
     let zero = graph.integer(0);
     let (i, j) = [(7, 9), (4, 9), (4, 7)][axis];
@@ -122,14 +123,14 @@ pub(super) fn parted(graph: &mut Graph, inertia: &[ExprId; 10], axis: usize) -> 
     (kept, on_axis)
 }
 
-/// Why no body has an inertia.
+/// Why no body can have an inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum InertiaFault {
     /// The mass is negative.
     #[error("the mass is negative")]
     Mass,
-    /// There is a moment of inertia, and no mass.
+    /// There is a moment of inertia without mass.
     #[error("there are moments of inertia without mass")]
     Massless,
     /// A moment of inertia about some axis is negative.
@@ -176,7 +177,7 @@ mod tests {
     fn only_inertias_of_bodies_are_possible() {
         let of = |mass: i64, moments: [i64; 6]| fault(&integer(mass), &moments.map(integer));
         assert_eq!(of(1, [2, 0, 0, 2, 0, 3]), None);
-        // A thin plate and a point lie on the border.
+        // A thin plate and a point mass are limiting cases.
         assert_eq!(of(1, [1, 0, 0, 1, 0, 2]), None);
         assert_eq!(of(1, [0; 6]), None);
         assert_eq!(of(1, [1, 0, 0, 1, 0, 3]), Some(InertiaFault::Triangle));

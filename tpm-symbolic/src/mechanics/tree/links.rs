@@ -1,8 +1,8 @@
-//! The links of a tree: what moves as one.
+//! The links of a tree: groups of bodies that move as one.
 //!
-//! A body on a fixed joint moves with the body that it stands on. Known inertias of such bodies are moved to the frame of that
-//! body and added up, and what stands on them is placed in that frame. A body of unknown inertia on a fixed joint stays a link,
-//! because its parameters are about its own frame. What never moves is no link.
+//! A body on a fixed joint moves with its parent. Known inertias of such bodies are transformed to the parent's frame
+//! and added up, and bodies attached to them are placed in that frame. A body of unknown inertia on a fixed joint
+//! remains a link, because its parameters refer to its own frame. A body that never moves is no link.
 
 use crate::expr::graph::{ExprId, Graph};
 use crate::mechanics::tree::bodies::{Joint, Tree};
@@ -10,7 +10,7 @@ use crate::mechanics::tree::inertia::{Inertia, moved, together};
 use crate::mechanics::tree::rotation::{Rotation, frame_axis};
 use crate::mechanics::tree::vector::{Vector, add, outward_in, zero};
 
-/// A link and its place on the link that carries it.
+/// A link with its placement on the link that carries it.
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     /// The index of the link that carries it; `None` for the base.
@@ -27,7 +27,8 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// The axis of its own frame that a link turns about, when its joint is revolute and the axis is one of the carrier's frame too.
+    /// The axis of its own frame about which a link rotates, when its joint is revolute and the axis is also one of the
+    /// carrying link's frame.
     pub(super) fn shared_axis(&self) -> Option<usize> {
         match &self.joint {
             Joint::Revolute { axis, .. } => frame_axis(axis).filter(|&axis| self.rotation.keeps_axis(axis)),
@@ -36,7 +37,7 @@ impl Link {
     }
 }
 
-/// Where the frame of a body is: in the frame of a link, or of the base.
+/// Placement of a body's frame: in the frame of a link, or of the base.
 struct Place {
     link: Option<usize>,
     origin: Vector,

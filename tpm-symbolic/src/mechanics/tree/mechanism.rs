@@ -1,4 +1,4 @@
-//! A tree of bodies with names, and with the drives of its joints: equations of motion that are linear in named parameters.
+//! A tree of named bodies with the drives of its joints: equations of motion that are linear in named parameters.
 
 use crate::expr::graph::{Coordinate, ExprId, Function, Symbol};
 use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
@@ -11,16 +11,16 @@ use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A torque of a drive that has an unknown parameter of its own.
+/// A torque of a drive with an unknown parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Loss {
-    /// Friction that grows with the rate.
+    /// Friction proportional to the rate.
     Viscous,
-    /// Dry friction, which has the sign of the rate.
+    /// Dry friction, a constant torque with the sign of the rate.
     Coulomb,
-    /// A constant torque, such as the zero of a sensor.
+    /// A constant torque, such as the zero offset of a sensor.
     Offset,
-    /// The inertia of a rotor, in terms of the rate of the drive.
+    /// The inertia of a rotor, referred to the rate of the drive.
     Rotor,
 }
 
@@ -28,7 +28,7 @@ impl Loss {
     /// All of them.
     pub const ALL: [Self; 4] = [Self::Viscous, Self::Coulomb, Self::Offset, Self::Rotor];
 
-    /// The parameter's name but for the name of its drive.
+    /// The parameter's name without the name of its drive.
     #[must_use]
     pub fn symbol(self) -> &'static str {
         match self {
@@ -39,7 +39,7 @@ impl Loss {
         }
     }
 
-    /// The parameter's unit, on a joint that turns or slides.
+    /// The parameter's unit, for a joint that rotates or slides.
     #[must_use]
     pub fn unit(self, turns: bool) -> Unit {
         let torque = if turns { named(&[("N", 1), ("m", 1)]) } else { Unit::named("N") };
@@ -57,7 +57,8 @@ impl Loss {
     }
 }
 
-/// What drives, brakes and loads a constant combination of joints: the motor of one joint, or a motor that is coupled to several.
+/// The drive of a constant combination of joints, with its losses: the motor of one joint, or a motor that is coupled
+/// to several.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Drive {
     /// The name, which ends the names of the drive's parameters.
@@ -68,7 +69,7 @@ pub struct Drive {
     pub input: Option<Symbol>,
     /// The unknown torques.
     pub losses: Vec<Loss>,
-    /// Where the drive stands in the source.
+    /// Place of the drive in the source.
     pub term: TermId,
 }
 
@@ -77,7 +78,7 @@ pub struct Drive {
 pub struct Label {
     /// The name, which ends the names of the body's parameters.
     pub name: String,
-    /// Where the body stands in the source.
+    /// Place of the body in the source.
     pub term: TermId,
 }
 
@@ -143,7 +144,7 @@ impl Mechanism {
         }
         let rows = terms.into_iter().zip(inertial).enumerate();
         let named = rows.map(|(index, (terms, inertial))| {
-            // No inertia has an input in its terms.
+            // The terms of the inertias contain no input.
             Equation { name: model.equation_name(&terms[inertial..], index), terms }
         });
         named.collect()
@@ -163,13 +164,13 @@ impl Mechanism {
         inertias
     }
 
-    /// The place that the torques of known inertias are credited to: the first body that has one.
+    /// The source term to which the torques of known inertias are assigned: the first body that has one.
     fn known_term(&self) -> Option<TermId> {
         let bodies = self.tree.bodies().iter().zip(&self.labels);
         bodies.filter(|(body, _)| matches!(body.inertia, Inertia::Known(_))).map(|(_, label)| label.term).next()
     }
 
-    /// The torques of a drive on the joints that it moves: the power of the drive is that of the joints.
+    /// Adds the torques of a drive to the joints that it moves: the power of the drive equals that of the joints.
     fn drive(&self, model: &mut ExactModel, rows: &[JointRow], drive: &Drive, terms: &mut [Vec<SourceTerm>]) {
         let rate = |model: &mut ExactModel, order: u32| {
             let parts: Vec<ExprId> = drive
@@ -213,7 +214,7 @@ impl Mechanism {
         }
     }
 
-    /// Whether the joint of a coordinate turns.
+    /// Whether the joint of a coordinate rotates.
     fn turns(&self, coordinate: Coordinate) -> bool {
         let joint =
             self.tree.bodies().iter().map(|body| &body.joint).find(|joint| joint.coordinate() == Some(coordinate));

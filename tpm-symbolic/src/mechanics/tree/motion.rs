@@ -8,7 +8,7 @@ use crate::mechanics::tree::vector::{
 };
 use crate::number::rational::integer;
 
-/// How a link moves.
+/// Motion of a link.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
     /// Angular velocity.
@@ -29,7 +29,7 @@ impl Motion {
     fn new(graph: &mut Graph, velocity: Vector, turning: Vector, acceleration: Vector) -> Self {
         let (squares, products) = second_powers(graph, &velocity);
         let mut field = [[velocity[0]; 3]; 3];
-        // Entries on both sides of the diagonal are written together.
+        // Entries symmetric about the diagonal are computed together.
         #[expect(clippy::needless_range_loop, reason = "rows i and j are written in one turn")]
         for i in 0..3 {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
@@ -43,8 +43,9 @@ impl Motion {
         Self { velocity, turning, acceleration, field, differences, products }
     }
 
-    /// The motion of a link that turns about axis k of its own frame against the link that carries it. Points of the axis move alike on
-    /// both, so that U e_k, given in the link's frame, is known from the carrier, and with it two components of the angular acceleration.
+    /// The motion of a link that rotates about axis k of its own frame relative to the link that carries it. Points on
+    /// the axis have the same motion on both links, so that U e_k, given in the link's frame, is known from the
+    /// carrying link, and with it two components of the angular acceleration.
     fn about(
         graph: &mut Graph,
         k: usize,
@@ -70,7 +71,7 @@ impl Motion {
         field[j][j] = negated(graph, sum);
         let mut differences = differences(graph, &squares);
         if [i, j].iter().all(|&other| graph.as_number(velocity[other]).is_none()) {
-            // U_kk is minus the sum of the squares i and j, so that the square j need not be known.
+            // U_kk is minus the sum of the squares i and j, so that the square j is not needed.
             field[i][i] = difference(graph, along[k], differences[k]);
             differences[j] = difference(graph, field[j][j], along[k]);
             let sum = graph.sum_of_wholes(&[differences[j], differences[k]]);
@@ -98,7 +99,7 @@ impl Motion {
         ]
     }
 
-    /// I e + w x I w for moments of inertia that stand from place 4 on.
+    /// The moment I e + w x I w, where the moments of inertia are the entries of `inertia` from index 4.
     pub(super) fn moment(&self, graph: &mut Graph, inertia: &[ExprId; 10]) -> Vector {
         let diagonal = [inertia[4], inertia[7], inertia[9]];
         let columns = self.moments(graph);
@@ -129,7 +130,7 @@ fn differences(graph: &mut Graph, squares: &Vector) -> Vector {
     std::array::from_fn(|i| difference(graph, squares[i], squares[(i + 1) % 3]))
 }
 
-/// What a joint does to vectors of its parent's frame.
+/// Transformation of vectors from the parent's frame by a joint.
 #[derive(Clone, Debug)]
 pub(super) struct Step {
     turn: Option<Turn>,
@@ -147,7 +148,7 @@ impl Step {
         Self { turn }
     }
 
-    /// The ten parameters about the turned frame, about the frame before the joint.
+    /// The ten parameters about the frame before the joint, from those about the rotated frame.
     pub(super) fn turned_back(&self, graph: &mut Graph, inertia: &[ExprId; 10]) -> [ExprId; 10] {
         match &self.turn {
             Some(turn) => turn.inertia_backward(graph, inertia),
@@ -155,7 +156,7 @@ impl Step {
         }
     }
 
-    /// A vector of the parent's frame in the frame of the link.
+    /// Components in the frame of the link of a vector given in the parent's frame.
     pub(super) fn outward(&self, graph: &mut Graph, link: &Link, vector: &Vector) -> Vector {
         let vector = outward_in(graph, &link.rotation.transposed(), vector);
         match &self.turn {
@@ -164,7 +165,7 @@ impl Step {
         }
     }
 
-    /// A vector of the link's frame in the frame of the parent.
+    /// Components in the parent's frame of a vector given in the frame of the link.
     pub(super) fn inward(&self, graph: &mut Graph, link: &Link, vector: &Vector) -> Vector {
         let vector = match &self.turn {
             Some(turn) => turn.backward(graph, vector),
@@ -174,12 +175,12 @@ impl Step {
     }
 }
 
-/// The steps of all links.
+/// The joint transformations of all links.
 pub(super) fn steps(graph: &mut Graph, links: &[Link]) -> Vec<Step> {
     links.iter().map(|link| Step::new(graph, link)).collect()
 }
 
-/// The steps and the motions of all links.
+/// The joint transformations and the motions of all links.
 pub(super) fn motions(graph: &mut Graph, tree: &Tree, links: &[Link]) -> (Vec<Step>, Vec<Motion>) {
     let rest = {
         let still = zero(graph);
@@ -199,7 +200,7 @@ pub(super) fn motions(graph: &mut Graph, tree: &Tree, links: &[Link]) -> (Vec<St
     (steps, motions)
 }
 
-/// The motion of a link from the motion of the link that carries it.
+/// The motion of a link from that of the link that carries it.
 fn carried(graph: &mut Graph, link: &Link, step: &Step, parent: &Motion) -> Motion {
     let velocity = step.outward(graph, link, &parent.velocity);
     let lever = times(graph, &parent.field, &link.origin);

@@ -7,7 +7,7 @@ use crate::mechanics::tree::motion::{Motion, Step, motions};
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, sum_of_products, zero};
 use num_traits::Zero;
 
-/// What one unit of an inertia parameter adds to the torque of a joint.
+/// The torque of a joint per unit of an inertia parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// The index of the body.
@@ -18,14 +18,14 @@ pub struct Entry {
     pub expr: ExprId,
 }
 
-/// The torque of a joint: the sum of its entries times their parameters, and what the known inertias need.
+/// The torque of a joint: the sum of its entries times their parameters, plus the torque of the known inertias.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JointRow {
     /// The coordinate of the joint; the torque is a force where the joint is prismatic.
     pub coordinate: Coordinate,
     /// The entries of the unknown parameters, by body and parameter.
     pub entries: Vec<Entry>,
-    /// The torque that the known inertias need; the number zero where there are none.
+    /// The torque of the known inertias; the number zero where there are none.
     pub known: ExprId,
 }
 

@@ -1,8 +1,8 @@
 //! Rotations with rational entries.
 //!
-//! Invariant: a [`Rotation`] is a product of rotations by angles whose cosine and sine are rational, so that it is orthogonal
-//! exactly. Every angle has such an angle next to it: cos a = (1 - t^2)/(1 + t^2), sin a = 2t/(1 + t^2) with rational t near
-//! tan(a/2).
+//! Invariant: a [`Rotation`] is a product of rotations by angles whose cosine and sine are rational, so that it is
+//! exactly orthogonal. Such angles exist near any angle: cos a = (1 - t^2)/(1 + t^2), sin a = 2t/(1 + t^2) with
+//! rational t near tan(a/2).
 
 use crate::number::rational::{Rational, integer};
 use num_traits::{One, Zero};
@@ -32,7 +32,7 @@ impl Angle {
     }
 }
 
-/// A rotation matrix: its columns are the axes of the turned frame in the frame that it was turned from.
+/// A rotation matrix: its columns are the axes of the rotated frame in the original frame.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rotation([[Rational; 3]; 3]);
 
@@ -79,7 +79,7 @@ impl Rotation {
         Self(std::array::from_fn(|i| std::array::from_fn(|j| self.0[j][i].clone())))
     }
 
-    /// Whether an axis of the turned frame lies along an axis of the frame that it was turned from.
+    /// Whether an axis of the rotated frame is parallel to an axis of the original frame.
     #[must_use]
     pub fn keeps_axis(&self, axis: usize) -> bool {
         frame_axis(&[0, 1, 2].map(|row| self.entry(row, axis).clone())).is_some()
@@ -92,7 +92,7 @@ impl Rotation {
     }
 }
 
-/// The axis of the frame (0, 1, 2) that a unit vector lies along, in either direction; `None` when it lies along none.
+/// The axis of the frame (0, 1, 2) to which a unit vector is parallel, in either direction; `None` when there is none.
 #[must_use]
 pub fn frame_axis(direction: &[Rational; 3]) -> Option<usize> {
     let mut present = (0..3).filter(|&k| !direction[k].is_zero());

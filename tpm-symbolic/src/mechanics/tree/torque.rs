@@ -1,4 +1,4 @@
-//! The torque of every joint by the recursion over wrenches, with the inertias in it.
+//! The torque of every joint by recursion over wrenches, for given inertias.
 
 use crate::expr::graph::{Coordinate, ExprId, Graph};
 use crate::mechanics::tree::bodies::{Joint, Tree};
@@ -9,8 +9,8 @@ use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, t
 
 impl Tree {
     /// The torques of the moving joints (forces, where they are prismatic), in the order of the bodies, when `parameters` gives the
-    /// ten parameters of every body of unknown inertia by its index. With numbers in the place of some derivatives of coordinates
-    /// this is the torque of gravity, or a column of the mass matrix.
+    /// ten parameters of every body of unknown inertia by its index. If some derivatives of coordinates are replaced by
+    /// numbers, the result is the torque of gravity, or a column of the mass matrix.
     pub fn torques(&self, graph: &mut Graph, parameters: impl Fn(usize) -> [ExprId; 10]) -> Vec<(Coordinate, ExprId)> {
         let links = links(graph, self);
         let (steps, motions) = motions(graph, self, &links);
@@ -56,11 +56,12 @@ impl Tree {
     }
 }
 
-/// Components of the origin of a frame beyond which moving an inertia inward takes more operations than it saves.
+/// Largest number of nonzero components of a frame's origin at which moving an inertia inward saves operations.
 const MOST_COMPONENTS: usize = 2;
 
-/// The inertias of the links, of which a joint's carrier has got what the joint does not turn: masses on an axis move alike on both links
-/// that the axis joins. This is how inertias are grouped into base parameters (Gautier and Khalil 1990).
+/// The inertias of the links, after the part of each that its joint does not rotate was moved to the carrying link:
+/// masses on an axis have the same motion on both links that the axis connects. In this way inertias are grouped into
+/// base parameters (Gautier and Khalil 1990).
 fn passed_inward(
     graph: &mut Graph,
     links: &[Link],
@@ -85,7 +86,7 @@ fn passed_inward(
     inertias
 }
 
-/// The parameters of two bodies about one frame, each of which may be none.
+/// The sum of two bodies' parameters about one frame; either body may be missing.
 fn sum(graph: &mut Graph, (a, b): (Option<[ExprId; 10]>, Option<[ExprId; 10]>)) -> Option<[ExprId; 10]> {
     match (a, b) {
         (Some(a), Some(b)) => Some(together(graph, &a, &b)),
@@ -93,7 +94,7 @@ fn sum(graph: &mut Graph, (a, b): (Option<[ExprId; 10]>, Option<[ExprId; 10]>)) 
     }
 }
 
-/// Force and moment about the origin that move a body.
+/// Force and moment about the origin that accelerate a body.
 fn wrench(graph: &mut Graph, motion: &Motion, inertia: &[ExprId; 10]) -> (Vector, Vector) {
     let first: Vector = [inertia[1], inertia[2], inertia[3]];
     let pushed = scale(graph, &motion.acceleration, inertia[0]);

@@ -1,4 +1,5 @@
-//! Vectors of expressions. Zeros and ones fold, and intermediate values stay whole, so that each is computed once.
+//! Vectors of expressions. Products with zeros and ones are simplified, and intermediate values are not flattened, so
+//! that each is computed once.
 
 use crate::expr::graph::{ExprId, Function, Graph};
 use crate::mechanics::tree::rotation::{Rotation, frame_axis};
@@ -7,7 +8,7 @@ use crate::number::rational::Rational;
 /// A vector in some frame.
 pub type Vector = [ExprId; 3];
 
-/// A sum of products: the first factor of each term multiplies the second.
+/// A sum of products of the two factors of each term.
 pub(super) fn sum_of_products(graph: &mut Graph, terms: &[(ExprId, ExprId)]) -> ExprId {
     let products: Vec<ExprId> = terms.iter().map(|&(a, b)| graph.product_of_wholes(&[a, b])).collect();
     graph.sum_of_wholes(&products)
@@ -57,7 +58,7 @@ pub(super) fn constant(graph: &mut Graph, vector: &[Rational; 3]) -> Vector {
     std::array::from_fn(|i| graph.number(vector[i].clone()))
 }
 
-/// The vector in the frame that the rotation was turned from.
+/// Components of a vector in the original frame, from those in the rotated frame.
 pub(super) fn outward_in(graph: &mut Graph, rotation: &Rotation, vector: &Vector) -> Vector {
     std::array::from_fn(|i| {
         let terms = [0, 1, 2].map(|j| (graph.number(rotation.entry(i, j).clone()), vector[j]));
@@ -80,18 +81,18 @@ impl Turn {
         Self { axis: axis.clone(), cosine, sine }
     }
 
-    /// A vector of the frame before the joint in the turned frame.
+    /// Components in the rotated frame of a vector given in the frame before the joint.
     pub(super) fn forward(&self, graph: &mut Graph, vector: &Vector) -> Vector {
         let sine = negated(graph, self.sine);
         self.turned(graph, vector, sine)
     }
 
-    /// A vector of the turned frame in the frame before the joint.
+    /// Components in the frame before the joint of a vector given in the rotated frame.
     pub(super) fn backward(&self, graph: &mut Graph, vector: &Vector) -> Vector {
         self.turned(graph, vector, self.sine)
     }
 
-    /// The ten parameters about the turned frame, about the frame before the joint: R h and R I R^T.
+    /// The ten parameters about the frame before the joint, from those about the rotated frame: R h and R I R^T.
     pub(super) fn inertia_backward(&self, graph: &mut Graph, inertia: &[ExprId; 10]) -> [ExprId; 10] {
         let [mass, x, y, z, xx, xy, xz, yy, yz, zz] = *inertia;
         let first = self.backward(graph, &[x, y, z]);
@@ -99,7 +100,7 @@ impl Turn {
         let turned = match frame_axis(&self.axis) {
             Some(k) => self.moments_about(graph, k, &moments),
             None => {
-                // R I, whose transpose is turned once more.
+                // R I; its transpose is rotated in the next step.
                 let columns = moments.map(|column| self.backward(graph, &column));
                 let rows: [Vector; 3] = std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]));
                 rows.map(|row| self.backward(graph, &row))
@@ -109,8 +110,8 @@ impl Turn {
         [mass, first[0], first[1], first[2], xx, xy, xz, yy, yz, zz]
     }
 
-    /// R I R^T for a turn about axis k of the frame. With d = I_ii - I_jj and w = d sin q + 2 I_ij cos q, the turned moments are
-    /// I_ii - w sin q, I_jj + w sin q and w cos q - I_ij.
+    /// R I R^T for a rotation about axis k of the frame. With d = I_ii - I_jj and w = d sin q + 2 I_ij cos q, the
+    /// rotated moments are I_ii - w sin q, I_jj + w sin q and w cos q - I_ij.
     fn moments_about(&self, graph: &mut Graph, k: usize, moments: &[Vector; 3]) -> [Vector; 3] {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);
         let sign = graph.number(self.axis[k].clone());
