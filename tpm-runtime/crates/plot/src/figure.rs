@@ -71,6 +71,7 @@ pub enum Curve {
     Band(Vec<(f64, f64, f64)>),
 }
 
+#[cfg(feature = "svg")]
 impl Curve {
     /// All points; both edges of a band.
     pub(super) fn points(&self) -> Vec<(f64, f64)> {
