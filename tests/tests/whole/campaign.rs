@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use tpm_runtime::campaign::{Manifest, Store};
 use tpm_runtime::estimate::Along;
 use tpm_runtime::experiment::Experiment;
-use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::interpret::{Interpreted, pattern};
 use tpm_runtime::motion::trajectory::ReferencePattern;
 use tpm_runtime::session::{Identification, Machine, identify_simulated};
 use tpm_symbolic::algebra::fourier::Trig;
@@ -18,7 +18,7 @@ fn loaded(name: &str) -> (Interpreted, ReferencePattern) {
     let model = shipped(name);
     let form = regressor_form(&model).expect("linear in its parameters");
     let pattern = model.pattern(None).expect("has a pattern");
-    let pattern = tpm_runtime::interpret::pattern::of_model(pattern, &model, |_| None).expect("no open constants");
+    let pattern = pattern::of_model(pattern, &model, |_| None).expect("no open constants");
     (Interpreted::new(&model, &form), pattern)
 }
 

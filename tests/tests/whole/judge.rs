@@ -7,8 +7,7 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
 use tpm_runtime::session::{
-    Concern, Data, DeclaredModel, Identification, LogRequest, MissingTerm, NotRefined, Severity, Warning, from_log,
-    from_logs,
+    Data, DeclaredModel, Identification, LogRequest, MissingTerm, NotRefined, Severity, Warning, from_log, from_logs,
 };
 
 const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg], c [N*s/m], k [N/m];
@@ -151,13 +150,7 @@ fn says_the_same_everywhere(result: &Identification, said: &Warning) {
     assert_eq!(severities.contains(&"distrust"), is_distrust, "{said}");
     for parameter in json["parameters"].as_array().expect("a list") {
         let name = parameter["name"].as_str().expect("a name");
-        let concerned = match meaning.concern {
-            Concern::All => true,
-            Concern::Parameter(own) => own == name,
-            Concern::Parameters(own) => own.iter().any(|own| own == name),
-            Concern::Nothing => false,
-        };
-        let expected = if is_distrust && concerned { "untrusted" } else { "identified" };
+        let expected = if is_distrust && meaning.concern.includes(name) { "untrusted" } else { "identified" };
         assert_eq!(parameter["status"], expected, "{name}: {said}");
     }
     let text = result.to_string();

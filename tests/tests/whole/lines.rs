@@ -2,7 +2,7 @@
 
 use crate::support::model;
 use tpm_runtime::estimate::{Along, LineTable};
-use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::interpret::{Interpreted, pattern};
 use tpm_runtime::model::Model;
 use tpm_runtime::motion::trajectory::{HarmonicSeries, Line, ReferencePattern};
 use tpm_runtime::physical::PatternTables;
@@ -29,10 +29,8 @@ fn tabulated(name: &str) -> Tabulated {
     declared.eliminations.clear();
     let prepared = prepare(declared).expect("linear in the parameters");
     let model = Interpreted::new(&prepared.model, &prepared.form);
-    let played = |symbolic| {
-        tpm_runtime::interpret::pattern::of_rows(symbolic, &prepared.model, &prepared.form, |_| Some(CONSTANT))
-            .expect("has values")
-    };
+    let played =
+        |symbolic| pattern::of_rows(symbolic, &prepared.model, &prepared.form, |_| Some(CONSTANT)).expect("has values");
     let mut patterns: Vec<ReferencePattern> = prepared.model.patterns.iter().map(played).collect();
     patterns[0].others = patterns[1..].to_vec();
     let tables = PatternTables::new(&prepared, &model, &patterns[0]);

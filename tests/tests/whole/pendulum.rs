@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::OnceLock;
 use tpm_runtime::experiment::Experiment;
-use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::interpret::{Interpreted, pattern};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::motion::Ending;
 use tpm_runtime::motion::trajectory::ReferencePattern;
@@ -36,8 +36,7 @@ fn pendulum(overrides: &[(&str, &str)]) -> Pendulum {
         written.apply_override(key, value).expect("known");
     }
     let pattern = prepared.model.pattern(None).expect("has a pattern");
-    let pattern = tpm_runtime::interpret::pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| None)
-        .expect("no open constants");
+    let pattern = pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| None).expect("no open constants");
     let experiment = tpm_runtime::physical::lumped(&written, &prepared);
     Pendulum { prepared, model, written, experiment, pattern }
 }

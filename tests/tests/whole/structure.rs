@@ -3,13 +3,12 @@
 
 mod imports;
 
-use crate::support::root;
+use crate::support::{folder_of, packages, root};
 use imports::{Crate, Module, Sources};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
 /// What a folder may import from.
 type Allowed = BTreeMap<String, BTreeSet<String>>;
@@ -139,20 +138,15 @@ struct Member {
 }
 
 fn members() -> Vec<Member> {
-    let arguments = ["metadata", "--format-version", "1", "--no-deps", "--offline", "--locked"];
-    let output = Command::new(env!("CARGO")).args(arguments).current_dir(root()).output().expect("cargo runs");
-    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
     let short = |name: &Value| name.as_str().and_then(|name| name.strip_prefix("tpm-")).map(str::to_owned);
-    let packages = metadata["packages"].as_array().expect("a list of packages");
+    let packages = packages();
     let own: BTreeSet<String> = packages.iter().filter_map(|package| short(&package["name"])).collect();
     let member = |package: &Value| {
-        let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
-        let folder = manifest.parent().and_then(|folder| folder.strip_prefix(root()).ok()).expect("in the workspace");
         let dependencies = package["dependencies"].as_array().expect("a list").iter();
         let needs = dependencies.filter(|needed| needed["kind"].is_null()).filter_map(|needed| short(&needed["name"]));
         Member {
             name: short(&package["name"]).expect("named like the others"),
-            folder: folder.to_owned(),
+            folder: folder_of(package).strip_prefix(root()).expect("in the workspace").to_owned(),
             needs: needs.filter(|name| own.contains(name)).collect(),
         }
     };

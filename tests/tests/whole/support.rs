@@ -3,8 +3,10 @@
 #[path = "../../support/skipped.rs"]
 mod skipped;
 
+use serde_json::Value;
 pub(crate) use skipped::skipped;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use tpm_codegen::source::Source;
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::table::HarmonicTable;
@@ -14,6 +16,21 @@ use tpm_symbolic::regressor::prepare::prepare;
 /// The workspace's folder.
 pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
+}
+
+/// The workspace's packages, as `cargo metadata` describes them.
+pub(crate) fn packages() -> Vec<Value> {
+    let arguments = ["metadata", "--format-version", "1", "--no-deps", "--offline", "--locked"];
+    let output = Command::new(env!("CARGO")).args(arguments).current_dir(root()).output().expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
+    metadata["packages"].as_array().expect("a list of packages").clone()
+}
+
+/// The folder of a package.
+pub(crate) fn folder_of(package: &Value) -> PathBuf {
+    let manifest = Path::new(package["manifest_path"].as_str().expect("a path"));
+    manifest.parent().expect("in a folder").to_owned()
 }
 
 /// Parses the text of a faultless model.

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::process::Command;
 use tpm_codegen::emit::table::{csv, latex, markdown};
 use tpm_runtime::Model as _;
-use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::interpret::{Interpreted, pattern};
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -99,8 +99,7 @@ fn agrees_with_quadrature(name: &str, values: &[f64]) {
     let constants: Vec<f64> = vec![0.4; interpreted.dims().constants];
     let pattern = prepared.model.pattern(None).expect("has a pattern");
     // An eliminated coordinate is no coordinate of the rows.
-    let pattern = tpm_runtime::interpret::pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| Some(0.4))
-        .expect("values are given");
+    let pattern = pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| Some(0.4)).expect("values are given");
     assert!(pattern.open().is_empty());
     let amplitudes: Vec<f64> = pattern.amplitudes.iter().map(|name| symbol(name)).collect();
     let trajectory = pattern.trajectory(&amplitudes, symbol("w"));

@@ -6,7 +6,7 @@
 mod example;
 
 use crate::regulate::{MOTOR, STUDY};
-use crate::support::printed;
+use crate::support::{drawn, printed};
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -42,6 +42,9 @@ fn the_report_says_what_agrees_and_what_does_not() {
     for figure in ["bode", "bode500", "eqn29", "balance"] {
         let svg = std::fs::read_to_string(target.join(format!("{figure}.svg"))).expect("an SVG");
         assert!(svg.starts_with("<svg") && svg.contains("</svg>"));
+        for name in drawn(&[&format!("{figure}.png")]) {
+            assert_eq!(&std::fs::read(target.join(name)).expect("a PNG")[1..4], b"PNG");
+        }
         assert!(report.contains(&format!("]({figure}.svg)")), "{figure} is not shown");
     }
     assert!(String::from_utf8_lossy(&run.stdout).contains("report.md"));

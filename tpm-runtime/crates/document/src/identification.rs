@@ -65,7 +65,7 @@ impl Document {
             let Meaning { severity, about, concern } = warning.meaning();
             match (severity, about, concern) {
                 (Severity::Distrust, ..) => 0,
-                (_, About::Parameters, Concern::Parameter(_) | Concern::Nothing) => 2,
+                (_, About::Parameters, Concern::Parameters([_]) | Concern::Nothing) => 2,
                 _ => 1,
             }
         };

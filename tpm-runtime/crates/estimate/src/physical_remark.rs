@@ -38,7 +38,7 @@ pub enum PhysicalRemark {
 impl PhysicalRemark {
     /// The physical parameter that it is about; nothing for a remark about all of them.
     #[must_use]
-    pub fn parameter(&self) -> Option<&str> {
+    pub fn parameter(&self) -> Option<&String> {
         match self {
             PhysicalRemark::NotDetermined { parameter }
             | PhysicalRemark::AtBound { parameter, .. }

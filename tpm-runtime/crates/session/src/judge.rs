@@ -28,15 +28,7 @@ pub(super) fn judge(result: &Identification) -> Verdict {
         .filter(|meaning| meaning.severity == Severity::Distrust)
         .map(|meaning| meaning.concern)
         .collect();
-    let touches = |name: &str| {
-        !result.is_explained()
-            || distrusted.iter().any(|concern| match concern {
-                Concern::All => true,
-                Concern::Parameter(own) => *own == name,
-                Concern::Parameters(own) => own.iter().any(|own| own == name),
-                Concern::Nothing => false,
-            })
-    };
+    let touches = |name: &str| !result.is_explained() || distrusted.iter().any(|concern| concern.includes(name));
     let statuses = |reports: &[ParameterReport], touched: &dyn Fn(&str) -> bool| -> Vec<Status> {
         reports.iter().map(|report| report.status.in_result(!touched(&report.name))).collect()
     };
@@ -54,8 +46,8 @@ pub(super) fn judge(result: &Identification) -> Verdict {
 /// Why a result is not all that was asked for; nothing when it is. `statuses` are those of the parameters that were asked for.
 fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
     // A residual that is too large is said last: other findings name its cause.
-    let grave = result.warnings.iter().filter(|warning| !matches!(warning, Warning::Unexplained { .. }));
-    if let Some(untrusted) = grave.into_iter().find(|warning| warning.is_distrust()) {
+    let mut named = result.warnings.iter().filter(|warning| !matches!(warning, Warning::Unexplained { .. }));
+    if let Some(untrusted) = named.find(|warning| warning.is_distrust()) {
         return Some(untrusted.to_string());
     }
     if result.source != Source::Log && result.outcome.is_none() {

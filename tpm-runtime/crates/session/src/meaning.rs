@@ -2,6 +2,7 @@
 
 use crate::warning::Warning;
 use serde::Serialize;
+use std::slice;
 
 /// What a finding means for the numbers of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -37,10 +38,25 @@ pub enum Concern<'a> {
     Nothing,
     /// These, by name.
     Parameters(&'a [String]),
-    /// This one, by name.
-    Parameter(&'a str),
     /// All.
     All,
+}
+
+impl<'a> Concern<'a> {
+    /// One parameter.
+    const fn one(name: &'a String) -> Self {
+        Concern::Parameters(slice::from_ref(name))
+    }
+
+    /// Whether a parameter is among them.
+    #[must_use]
+    pub fn includes(&self, name: &str) -> bool {
+        match self {
+            Concern::Nothing => false,
+            Concern::Parameters(names) => names.iter().any(|own| own == name),
+            Concern::All => true,
+        }
+    }
 }
 
 /// What a kind of finding means.
@@ -59,7 +75,7 @@ impl Warning {
     #[must_use]
     pub fn meaning(&self) -> Meaning<'_> {
         use About::{Campaign, Estimation, Parameters, Reading, Record};
-        use Concern::{All, Nothing, Parameter};
+        use Concern::{All, Nothing};
         use Severity::{Distrust, Misfit, Remark};
         let (severity, about, concern) = match self {
             Warning::OnePeriod => (Remark, Reading, Nothing),
@@ -75,19 +91,19 @@ impl Warning {
             Warning::Unexplained { .. } => (Distrust, Record, All),
             Warning::MissingTerm { .. } => (Misfit, Record, Nothing),
             Warning::Limited { .. } => (Remark, Record, Nothing),
-            Warning::Halves { parameter, .. } => (Distrust, Record, Parameter(parameter)),
+            Warning::Halves { parameter, .. } => (Distrust, Record, Concern::one(parameter)),
             Warning::Unsettled { .. } => (Distrust, Record, All),
             Warning::Repeats { .. } => (Misfit, Record, Nothing),
             Warning::Vibration { .. } => (Misfit, Record, Nothing),
-            Warning::NotVisible { parameter, .. } => (Remark, Parameters, Parameter(parameter)),
-            Warning::PoorlyDetermined { parameter, .. } => (Remark, Parameters, Parameter(parameter)),
+            Warning::NotVisible { parameter, .. } => (Remark, Parameters, Concern::one(parameter)),
+            Warning::PoorlyDetermined { parameter, .. } => (Remark, Parameters, Concern::one(parameter)),
             Warning::OnlyInCombinations { parameters, .. } => (Remark, Parameters, Concern::Parameters(parameters)),
-            Warning::Physical { remark } => (Remark, Parameters, remark.parameter().map_or(Nothing, Parameter)),
-            Warning::NegativeInertia { parameter, .. } => (Distrust, Estimation, Parameter(parameter)),
+            Warning::Physical { remark } => (Remark, Parameters, remark.parameter().map_or(Nothing, Concern::one)),
+            Warning::NegativeInertia { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
             Warning::FarFromLinear { .. } => (Distrust, Estimation, All),
             Warning::EndOfInterval { .. } => (Distrust, Estimation, All),
-            Warning::SeveralMinima { parameter, .. } => (Remark, Estimation, Parameter(parameter)),
-            Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Parameter(parameter)),
+            Warning::SeveralMinima { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
+            Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
             Warning::LongSimulation { .. } => (Remark, Estimation, Nothing),
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
             Warning::LogsDisagree { .. } => (Distrust, Estimation, All),

@@ -73,12 +73,6 @@ impl Identification {
         text
     }
 
-    /// Whether the estimates are those of a simulation, whose residual is that of motion and inputs.
-    pub fn is_refined(&self) -> bool {
-        let of_log = self.log.as_ref().and_then(|log| log.refinement.as_ref());
-        self.refinement.as_ref().or(of_log).is_some_and(|refined| refined.used)
-    }
-
     /// Whether a true value stands beside any identified one.
     fn knows_truth(&self) -> bool {
         let parameters = self.parameters.iter().chain(&self.physical).any(|parameter| parameter.truth.is_some());
