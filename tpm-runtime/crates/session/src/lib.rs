@@ -98,7 +98,7 @@ pub use method_report::{
 pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
 pub use options::LogOptions;
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
-pub use refinement_report::{MissingTerm, NotRefined, RateReport, RefinementReport};
+pub use refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;

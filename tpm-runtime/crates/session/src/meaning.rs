@@ -104,7 +104,7 @@ impl Warning {
             Warning::EndOfInterval { .. } => (Distrust, Estimation, All),
             Warning::SeveralMinima { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
             Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
-            Warning::LongSimulation { .. } => (Remark, Estimation, Nothing),
+            Warning::LongSimulation(_) => (Remark, Estimation, Nothing),
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
             Warning::LogsDisagree { .. } => (Distrust, Estimation, All),
             Warning::Run { .. } => (Remark, Campaign, Nothing),

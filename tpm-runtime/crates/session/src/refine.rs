@@ -2,7 +2,7 @@
 
 use crate::excerpt::Excerpt;
 use crate::options::LogOptions;
-use crate::refinement_report::{MissingTerm, NotRefined, RateReport, RefinementReport};
+use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 use crate::warning::Warning;
 use std::borrow::Cow;
 use tpm_core::harmonics::Hold;
@@ -83,10 +83,9 @@ pub(super) fn refined(
     };
     let work = work(machine, &start, settings);
     if conditions.refine == Refine::Auto && work > MOST_WORK {
-        let warning = Warning::LongSimulation { work, most: MOST_WORK };
-        let why = NotRefined::LongSimulation { work, most: MOST_WORK };
-        let report = RefinementReport::left_out(&estimate.values, why);
-        let warnings = vec![warning];
+        let long = LongSimulation { work, most: MOST_WORK };
+        let report = RefinementReport::left_out(&estimate.values, NotRefined::LongSimulation(long));
+        let warnings = vec![Warning::LongSimulation(long)];
         return Refined { estimate: estimate.clone(), report: Some(report), warnings };
     }
     refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {

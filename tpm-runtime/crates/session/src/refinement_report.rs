@@ -104,16 +104,30 @@ const fn none(count: &usize) -> bool {
     *count == 0
 }
 
+/// A step of a simulation that would take longer than what is spent without being asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LongSimulation {
+    /// Floating-point operations of one step.
+    pub work: f64,
+    /// The most that are spent without being asked for.
+    pub most: f64,
+}
+
+impl fmt::Display for LongSimulation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let LongSimulation { work, most } = self;
+        write!(
+            f,
+            "the estimates are not refined by simulating the model sample by sample: a step of that takes {work:.1e} operations, more than the {most:.1e} that are spent without being asked for"
+        )
+    }
+}
+
 /// Why the values of a result are not those of a refinement; serialises as its text.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NotRefined {
     /// A step of the simulation would take long.
-    LongSimulation {
-        /// Floating-point operations of one step.
-        work: f64,
-        /// The most that are spent without being asked for.
-        most: f64,
-    },
+    LongSimulation(LongSimulation),
     /// The simulation was begun, and came to nothing.
     Fault(OutputErrorFault),
     /// The simulation settles only with a term that the model lacks.
@@ -128,10 +142,7 @@ pub enum NotRefined {
 impl fmt::Display for NotRefined {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            NotRefined::LongSimulation { work, most } => write!(
-                f,
-                "the estimates are not refined by simulating the model sample by sample: a step of that takes {work:.1e} operations, more than the {most:.1e} that are spent without being asked for"
-            ),
+            NotRefined::LongSimulation(long) => long.fmt(f),
             NotRefined::Fault(fault) => write!(f, "not refined by a simulation: {fault}"),
             NotRefined::WithoutTerm => f.write_str(
                 "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them",

@@ -1,6 +1,6 @@
 //! What a user should know beside the numbers of a result.
 
-use crate::refinement_report::{MissingTerm, NotRefined};
+use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined};
 use serde::Serialize;
 use std::fmt;
 use tpm_campaign::{NearMode, Outcome};
@@ -65,12 +65,7 @@ pub enum Warning {
         left_by_exchange: f64,
     },
     /// The estimates are not refined by a simulation, because that would take long.
-    LongSimulation {
-        /// Floating-point operations of one step.
-        work: f64,
-        /// The most that are spent without being asked for.
-        most: f64,
-    },
+    LongSimulation(LongSimulation),
     /// The log holds one whole period only.
     OnePeriod,
     /// A period was stated, and the record is used in the time domain, where it does not count.
@@ -320,7 +315,7 @@ impl Warning {
             }
             Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
-            Warning::LongSimulation { .. } => Some(Remedy::Simulation),
+            Warning::LongSimulation(_) => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
             _ => None,
         }
@@ -343,7 +338,7 @@ impl fmt::Display for Warning {
                 100.0 * left,
                 100.0 * left_by_exchange
             ),
-            &Warning::LongSimulation { work, most } => NotRefined::LongSimulation { work, most }.fmt(f),
+            Warning::LongSimulation(long) => long.fmt(f),
             Warning::OnePeriod => f.write_str(
                 "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",
             ),
@@ -500,5 +495,20 @@ impl fmt::Display for Warning {
             Warning::NotRefined { reason } => reason.fmt(f),
             Warning::Physical { remark } => remark.fmt(f),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Warning;
+    use crate::refinement_report::{LongSimulation, NotRefined};
+
+    #[test]
+    fn a_long_simulation_is_numbers_in_a_warning_and_a_text_in_a_note() {
+        let long = LongSimulation { work: 2.5, most: 1.5 };
+        let written = serde_json::to_string(&Warning::LongSimulation(long)).expect("a warning is written");
+        assert_eq!(written, r#"{"kind":"long_simulation","work":2.5,"most":1.5}"#);
+        let note = serde_json::to_string(&NotRefined::LongSimulation(long)).expect("a note is written");
+        assert_eq!(note, format!("\"{}\"", Warning::LongSimulation(long)));
     }
 }
