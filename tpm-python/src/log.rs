@@ -49,16 +49,16 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
             found.ok_or_else(|| Error::new_err(format!("{name}=\"{word}\": give one of {}", known.join(", "))))
         };
         match name.as_str() {
-            "from_sample" => request.from_sample = Some(value.extract()?),
-            "period" => request.period = Some(value.extract()?),
-            "hold" => request.hold = [Hold::None, Hold::Zoh][chosen(&["none", "zoh"])?],
+            "from_sample" => request.reading.from_sample = Some(value.extract()?),
+            "period" => request.reading.period = Some(value.extract()?),
+            "hold" => request.reading.hold = [Hold::None, Hold::Zoh][chosen(&["none", "zoh"])?],
             "delay" => {
                 for (input, delay) in value.extract::<BTreeMap<String, f64>>()? {
                     if !(delay.is_finite() && delay >= 0.0) {
                         let message = format!("delay={{\"{input}\": {delay}}}: the time must not be negative");
                         return Err(Error::new_err(message));
                     }
-                    request.actuators.entry(input).or_default().delay = delay;
+                    request.estimation.actuators.entry(input).or_default().delay = delay;
                 }
             }
             "low_pass" => {
@@ -68,20 +68,20 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
                             "low_pass={{\"{input}\": ...}}: natural frequency (rad/s) and quality are positive numbers"
                         )));
                     }
-                    request.actuators.entry(input).or_default().filter = Some(LowPass { natural_frequency, quality });
+                    request.estimation.actuators.entry(input).or_default().filter = Some(LowPass { natural_frequency, quality });
                 }
             }
-            "domain" => request.domain = Some([Domain::Harmonics, Domain::Time][chosen(&["harmonics", "time"])?]),
-            "harmonics" => request.harmonics = Some(value.extract()?),
-            "weights" => request.weights = [Weights::Noise, Weights::Equal][chosen(&["noise", "equal"])?],
+            "domain" => request.estimation.domain = Some([Domain::Harmonics, Domain::Time][chosen(&["harmonics", "time"])?]),
+            "harmonics" => request.estimation.harmonics = Some(value.extract()?),
+            "weights" => request.estimation.weights = [Weights::Noise, Weights::Equal][chosen(&["noise", "equal"])?],
             "refine" => {
-                request.refine =
+                request.estimation.refine =
                     [Refine::Auto, Refine::OutputError, Refine::None][chosen(&["auto", "output-error", "none"])?];
             }
-            "constants" => request.constants = value.extract()?,
-            "prior" => request.prior = value.extract()?,
-            "freeze" => request.frozen = value.extract()?,
-            "bounds" => request.bounds = value.extract()?,
+            "constants" => request.estimation.constants = value.extract()?,
+            "prior" => request.estimation.prior = value.extract()?,
+            "freeze" => request.estimation.frozen = value.extract()?,
+            "bounds" => request.estimation.bounds = value.extract()?,
             _ if take_column(&mut request, &name, &value)? => {}
             _ => return Err(unexpected(&name)),
         }
@@ -92,9 +92,9 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
 /// Takes in what is said of columns; whether the argument is about them.
 fn take_column(request: &mut LogRequest, name: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
     match name {
-        "map" => request.map = value.extract()?,
-        "scale" => request.scale = value.extract()?,
-        "offset" => request.offset = value.extract()?,
+        "map" => request.reading.columns.map = value.extract()?,
+        "scale" => request.reading.columns.scale = value.extract()?,
+        "offset" => request.reading.columns.offset = value.extract()?,
         _ => return Ok(false),
     }
     Ok(true)

@@ -9,8 +9,8 @@ use tpm_runtime::estimate::Estimate;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Log, ReadingSettings};
 use tpm_runtime::model::Model;
-use tpm_runtime::session::LogOptions;
 use tpm_runtime::session::{Identification, LogReport, PeriodicReport, identify_log};
+use tpm_runtime::session::{LogOptions, RecordSettings};
 
 fn estimate(result: &Identification) -> &Estimate {
     result.estimate.as_ref().expect("a log that identifies has an estimate")
@@ -36,17 +36,20 @@ fn data(name: &str) -> Option<PathBuf> {
 
 fn options(map: &[(&str, &str)], hold: Hold) -> LogOptions {
     LogOptions {
-        reading: ReadingSettings {
-            map: map.iter().map(|(name, column)| (String::from(*name), String::from(*column))).collect(),
-            ..ReadingSettings::default()
+        reading: RecordSettings {
+            columns: ReadingSettings {
+                map: map.iter().map(|(name, column)| (String::from(*name), String::from(*column))).collect(),
+                ..ReadingSettings::default()
+            },
+            hold,
+            ..RecordSettings::default()
         },
-        hold,
         ..LogOptions::default()
     }
 }
 
 fn identify(model: &dyn Model<f64>, file: &Path, options: &LogOptions) -> Identification {
-    let log = Log::open(file, model, &options.reading).expect("the published log is sound");
+    let log = Log::open(file, model, &options.reading.columns).expect("the published log is sound");
     let result = identify_log(model, &log, options).expect("the published log identifies");
     for p in &result.parameters {
         eprintln!("{} = {:?} +- {:?} ({})", p.name, p.value, p.std, p.status.name());
@@ -139,7 +142,7 @@ fn silverbox_agrees_with_the_reference() {
     let mut options = options(&[("y", "y_V"), ("u", "u_V")], Hold::None);
     let reference = [5.3715e-6, 2.2874e-4, 0.98927, 3.946];
     for harmonics in [None, Some(200)] {
-        options.harmonics = harmonics;
+        options.estimation.harmonics = harmonics;
         let result = identify(&Silverbox, &file, &options);
         close(&result, &reference, &[0.01, 0.01, 0.005, 0.02]);
         assert!(result.residual <= 0.005);
@@ -148,7 +151,7 @@ fn silverbox_agrees_with_the_reference() {
         let odd = lines.iter().filter(|k| *k % 2 == 1).count();
         assert!(lines.len() - odd <= 2 && odd >= 100, "{lines:?}");
     }
-    options.hold = Hold::Zoh;
+    options.reading.hold = Hold::Zoh;
     let wrong = identify(&Silverbox, &file, &options);
     assert!(
         wrong.warnings.iter().any(|w| w.to_string().starts_with("hold none explains the log clearly better")),

@@ -84,7 +84,7 @@ fn what_is_wrong_is_said_with_its_remedy_as_data() {
     let mapped = session::from_log(&Pendulum, LogRequest::new(&log).map("q", "angle")).expect("identifies");
     assert!(!mapped.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. })));
     let mut request = LogRequest::new(&log).map("q", "angle");
-    request.prior.insert("mass".to_owned(), 1.0);
+    request.estimation.prior.insert("mass".to_owned(), 1.0);
     let error = session::from_log(&Pendulum, request).expect_err("no such parameter");
     assert!(matches!(&error, SessionError::UnknownName { name, .. } if name == "mass"), "{error}");
 }

@@ -6,10 +6,11 @@ use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::harmonics::Hold;
+use tpm_runtime::log::ReadingSettings;
 use tpm_runtime::model::Model;
 use tpm_runtime::motion::{Dynamics, LowPass};
 use tpm_runtime::plant::actuator::MotorFile;
-use tpm_runtime::session::LogRequest;
+use tpm_runtime::session::{EstimationSettings, LogRequest, RecordSettings};
 
 /// What an input does between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -48,10 +49,17 @@ impl ColumnArgs {
     /// The log at a path with the settings for its columns.
     pub(crate) fn request(&self, path: &Path) -> Result<LogRequest, Failure> {
         let mut request = LogRequest::new(path);
-        request.map = once("--map", &self.map)?;
-        request.scale = once("--scale", &self.scale)?;
-        request.offset = once("--offset", &self.offset)?;
+        request.reading.columns = self.settings()?;
         Ok(request)
+    }
+
+    /// How its columns become signals.
+    fn settings(&self) -> Result<ReadingSettings, Failure> {
+        Ok(ReadingSettings {
+            map: once("--map", &self.map)?,
+            scale: once("--scale", &self.scale)?,
+            offset: once("--offset", &self.offset)?,
+        })
     }
 }
 
@@ -135,22 +143,31 @@ impl LogArgs {
         if let Some((flag, _)) = needing.iter().find(|(_, given)| *given) {
             return Err(Failure::Input(format!("{flag} needs a model; give its file behind the log")));
         }
-        let mut request = self.columns.request(path)?;
-        request.from_sample = self.from_sample;
-        request.period = self.period;
-        request.hold = self.hold.map_or(Hold::None, Hold::from);
+        let mut request = LogRequest::new(path);
+        request.reading = self.reading()?;
         Ok(request)
+    }
+
+    /// How the log is read.
+    fn reading(&self) -> Result<RecordSettings, Failure> {
+        Ok(RecordSettings {
+            columns: self.columns.settings()?,
+            from_sample: self.from_sample,
+            period: self.period,
+            hold: self.hold.map_or(Hold::None, Hold::from),
+        })
     }
 
     /// The log at a path with all settings of the command line.
     pub(crate) fn request(&self, path: &Path, model: &dyn Model<f64>) -> Result<LogRequest, Failure> {
-        let mut request = self.columns.request(path)?;
-        request.from_sample = self.from_sample;
-        request.period = self.period;
-        request.hold = self.hold.map_or(Hold::None, Hold::from);
-        request.actuators = self.actuators(model)?;
-        request.harmonics = self.harmonics;
-        request.constants = once("--constant", &self.constants)?;
+        let mut request = LogRequest::new(path);
+        request.reading = self.reading()?;
+        request.estimation = EstimationSettings {
+            actuators: self.actuators(model)?,
+            harmonics: self.harmonics,
+            constants: once("--constant", &self.constants)?,
+            ..EstimationSettings::default()
+        };
         Ok(request)
     }
 }

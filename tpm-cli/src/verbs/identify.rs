@@ -19,7 +19,8 @@ use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
-    CampaignFolder, Identifiable as _, LogRequest, Session, SessionError, Validation, from_logs, validate,
+    CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, SessionError, Validation, from_logs,
+    validate,
 };
 
 /// Options of `tpm identify`.
@@ -128,12 +129,15 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let mut requests = requests?;
             let prior = PriorArg::all(&args.prior)?;
             for request in &mut requests {
-                request.prior = prior.clone();
-                request.frozen = once("--freeze", &args.freeze)?;
-                request.bounds = args.bounds.by_name()?;
-                request.weights = args.weights.map_or_else(Weights::default, Weights::from);
-                request.domain = args.domain.map(Domain::from);
-                request.refine = args.refine.map_or_else(Refine::default, Refine::from);
+                request.estimation = EstimationSettings {
+                    prior: prior.clone(),
+                    frozen: once("--freeze", &args.freeze)?,
+                    bounds: args.bounds.by_name()?,
+                    weights: args.weights.map_or_else(Weights::default, Weights::from),
+                    domain: args.domain.map(Domain::from),
+                    refine: args.refine.map_or_else(Refine::default, Refine::from),
+                    ..std::mem::take(&mut request.estimation)
+                };
             }
             let kept = args.report.as_ref().map(|_| requests.clone());
             let result = from_logs(&model, requests)?;
@@ -143,9 +147,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
                     .into_iter()
                     .map(|mut request| {
                         // Nothing is fitted here: the result has the values that were held, and what priors made of the others.
-                        request.prior.clear();
-                        request.frozen.clear();
-                        request.bounds.clear();
+                        request.estimation.prior.clear();
+                        request.estimation.frozen.clear();
+                        request.estimation.bounds.clear();
                         validate(&model, request, &result)
                     })
                     .collect();

@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let text = tpm_runtime::report::read_text(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text, model.evaluated().name())?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
-    request.domain = args.domain.map(Domain::from);
+    request.estimation.domain = args.domain.map(Domain::from);
     let result = validate(&model, request, &known).map_err(|error| match &error {
         SessionError::NotIdentified { .. } => Failure::Input(format!(
             "{}: {}; give a result of this model, or NAME = VALUE lines of all its parameters",

@@ -3,13 +3,16 @@
 use std::collections::BTreeMap;
 
 /// How the columns of a log become the signals of a model.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ReadingSettings {
     /// Column of a coordinate or input (or of `t_s`) whose column has another name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub map: BTreeMap<String, String>,
     /// Factor from the numbers of a column (or of the stamps, `t_s`) to the model's unit. It replaces a unit that the
     /// header states.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub scale: BTreeMap<String, f64>,
     /// Offset that is added after the factor, in the model's unit: `signal = scale * column + offset`.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub offset: BTreeMap<String, f64>,
 }

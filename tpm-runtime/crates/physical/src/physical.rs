@@ -19,6 +19,7 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
 use tpm_core::model::Model;
 use tpm_estimate::{Estimate, Evidence, Information, POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Status};
+use tpm_experiment::Experiment;
 use tpm_numerics::chance::deviation;
 use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
 use tpm_numerics::{DMatrix, DVector, Dyn, Matrix, Owned, alarm, tolerance};
@@ -44,6 +45,19 @@ pub struct PhysicalSettings {
     pub bounds: BTreeMap<String, (f64, f64)>,
     /// Values of the constants that are known at run time.
     pub constants: BTreeMap<String, f64>,
+}
+
+impl PhysicalSettings {
+    /// What an experiment knows beforehand, with bounds of physical parameters.
+    #[must_use]
+    pub fn of(experiment: &Experiment, bounds: &BTreeMap<String, (f64, f64)>) -> Self {
+        PhysicalSettings {
+            prior: experiment.prior.clone(),
+            frozen: experiment.frozen.clone(),
+            bounds: bounds.clone(),
+            constants: experiment.constants.clone(),
+        }
+    }
 }
 
 /// Physical parameters, and a test of whether the lumped ones are consistent with them.

@@ -1,8 +1,8 @@
 //! Known and unknown dynamics of actuators, motors and their limits, in experiments and logs.
 
-use crate::LogOptions;
 use crate::identify_log;
 use crate::{Identification, identify_simulated};
+use crate::{LogOptions, RecordSettings};
 use tpm_campaign::{Campaign, Outcome};
 use tpm_core::harmonics::Hold;
 use tpm_experiment::{Experiment, ExperimentError};
@@ -64,7 +64,11 @@ fn a_log_takes_the_same_correction() {
     let channels = [record.coordinates, record.inputs].concat();
     let log = Log::from_samples("memory", record.sample_time, channels).expect("long enough");
     let error = |actuators: &[Dynamics], hold: Hold| {
-        let options = LogOptions { hold, actuators: actuators.to_vec(), ..LogOptions::default() };
+        let options = LogOptions {
+            reading: RecordSettings { hold, ..RecordSettings::default() },
+            actuators: actuators.to_vec(),
+            ..LogOptions::default()
+        };
         let found = identify_log(model, &log, &options).expect("periodic");
         (worst(found.current.iter().copied()), found.residual, found.log.map_or(0, |log| log.actuators.len()))
     };

@@ -5,11 +5,12 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, Way};
 use crate::options::LogOptions;
+use crate::reading::RecordSettings;
 use crate::refine::{Conditions, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
 use tpm_core::model::Model;
-use tpm_estimate::{Course, Differentiable, EstimateError, Settings, Stretch, TimeRecord, estimate_time_domain};
+use tpm_estimate::{Course, Differentiable, EstimateError, Stretch, TimeRecord, estimate_time_domain};
 use tpm_log::Log;
 use tpm_report::Remedy;
 
@@ -23,9 +24,9 @@ const RATE_DIFFERS: f64 = 0.05;
 pub(super) fn stretches<'a>(
     segments: &[&'a Log],
     coordinates: usize,
-    options: &LogOptions,
+    reading: &RecordSettings,
 ) -> Result<Vec<Stretch<'a>>, LogFault> {
-    let mut left_out = options.from_sample.unwrap_or(0);
+    let mut left_out = reading.from_sample.unwrap_or(0);
     let mut stretches = Vec::with_capacity(segments.len());
     for log in segments {
         let from = left_out.min(log.len());
@@ -41,7 +42,7 @@ pub(super) fn stretches<'a>(
     if stretches.is_empty() {
         return Err(LogFault::BadRange {
             path: segments.first().map(|log| log.path.clone()).unwrap_or_default(),
-            what: format!("the first sample {} lies behind the end", options.from_sample.unwrap_or(0)),
+            what: format!("the first sample {} lies behind the end", reading.from_sample.unwrap_or(0)),
             remedy: Remedy::FromSample,
             samples: segments.iter().map(|log| log.len()).sum(),
             sample_time: segments.first().map_or(0.0, |log| log.sample_time),
@@ -64,10 +65,10 @@ pub(super) fn identify(
     machine: Option<Differentiable<'_>>,
     segments: &[&Log],
     options: &LogOptions,
-    settings: &Settings,
 ) -> Result<Found, LogFault> {
+    let settings = &options.estimation;
     let dims = model.dims();
-    let stretches = stretches(segments, dims.coordinates, options)?;
+    let stretches = stretches(segments, dims.coordinates, &options.reading)?;
     let nothing = LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal };
     let first = segments.first().ok_or(nothing)?;
     let samples: usize =
@@ -76,7 +77,7 @@ pub(super) fn identify(
         if samples > MOST_SAMPLES { blocks(&stretches, BLOCKS, MOST_SAMPLES / BLOCKS) } else { stretches.clone() };
     let record = TimeRecord {
         sample_time: first.sample_time,
-        hold: options.hold,
+        hold: options.reading.hold,
         actuators: &options.actuators,
         stretches: used,
     };
@@ -101,13 +102,13 @@ pub(super) fn identify(
             warnings.push(Warning::RateDiffers { coordinate: model.coordinate(c).name.into(), gain });
         }
     }
-    let period = options.period.map(|period| Warning::PeriodNotUsed { period, stretches: segments.len() });
+    let period = options.reading.period.map(|period| Warning::PeriodNotUsed { period, stretches: segments.len() });
     warnings.extend(period);
     warnings.extend(refined.warnings);
     Ok(Found {
         harmonics: 0,
         row_residuals: report.row_residuals.clone(),
-        hold_residuals: HoldResiduals::of(options.hold, found.estimate.residual, found.other_hold),
+        hold_residuals: HoldResiduals::of(options.reading.hold, found.estimate.residual, found.other_hold),
         way: Way::Time(report.clone()),
         estimate: refined.estimate,
         refinement: refined.report,

@@ -7,6 +7,7 @@ use crate::method_report;
 use crate::model::{DeclaredModel, Identifiable, ModelFault, NonlinearParameter};
 use crate::options::LogOptions;
 use crate::play::{Watch, play_campaign, play_on_simulated, play_simulated};
+use crate::reading::RecordSettings;
 use crate::refine_campaign::RunSimulation;
 use crate::summary::{self, Lumped};
 use crate::truth::Truth;
@@ -285,9 +286,12 @@ impl Session {
         let channels = record.coordinates.iter().chain(&record.inputs).cloned().collect();
         let log = Log::from_samples(&format!("run {}", run.run), record.sample_time, channels)?;
         let options = LogOptions {
-            from_sample: Some(settled * run.samples_per_period),
-            period: Some(run.samples_per_period as f64 * record.sample_time),
-            hold: setup.procedure.hold,
+            reading: RecordSettings {
+                from_sample: Some(settled * run.samples_per_period),
+                period: Some(run.samples_per_period as f64 * record.sample_time),
+                hold: setup.procedure.hold,
+                ..RecordSettings::default()
+            },
             actuators: setup.control.actuators,
             constants: setup.constants,
             domain: Some(Domain::Harmonics),
@@ -375,9 +379,9 @@ impl Session {
     ) -> Result<Identification, SessionError> {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
-                Some(lumped) => {
-                    lumped.complete(&mut result, self.physical_settings()).map_err(|fault| self.placed(fault.into()))?
-                }
+                Some(lumped) => lumped
+                    .complete(&mut result, PhysicalSettings::of(&self.written, &self.bounds))
+                    .map_err(|fault| self.placed(fault.into()))?,
                 None => {
                     if let Some(name) = self.bounds.keys().next() {
                         return Err(SessionError::NothingLumped { name: name.clone() });
@@ -422,15 +426,6 @@ impl Session {
                 .insert("bounds".to_string(), serde_json::Value::Object(bounds.into_iter().collect()));
         }
         Ok(result.judged())
-    }
-
-    fn physical_settings(&self) -> PhysicalSettings {
-        PhysicalSettings {
-            prior: self.written.prior.clone(),
-            frozen: self.written.frozen.clone(),
-            bounds: self.bounds.clone(),
-            constants: self.written.constants.clone(),
-        }
     }
 }
 

@@ -152,7 +152,7 @@ impl CampaignFolder {
         let plant = self.session.machine().plant();
         let Some(trial) = campaign.next().cloned() else { return Err(SessionError::Ended) };
         let path = request.path.display().to_string();
-        let (measured, rates) = Log::open_rated(request.source(), plant, &request.reading())?;
+        let (measured, rates) = Log::open_rated(request.source(), plant, &request.reading.columns)?;
         let mut coordinates = measured.channels;
         let inputs = coordinates.split_off(plant.dims().coordinates);
         let fault =

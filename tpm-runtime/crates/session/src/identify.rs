@@ -10,7 +10,7 @@ use crate::{any_log, periodic_log, summary};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Differentiable, Domain, EstimateError, Settings};
+use tpm_estimate::{Differentiable, Domain, EstimateError};
 use tpm_log::{Log, ReadingReport};
 use tpm_motion::Dynamics;
 
@@ -40,7 +40,7 @@ pub(super) fn identify_segments(
     segments: &[&Log],
     options: &LogOptions,
 ) -> Result<Identification, LogFault> {
-    let mut result = identify_from(model, machine, segments, options, &[])?;
+    let mut result = identify_from(model, machine, segments, options)?;
     if let Some(warning) = exchanged(model, segments, options, &result) {
         // Whatever else was noticed follows from the exchange.
         result.warnings.insert(0, warning);
@@ -59,7 +59,7 @@ fn exchanged(
         return None;
     }
     // A refined residual is a share of the motion, which the exchanged record, that is not refined, cannot be compared with.
-    let left = result.log.as_ref()?.hold_residuals.with(options.hold)?;
+    let left = result.log.as_ref()?.hold_residuals.with(options.reading.hold)?;
     let dims = model.dims();
     let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
     let of = |(c, i): (usize, usize)| {
@@ -73,7 +73,7 @@ fn exchanged(
         };
         let logs: Vec<Log> = segments.iter().map(exchange).collect();
         let logs: Vec<&Log> = logs.iter().collect();
-        let result = identify_from(model, None, &logs, options, &[]).ok()?;
+        let result = identify_from(model, None, &logs, options).ok()?;
         Some(((c, i), result.residual))
     };
     let ((c, i), left_by_exchange) = pairs.filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -85,17 +85,14 @@ fn exchanged(
     })
 }
 
-/// [`identify_segments`] with what directions that the data do not show keep where no prior was stated, one value per parameter; zeros
-/// when `start` is empty.
+/// [`identify_segments`] without a look for exchanged columns.
 pub(super) fn identify_from(
     model: &dyn Model<f64>,
     machine: Option<Differentiable<'_>>,
     segments: &[&Log],
     options: &LogOptions,
-    start: &[f64],
 ) -> Result<Identification, LogFault> {
     let dims = model.dims();
-    let begun = |j: usize| start.get(j).copied().unwrap_or(0.0);
     if options.constants.len() != dims.constants {
         return Err(LogFault::Constants {
             needed: dims.constants,
@@ -103,18 +100,6 @@ pub(super) fn identify_from(
             names: (0..dims.constants).map(|i| model.constant(i).name.into()).collect(),
         });
     }
-    let settings = Settings {
-        harmonics: options.harmonics,
-        weights: options.weights,
-        prior: if options.prior.is_empty() {
-            start.to_vec()
-        } else {
-            options.prior.iter().enumerate().map(|(j, value)| value.unwrap_or(begun(j))).collect()
-        },
-        frozen: options.frozen.clone(),
-        hidden: options.hidden.clone(),
-        ..Settings::default()
-    };
     let whole = match segments {
         [log] => Some(*log),
         _ => None,
@@ -129,11 +114,9 @@ pub(super) fn identify_from(
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
     let found = match &periodic {
-        Some((log, (periodic, spectra))) => {
-            periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
-        }
+        Some((log, (periodic, spectra))) => periodic_log::identify(model, machine, log, (periodic, spectra), options)?,
         None => {
-            let found = any_log::identify(model, machine, segments, options, &settings);
+            let found = any_log::identify(model, machine, segments, options);
             match (found, options.domain, whole) {
                 // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
                 (Err(LogFault::Estimate { source: EstimateError::NoSignal, path }), None, Some(log)) => {
@@ -174,10 +157,10 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         hold_residuals,
         refinement,
     };
-    let mut all: Vec<Warning> = other_hold(options.hold, hold_residuals).into_iter().collect();
+    let mut all: Vec<Warning> = other_hold(options.reading.hold, hold_residuals).into_iter().collect();
     all.extend(warnings);
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
-        EstimateReport::new(model, &options.prior, Some(&estimate));
+        EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
     let mut result = Identification {
         source: Source::Log,
         model: model.name().into(),
@@ -186,7 +169,7 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         outcome: None,
         stop: None,
         seed: None,
-        hold: options.hold,
+        hold: options.reading.hold,
         harmonics,
         parameters,
         physical: Vec::new(),

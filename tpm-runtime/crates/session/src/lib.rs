@@ -50,6 +50,7 @@ mod options;
 mod periodic_log;
 mod play;
 mod pooled_logs;
+mod reading;
 mod refine;
 mod refine_campaign;
 #[cfg(test)]
@@ -59,6 +60,7 @@ mod rows;
 mod separable;
 #[cfg(test)]
 mod separable_tests;
+mod settings;
 mod simulation;
 mod simulation_figure;
 mod spelling;
@@ -98,7 +100,9 @@ pub use method_report::{
 pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
 pub use options::LogOptions;
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
+pub use reading::RecordSettings;
 pub use refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
+pub use settings::EstimationSettings;
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;

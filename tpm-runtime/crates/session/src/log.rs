@@ -1,13 +1,15 @@
 //! From a log to parameters.
 
-use crate::error::{SessionError, Setting};
+use crate::error::SessionError;
 use crate::identification::{Identification, LogFingerprint, Provenance};
 use crate::log_fault::LogFault;
 use crate::model::{DeclaredModel, Identifiable};
 use crate::options::LogOptions;
 use crate::periodic_log::repeats;
 use crate::pooled_logs::pooled;
+use crate::reading::RecordSettings;
 use crate::rows::Rows;
+use crate::settings::EstimationSettings;
 use crate::summary::{self, Lumped};
 use crate::warning::Warning;
 use std::borrow::Cow;
@@ -15,11 +17,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::{Domain, EstimateError, Frozen, Refine, Weights};
-use tpm_log::{Log, LogSource, ReadingReport, ReadingSettings, Recording, Samples};
-use tpm_motion::Dynamics;
-use tpm_physical::PhysicalSettings;
-use tpm_report::displayed;
+use tpm_estimate::{Domain, EstimateError, Frozen};
+use tpm_log::{Log, LogSource, ReadingReport, Recording, Samples};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -35,50 +34,12 @@ pub struct LogRequest {
     /// The log itself, where it is in memory; the path is then its name in messages.
     #[serde(skip)]
     pub samples: Option<Samples>,
-    /// Column of a coordinate or input (or of `t_s`), where it is not called like it.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub map: BTreeMap<String, String>,
-    /// Factor from the numbers of a signal's column to its unit in the model; it stands in place of a unit that the column states.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub scale: BTreeMap<String, f64>,
-    /// Value that is added to a signal after the factor, unit of the signal.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub offset: BTreeMap<String, f64>,
-    /// First sample to use, from 0; found when not given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub from_sample: Option<usize>,
-    /// Period of the motion, s; found when not given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub period: Option<f64>,
-    /// What the inputs do between samples.
-    #[serde(serialize_with = "displayed")]
-    pub hold: Hold,
-    /// Known dynamics between the recorded value of an input and its force, by input.
-    #[serde(skip)]
-    pub actuators: BTreeMap<String, Dynamics>,
-    /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub domain: Option<Domain>,
-    /// Highest harmonic to use; chosen from the spectrum when not given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub harmonics: Option<usize>,
-    /// How much every equation counts.
-    pub weights: Weights,
-    /// Whether the estimates are refined by simulating the model.
-    pub refine: Refine,
-    /// Values of the constants that are known at run time, by name.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub constants: BTreeMap<String, f64>,
-    /// Values known before, by parameter or physical parameter: what an unobservable direction keeps, or where the search for a
-    /// physical parameter starts.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub prior: BTreeMap<String, f64>,
-    /// Values that are held, by parameter or physical parameter.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub frozen: BTreeMap<String, f64>,
-    /// Least and largest value of a physical parameter; infinite for none.
-    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub bounds: BTreeMap<String, (f64, f64)>,
+    /// How it is read.
+    #[serde(flatten)]
+    pub reading: RecordSettings,
+    /// What the estimation is to do, and what is known of the machine.
+    #[serde(flatten)]
+    pub estimation: EstimationSettings,
 }
 
 impl LogRequest {
@@ -105,95 +66,27 @@ impl LogRequest {
     /// Says in which column a signal stands.
     #[must_use]
     pub fn map(mut self, signal: &str, column: &str) -> Self {
-        self.map.insert(signal.to_string(), column.to_string());
+        self.reading.columns.map.insert(signal.to_string(), column.to_string());
         self
     }
 
     /// Gives a constant that is known at run time its value.
     #[must_use]
     pub fn constant(mut self, name: &str, value: f64) -> Self {
-        self.constants.insert(name.to_string(), value);
+        self.estimation.constants.insert(name.to_string(), value);
         self
     }
 
     /// Says what the inputs do between samples.
     #[must_use]
     pub fn hold(mut self, hold: Hold) -> Self {
-        self.hold = hold;
+        self.reading.hold = hold;
         self
     }
 
     /// The settings by index, with every name checked against the model; physical parameters are those named so.
     pub(super) fn options(&self, model: &dyn Model<f64>, physical: &[String]) -> Result<LogOptions, SessionError> {
-        let dims = model.dims();
-        let names = |count: usize, name: &dyn Fn(usize) -> String| -> Vec<String> { (0..count).map(name).collect() };
-        let parameters = names(dims.parameters, &|j| model.parameter(j).name.to_string());
-        let either: Vec<String> = parameters.iter().chain(physical).cloned().collect();
-        let constants = names(dims.constants, &|i| model.constant(i).name.to_string());
-        let inputs = names(dims.inputs, &|i| model.input(i).name.to_string());
-        for (setting, given, known) in [
-            (Setting::Prior, self.prior.keys().collect::<Vec<_>>(), &either),
-            (Setting::Frozen, self.frozen.keys().collect(), &either),
-            (Setting::Constant, self.constants.keys().collect(), &constants),
-            (Setting::Actuator, self.actuators.keys().collect(), &inputs),
-        ] {
-            if let Some(name) = given.into_iter().find(|name| !known.contains(name)) {
-                if setting == Setting::Constant && either.contains(name) {
-                    return Err(SessionError::ParameterAsConstant { name: name.clone() });
-                }
-                return Err(SessionError::UnknownName { setting, name: name.clone(), known: known.clone() });
-            }
-        }
-        for (j, name) in parameters.iter().enumerate() {
-            if let (Some(&value), Some(interval)) = (self.frozen.get(name), model.parameter_interval(j))
-                && !(interval[0]..=interval[1]).contains(&value)
-            {
-                let setting = Setting::Frozen;
-                return Err(SessionError::OutsideInterval { setting, name: name.clone(), value, interval });
-            }
-        }
-        let missing: Vec<String> =
-            constants.iter().filter(|name| !self.constants.contains_key(*name)).cloned().collect();
-        if !missing.is_empty() {
-            return Err(SessionError::Constants { names: missing });
-        }
-        let held = parameters.iter().enumerate();
-        Ok(LogOptions {
-            reading: self.reading(),
-            from_sample: self.from_sample,
-            period: self.period,
-            hold: self.hold,
-            actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
-            domain: self.domain,
-            harmonics: self.harmonics,
-            weights: self.weights,
-            refine: self.refine,
-            constants: constants.iter().map(|name| self.constants[name]).collect(),
-            prior: if parameters.iter().all(|name| !self.prior.contains_key(name)) {
-                Vec::new()
-            } else {
-                parameters.iter().map(|name| self.prior.get(name).copied()).collect()
-            },
-            frozen: held
-                .filter_map(|(parameter, name)| Some(Frozen { parameter, value: *self.frozen.get(name)? }))
-                .collect(),
-            hidden: Vec::new(),
-        })
-    }
-
-    /// What is said of the columns alone.
-    pub(super) fn reading(&self) -> ReadingSettings {
-        ReadingSettings { map: self.map.clone(), scale: self.scale.clone(), offset: self.offset.clone() }
-    }
-
-    /// What is said of physical parameters.
-    fn physical(&self) -> PhysicalSettings {
-        PhysicalSettings {
-            prior: self.prior.clone(),
-            frozen: self.frozen.clone(),
-            bounds: self.bounds.clone(),
-            constants: self.constants.clone(),
-        }
+        self.estimation.resolve(&self.reading, model, physical)
     }
 }
 
@@ -240,27 +133,26 @@ pub fn from_logs<R: Into<LogRequest>>(
     let coordinates = evaluated.dims().coordinates;
     let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
-    if let (None, Some(name)) = (&lumped, first.bounds.keys().next()) {
+    if let (None, Some(name)) = (&lumped, first.estimation.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
     let mut known = first.options(evaluated, &physical)?;
     if let Some(lumped) = &lumped {
-        lumped.state(&mut known.prior, &first.prior, &first.constants);
+        let mut prior = known.stated_prior();
+        lumped.state(&mut prior, &first.estimation.prior, &first.estimation.constants);
+        known.state(&prior);
     }
     if let Some(declared) = declared.as_deref().filter(|declared| declared.parsed().mechanism.is_some()) {
-        known.hidden = hidden(declared.prepared(), &first.constants, &known.frozen);
+        let EstimationSettings { constants, .. } = &first.estimation;
+        known.estimation.hidden = hidden(declared.prepared(), constants, &known.estimation.frozen);
     }
     let mut parts = Vec::with_capacity(requests.len());
     let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());
     for request in &requests {
-        let options = LogOptions {
-            constants: known.constants.clone(),
-            prior: known.prior.clone(),
-            frozen: known.frozen.clone(),
-            hidden: known.hidden.clone(),
-            ..LogRequest { constants: first.constants.clone(), ..request.clone() }.options(evaluated, &physical)?
-        };
-        let mut recording = Recording::open(request.source(), evaluated, &options.reading)?;
+        let constants = first.estimation.constants.clone();
+        let own = EstimationSettings { constants, ..request.estimation.clone() };
+        let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
+        let mut recording = Recording::open(request.source(), evaluated, &options.reading.columns)?;
         let path = request.path.display().to_string();
         let hash = std::mem::take(&mut recording.fingerprint);
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {
@@ -287,7 +179,7 @@ pub fn from_logs<R: Into<LogRequest>>(
     let mut result = pooled(evaluated, parts, &known)
         .map_err(|source| LogFault::Estimate { path: first.path.display().to_string(), source })?;
     if let Some(lumped) = lumped {
-        lumped.complete(&mut result, first.physical())?;
+        lumped.complete(&mut result, first.estimation.physical())?;
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
@@ -341,7 +233,7 @@ pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogO
     longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
     let used = match longest_first[..] {
         [] | [_] => return recording,
-        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, options)),
+        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, &options.reading)),
     };
     let used = used.unwrap_or(longest_first[0]);
     recording.report.used = Some(used);

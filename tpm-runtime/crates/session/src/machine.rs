@@ -72,12 +72,7 @@ impl Machine {
         let eliminated = if prepared.model.eliminations.is_empty() {
             None
         } else {
-            let settings = PhysicalSettings {
-                prior: experiment.prior.clone(),
-                frozen: experiment.frozen.clone(),
-                bounds: bounds.clone(),
-                constants: experiment.constants.clone(),
-            };
+            let settings = PhysicalSettings::of(experiment, bounds);
             Some(Arc::new(Eliminated::new(prepared, &plant, &settings)?))
         };
         Ok(Machine { plant, pattern, eliminated, source: whole.clone(), tables: OnceLock::new() })

@@ -1,37 +1,53 @@
 //! What is known of a log, by the model's indices.
 
-use tpm_core::harmonics::Hold;
-use tpm_estimate::{Domain, Frozen, Refine, Weights};
-use tpm_log::ReadingSettings;
+use crate::reading::RecordSettings;
+use tpm_estimate::{Domain, Refine, Settings};
 use tpm_motion::Dynamics;
 
 /// Settings that a user may give for a log, with signals, constants and parameters by index.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LogOptions {
-    /// How its columns become signals.
-    pub reading: ReadingSettings,
-    /// First sample to use (from 0); found when not given.
-    pub from_sample: Option<usize>,
-    /// Period in seconds; found when not given.
-    pub period: Option<f64>,
-    /// What happens to the inputs between samples.
-    pub hold: Hold,
+    /// How it is read.
+    pub reading: RecordSettings,
     /// Known dynamics between the recorded inputs and the forces, by input; inputs past the end of the list have none.
     pub actuators: Vec<Dynamics>,
     /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
     pub domain: Option<Domain>,
-    /// Highest harmonic; chosen from the spectrum when not given.
-    pub harmonics: Option<usize>,
-    /// Weights of the equations.
-    pub weights: Weights,
     /// Whether the estimates are refined by simulating the model.
     pub refine: Refine,
-    /// Values of the model's run-time constants, in its order.
+    /// Values of the model's run-time constants, in its order and units.
     pub constants: Vec<f64>,
-    /// Prior values of the parameters, in the model's order, nothing where none is stated; may be empty.
-    pub prior: Vec<Option<f64>>,
-    /// Parameters that are held at a value.
-    pub frozen: Vec<Frozen>,
-    /// Directions in parameter space that no motion shows, known beforehand; noise seems to show them.
-    pub hidden: Vec<Vec<f64>>,
+    /// What is known of the parameters, and how they are estimated from the equations of the log.
+    pub estimation: Settings,
+    /// Which of the priors in `estimation` were stated, so that a result names them where the log does not show a parameter; none where
+    /// the list ends.
+    pub stated: Vec<bool>,
+}
+
+impl LogOptions {
+    /// The stated priors, in the model's order and units, nothing where none is stated.
+    pub(super) fn stated_prior(&self) -> Vec<Option<f64>> {
+        self.estimation.prior.iter().enumerate().map(|(j, value)| self.is_stated(j).then_some(*value)).collect()
+    }
+
+    /// States priors, in the model's order and units; parameters without one have the prior zero.
+    pub(super) fn state(&mut self, prior: &[Option<f64>]) {
+        self.stated = prior.iter().map(Option::is_some).collect();
+        self.estimation.prior = prior.iter().map(|value| value.unwrap_or(0.0)).collect();
+    }
+
+    /// Whether a parameter has a stated prior.
+    pub(super) fn is_stated(&self, parameter: usize) -> bool {
+        self.stated.get(parameter).copied().unwrap_or(false)
+    }
+
+    /// These options of a log with what is known of the machine: constants, priors, held values, directions that no motion shows.
+    pub(super) fn of_machine(mut self, machine: &Self) -> Self {
+        self.constants.clone_from(&machine.constants);
+        self.stated.clone_from(&machine.stated);
+        self.estimation.prior.clone_from(&machine.estimation.prior);
+        self.estimation.frozen.clone_from(&machine.estimation.frozen);
+        self.estimation.hidden.clone_from(&machine.estimation.hidden);
+        self
+    }
 }

@@ -5,6 +5,7 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, PeriodicReport, UntestedReport, Way};
 use crate::options::LogOptions;
+use crate::reading::RecordSettings;
 use crate::refine::{Conditions, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
@@ -45,8 +46,8 @@ pub(super) fn identify(
     log: &Log,
     (periodic, spectra): (&Periodic, &Spectra),
     options: &LogOptions,
-    settings: &Settings,
 ) -> Result<Found, LogFault> {
+    let settings = &options.estimation;
     let dims = model.dims();
     let run = |hold: Hold, settings: &Settings| -> Result<(MeasuredMotion, Estimate), EstimateError> {
         let record = MeasuredMotion::new(model, &options.constants, spectra, hold, settings)?;
@@ -56,11 +57,11 @@ pub(super) fn identify(
         Ok((record, estimate))
     };
     let (record, estimate) =
-        run(options.hold, settings).map_err(|source| LogFault::Estimate { path: log.path.clone(), source })?;
+        run(options.reading.hold, settings).map_err(|source| LogFault::Estimate { path: log.path.clone(), source })?;
     // The other hold is judged on the same harmonics, otherwise it could leave out what it does not explain.
     let same = Settings { harmonics: Some(record.harmonics()), ..settings.clone() };
-    let other = run(options.hold.other(), &same).ok().map(|(_, estimate)| estimate.residual);
-    let hold_residuals = HoldResiduals::of(options.hold, estimate.residual, other);
+    let other = run(options.reading.hold.other(), &same).ok().map(|(_, estimate)| estimate.residual);
+    let hold_residuals = HoldResiduals::of(options.reading.hold, estimate.residual, other);
     let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
     let samples = whole.min(log.len() - periodic.from);
     let rates: Vec<usize> = (0..dims.coordinates).filter(|&c| log.rates.get(c).is_some_and(Option::is_some)).collect();
@@ -105,7 +106,7 @@ pub(super) fn identify(
             if force > 0.0 { residual / force } else { 0.0 }
         })
         .collect();
-    let mut warnings = warnings(model, &record, &refined.estimate, options, (&report, log.len()));
+    let mut warnings = warnings(model, &record, &refined.estimate, &options.reading, (&report, log.len()));
     warnings.extend(refined.warnings);
     Ok(Found {
         estimate: refined.estimate,
@@ -147,7 +148,7 @@ fn motion(spectra: &Spectra, coordinate: usize, harmonics: usize) -> Vec<Complex
 /// # Errors
 /// [`LogFault`] when nothing repeats, or a setting does not fit the log.
 pub(super) fn spectra(log: &Log, coordinates: usize, options: &LogOptions) -> Result<(Periodic, Spectra), LogFault> {
-    spectra_of(periodic_part(log, coordinates, options)?, log, coordinates, options)
+    spectra_of(periodic_part(log, coordinates, &options.reading)?, log, coordinates, options)
 }
 
 /// The part of a log that repeats, and its spectra; nothing where [`repeating_part`] finds none.
@@ -159,7 +160,7 @@ pub(super) fn repeating(
     coordinates: usize,
     options: &LogOptions,
 ) -> Result<Option<(Periodic, Spectra)>, LogFault> {
-    let periodic = repeating_part(log, coordinates, options)?;
+    let periodic = repeating_part(log, coordinates, &options.reading)?;
     periodic.map(|periodic| spectra_of(periodic, log, coordinates, options)).transpose()
 }
 
@@ -171,7 +172,7 @@ pub(super) fn repeating(
 pub(super) fn repeating_part(
     log: &Log,
     coordinates: usize,
-    options: &LogOptions,
+    options: &RecordSettings,
 ) -> Result<Option<Periodic>, LogFault> {
     if options.from_sample.is_none() && options.period.is_none() && log.len() > 2 * LONGEST {
         // Nothing repeats before the end of a log that does not repeat at its end.
@@ -203,7 +204,7 @@ pub(super) fn repeating_part(
 }
 
 /// Whether a part of a log repeats.
-pub(super) fn repeats(log: &Log, coordinates: usize, options: &LogOptions) -> bool {
+pub(super) fn repeats(log: &Log, coordinates: usize, options: &RecordSettings) -> bool {
     periodic_part(log, coordinates, options).is_ok()
 }
 
@@ -241,7 +242,7 @@ fn spectra_of(
     Ok((periodic, spectra))
 }
 
-fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<Periodic, LogFault> {
+fn periodic_part(log: &Log, coordinates: usize, options: &RecordSettings) -> Result<Periodic, LogFault> {
     let range = |what: String, remedy: Remedy| LogFault::BadRange {
         path: log.path.clone(),
         what,
@@ -295,7 +296,7 @@ fn warnings(
     model: &dyn Model<f64>,
     record: &MeasuredMotion,
     estimate: &Estimate,
-    options: &LogOptions,
+    options: &RecordSettings,
     (log, samples): (&PeriodicReport, usize),
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();

@@ -8,7 +8,7 @@ use crate::summary;
 use crate::warning::{Data, Warning};
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Estimate, EstimateError, Settings, pool};
+use tpm_estimate::{Estimate, EstimateError, pool};
 use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{Matrix, alarm};
 
@@ -27,14 +27,8 @@ pub(super) fn pooled(
     {
         return Ok(part);
     }
-    let settings = Settings {
-        prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
-        frozen: options.frozen.clone(),
-        hidden: options.hidden.clone(),
-        ..Settings::default()
-    };
     let estimates: Vec<&Estimate> = parts.iter().filter_map(|part| part.estimate.as_ref()).collect();
-    let found = pool(&estimates, &settings)?;
+    let found = pool(&estimates, &options.estimation)?;
     let ratio = found.chi_squared / found.freedom.max(1) as f64;
     let chance = chi_squared_upper(found.chi_squared, found.freedom);
     let inflation = if found.freedom > 0 && chance < alarm::LOGS_SCATTER_RATE { ratio.max(1.0) } else { 1.0 };
@@ -67,7 +61,7 @@ pub(super) fn pooled(
     }
     warnings.extend(summary::doubts(model, &estimate, Data::Logs));
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
-        EstimateReport::new(model, &options.prior, Some(&estimate));
+        EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
     let first = parts.into_iter().next().ok_or(EstimateError::NoSignal)?;
     let result = Identification {
         parameters,

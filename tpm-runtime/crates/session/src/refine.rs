@@ -61,8 +61,8 @@ pub(super) struct Conditions<'a> {
 
 impl<'a> Conditions<'a> {
     pub(super) fn of_log(options: &'a LogOptions) -> Self {
-        let LogOptions { constants, hold, actuators, refine, .. } = options;
-        Conditions { constants, hold: *hold, actuators, refine: *refine }
+        let LogOptions { constants, reading, actuators, refine, .. } = options;
+        Conditions { constants, hold: reading.hold, actuators, refine: *refine }
     }
 }
 

@@ -28,8 +28,8 @@ fn try_identify(recorded: &Recorded, refine: Refine, period: Option<f64>) -> Res
     let model = DeclaredModel::parse("S", MODEL).expect("a model");
     let file = written(recorded);
     let mut request = LogRequest::new(file.path()).hold(Hold::Zoh);
-    request.refine = refine;
-    request.period = period;
+    request.estimation.refine = refine;
+    request.reading.period = period;
     from_log(&model, request)
 }
 
@@ -328,7 +328,7 @@ fn one_period_is_said_to_be_one() {
     let model = DeclaredModel::parse("S", MODEL).expect("a model");
     let file = written(&recorded);
     let mut request = LogRequest::new(file.path()).hold(Hold::Zoh);
-    request.domain = Some(Domain::Harmonics);
+    request.estimation.domain = Some(Domain::Harmonics);
     let refused = from_log(&model, request).expect_err("nothing repeats").to_string();
     assert!(refused.contains("record at least two whole periods"), "{refused}");
     // In the time domain it is a record like others.

@@ -63,13 +63,13 @@ pub(super) fn identify(
     // Far from a solution, weights that follow the estimates make harmonics run away; the time domain holds every log.
     let options = &LogOptions { domain: Some(options.domain.unwrap_or(Domain::Time)), ..options.clone() };
     let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
-    let whole = stretches(segments, model.dims().coordinates, options)?;
+    let whole = stretches(segments, model.dims().coordinates, &options.reading)?;
     let samples: usize = whole.iter().map(|stretch| stretch.inputs.first().map_or(0, |signal| signal.len())).sum();
     let used: Vec<Stretch<'_>> =
         if samples > MOST_SAMPLES { blocks(&whole, BLOCKS, MOST_SAMPLES / BLOCKS) } else { whole };
     let record = TimeRecord {
         sample_time: segments.first().map_or(0.0, |log| log.sample_time),
-        hold: options.hold,
+        hold: options.reading.hold,
         actuators: &options.actuators,
         stretches: used,
     };
@@ -100,7 +100,7 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn held(&self, j: usize) -> Option<f64> {
-        self.options.frozen.iter().find(|frozen| frozen.parameter == j).map(|frozen| frozen.value)
+        self.options.estimation.frozen.iter().find(|frozen| frozen.parameter == j).map(|frozen| frozen.value)
     }
 
     fn estimate(&self, point: &[f64], settings: &Settings) -> Option<Estimate> {
@@ -121,7 +121,7 @@ impl Search<'_> {
     }
 
     fn settings(&self, point: &[f64]) -> Settings {
-        Settings { prior: point.to_vec(), frozen: self.options.frozen.clone(), ..Settings::default() }
+        Settings { prior: point.to_vec(), hidden: Vec::new(), ..self.options.estimation.clone() }
     }
 
     /// The points at which the intervals are scanned.
@@ -240,13 +240,18 @@ impl Problem<'_> {
         let about = self.model.at(point.to_vec()).map_err(fault)?;
         let machine = Differentiable { model: &about, derivatives: self.derivatives };
         let mut options = LogOptions { refine, ..self.options.clone() };
-        options.frozen.extend(kept.ends.iter().chain(&kept.hidden));
-        identify_from(&about, Some(machine), self.segments, &options, point)
+        options.estimation.frozen.extend(kept.ends.iter().chain(&kept.hidden));
+        // What the log does not show stays where the rows are exact, unless a prior is stated.
+        let stated = options.stated_prior();
+        let prior = point.iter().enumerate().map(|(j, begun)| stated.get(j).copied().flatten().unwrap_or(*begun));
+        options.estimation.prior = prior.collect();
+        identify_from(&about, Some(machine), self.segments, &options)
     }
 
     fn free(&self, kept: &Kept) -> Vec<usize> {
-        let held =
-            |j: usize| self.options.frozen.iter().chain(&kept.ends).chain(&kept.hidden).any(|own| own.parameter == j);
+        let held = |j: usize| {
+            self.options.estimation.frozen.iter().chain(&kept.ends).chain(&kept.hidden).any(|own| own.parameter == j)
+        };
         (self.model.linear()..self.model.dims().parameters).filter(|&j| !held(j)).collect()
     }
 
@@ -254,7 +259,7 @@ impl Problem<'_> {
     fn settle(&self, start: Vec<f64>) -> Result<Identification, LogFault> {
         let mut kept = Kept::default();
         let mut point = clipped(self.model, &start);
-        for frozen in self.options.frozen.iter().filter(|frozen| frozen.parameter >= self.model.linear()) {
+        for frozen in self.options.estimation.frozen.iter().filter(|frozen| frozen.parameter >= self.model.linear()) {
             point[frozen.parameter] = frozen.value;
         }
         // Every pass but the last holds one parameter more.

@@ -39,8 +39,8 @@ fn model(declarations: &str, row: &str) -> DeclaredModel {
 fn identify(model: &DeclaredModel, domain: Option<Domain>, force: impl Fn([f64; 3]) -> f64) -> Identification {
     let file = log(force);
     let mut request = LogRequest::new(file.path());
-    request.refine = Refine::None;
-    request.domain = domain;
+    request.estimation.refine = Refine::None;
+    request.estimation.domain = domain;
     from_log(model, request).expect("identifies")
 }
 
@@ -130,10 +130,10 @@ fn harmonics_of_a_log_that_hardly_repeats_are_refused() {
         "d*dot(q) + (fc + fs*exp(-(dot(q)/vs)^2))*sign(dot(q))",
     );
     let mut request = LogRequest::new(file.path());
-    request.refine = Refine::None;
+    request.estimation.refine = Refine::None;
     let found = from_log(&stribeck, request.clone()).expect("identifies");
     assert!((found.parameters[4].value.unwrap_or(0.0) - fall).abs() < 0.05 * fall, "{found}");
-    request.domain = Some(Domain::Harmonics);
+    request.estimation.domain = Some(Domain::Harmonics);
     let error = from_log(&stribeck, request).expect_err("runs away");
     assert!(matches!(error, SessionError::Log(LogFault::RunsAway { .. })), "{error}");
 }
@@ -142,7 +142,7 @@ fn harmonics_of_a_log_that_hardly_repeats_are_refused() {
 fn settings_of_a_nonlinear_parameter_that_make_no_sense_are_refused() {
     let smooth = model("parameter J, fc; nonlinear parameter vs from 0.05 to 2;", "fc*tanh(dot(q)/vs)");
     let mut beyond = LogRequest::new("never opened");
-    beyond.frozen.insert("vs".into(), 5.0);
+    beyond.estimation.frozen.insert("vs".into(), 5.0);
     let error = from_log(&smooth, beyond).expect_err("outside");
     assert!(matches!(error, SessionError::OutsideInterval { value: 5.0, .. }), "{error}");
     let error = from_log(&smooth, LogRequest::new("never opened").constant("vs", 1.0)).expect_err("no constant");

@@ -163,7 +163,7 @@ pub(super) fn simulate(
     };
     let model = machine.model;
     let dims = model.dims();
-    let stretches = stretches(segments, dims.coordinates, options)?;
+    let stretches = stretches(segments, dims.coordinates, &options.reading)?;
     if let Some(direction) = open.iter().find(|direction| changes(model, &options.constants, direction)) {
         let parameters: Vec<String> = direction.keys().cloned().collect();
         return Ok(Err(format!(
@@ -195,13 +195,17 @@ fn of_parts(
 ) -> Result<Simulation, String> {
     let model = machine.model;
     let dims = model.dims();
-    let record =
-        TimeRecord { sample_time, hold: options.hold, actuators: &options.actuators, stretches: parts.to_vec() };
+    let record = TimeRecord {
+        sample_time,
+        hold: options.reading.hold,
+        actuators: &options.actuators,
+        stretches: parts.to_vec(),
+    };
     let pace = Pace::of(&record).map_err(|fault: EstimateError| format!("{fault}"))?;
     let Pace { typical_period, reach, highest, steps } = pace;
     let excerpt = Excerpt::joined(parts);
     let course = Course::Any { typical_period, reach, highest, copies: 1.0 };
-    let signals = excerpt.signals(dims.coordinates, sample_time, options.hold, (course, &steps));
+    let signals = excerpt.signals(dims.coordinates, sample_time, options.reading.hold, (course, &steps));
     let found = Simulated::of(machine, &options.constants, &signals, parameters).map_err(|fault| format!("{fault}"))?;
     let count = found.counts.len();
     // Regular samples in a row, of which correlations are taken.

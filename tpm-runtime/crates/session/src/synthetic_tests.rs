@@ -2,6 +2,7 @@
 
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
+use crate::reading::RecordSettings;
 use crate::{Identification, LogReport, PeriodicReport, Warning, identify_log};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -10,7 +11,7 @@ use std::f64::consts::PI;
 use std::{format, vec};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::{Domain, Estimate, Status, Weights};
+use tpm_estimate::{Domain, Estimate, Settings, Status, Weights};
 use tpm_log::Log;
 use tpm_report::Remedy;
 use tpm_test_support::models::{Emps, MassSpringDrag, Silverbox, TwoCarts};
@@ -21,6 +22,11 @@ fn estimate(result: &Identification) -> &Estimate {
 
 fn report(result: &Identification) -> &PeriodicReport {
     result.log.as_ref().and_then(LogReport::periodic).expect("a log that repeats has a report")
+}
+
+/// Options of a log of which only is known how it is read.
+fn read(reading: RecordSettings) -> LogOptions {
+    LogOptions { reading, ..LogOptions::default() }
 }
 
 /// A Fourier series: (harmonic, cosine, sine).
@@ -296,11 +302,11 @@ fn the_wrong_hold_is_warned_about() {
         us.push(held(t) + cubic[0] * y);
     }
     let log = Log::from_samples("synthetic", dt, vec![ys, us]).expect("sound");
-    let mut options = LogOptions { hold: Hold::Zoh, ..LogOptions::default() };
+    let mut options = read(RecordSettings { hold: Hold::Zoh, ..RecordSettings::default() });
     let right = identify_log(&Silverbox, &log, &options).expect("identifies");
     near(&values(&right)[..3], &truth[..3], 1e-7);
     assert!(right.warnings.is_empty(), "{:?}", right.warnings);
-    options.hold = Hold::None;
+    options.reading.hold = Hold::None;
     let wrong = identify_log(&Silverbox, &log, &options).expect("identifies");
     assert!(
         wrong.warnings[0].to_string().starts_with("hold zoh explains the log clearly better"),
@@ -328,14 +334,14 @@ fn faults_of_the_whole_log_say_what_to_do() {
     assert!(message.contains("record at least two whole periods"), "{message}");
 
     let log = slider([2.0, 40.0, 1.5], 800.0, 2500, [0.0; 2], 1);
-    let options = LogOptions { period: Some(800.0), ..LogOptions::default() };
+    let options = read(RecordSettings { period: Some(800.0), ..RecordSettings::default() });
     let error = identify_log(&MassSpringDrag, &log, &options).expect_err("800 seconds");
     assert!(format!("{error}").contains("it is given in seconds"), "{error}");
-    let options = LogOptions { from_sample: Some(9000), ..LogOptions::default() };
+    let options = read(RecordSettings { from_sample: Some(9000), ..RecordSettings::default() });
     let error = identify_log(&MassSpringDrag, &log, &options).expect_err("behind the end");
     assert!(matches!(error, LogFault::BadRange { .. }));
     // Stated values are taken as they are.
-    let options = LogOptions { period: Some(0.8), from_sample: Some(100), ..LogOptions::default() };
+    let options = read(RecordSettings { period: Some(0.8), from_sample: Some(100), ..RecordSettings::default() });
     let result = identify_log(&MassSpringDrag, &log, &options).expect("identifies");
     assert_eq!((report(&result).from_sample, report(&result).periods), (100, 3));
     let options = LogOptions { constants: vec![1.0], ..LogOptions::default() };
@@ -396,10 +402,12 @@ fn equal_weights_give_the_nearest_model_whatever_the_noise_and_say_how_well() {
             }
             let log = Log::from_samples("synthetic", dt, vec![xs, us]).expect("sound");
             let options = LogOptions {
-                weights: Weights::Equal,
-                harmonics: Some(9),
-                period: Some(period as f64 * dt),
-                from_sample: Some(0),
+                reading: RecordSettings {
+                    period: Some(period as f64 * dt),
+                    from_sample: Some(0),
+                    ..RecordSettings::default()
+                },
+                estimation: Settings { weights: Weights::Equal, harmonics: Some(9), ..Settings::default() },
                 ..LogOptions::default()
             };
             let estimate =
@@ -434,8 +442,9 @@ fn a_few_periods_count_where_the_inputs_repeat_too() {
     }
     // A period that is stated is that of the motion, or a fault.
     let log = slider([2.0, 50.0, 8.0], period, 3600, [1e-5, 0.01], 3);
-    let error = identify_log(&MassSpringDrag, &log, &LogOptions { period: Some(1.3), ..LogOptions::default() })
-        .expect_err("nothing repeats so");
+    let error =
+        identify_log(&MassSpringDrag, &log, &read(RecordSettings { period: Some(1.3), ..RecordSettings::default() }))
+            .expect_err("nothing repeats so");
     assert!(matches!(error, LogFault::BadRange { .. }), "{error}");
     assert!(error.to_string().contains("does not repeat with a period of 1.3 s"), "{error}");
 }

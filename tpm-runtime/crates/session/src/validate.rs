@@ -19,9 +19,7 @@ use serde::Serialize;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_estimate::{
-    Differentiable, Domain, ForceCourse, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band,
-};
+use tpm_estimate::{Differentiable, Domain, ForceCourse, MeasuredMotion, Missed, TimeRecord, predict_in_band};
 use tpm_log::{Log, ReadingReport, Recording};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
@@ -145,7 +143,7 @@ pub fn validate(
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
-    let mut recording = Recording::open(request.source(), evaluated, &options.reading)?;
+    let mut recording = Recording::open(request.source(), evaluated, &options.reading.columns)?;
     if options.domain == Some(Domain::Harmonics) {
         recording = alone(recording, evaluated.dims().coordinates, &options);
     }
@@ -232,11 +230,11 @@ fn validate_segments(
         model: model.name().into(),
         log: path.clone(),
         reading: ReadingReport::default(),
-        from_sample: options.from_sample.unwrap_or(0),
+        from_sample: options.reading.from_sample.unwrap_or(0),
         period: None,
         periods: 0,
         cut_off: None,
-        hold: options.hold.to_string(),
+        hold: options.reading.hold.to_string(),
         harmonics: 0,
         rows: Vec::new(),
         unpredicted: Vec::new(),
@@ -246,9 +244,9 @@ fn validate_segments(
     };
     let rows: Vec<(Missed, Option<Vec<_>>)> = match (&periodic, segments.first()) {
         (Some((periodic, spectra)), Some(log)) => {
-            let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
             let record =
-                MeasuredMotion::new(model, &options.constants, spectra, options.hold, &settings).map_err(fault)?;
+                MeasuredMotion::new(model, &options.constants, spectra, options.reading.hold, &options.estimation)
+                    .map_err(fault)?;
             found.from_sample = periodic.from;
             found.period = Some(periodic.samples_per_period * log.sample_time);
             found.periods = periodic.periods;
@@ -265,10 +263,10 @@ fn validate_segments(
             (0..dims.rows).map(row).collect()
         }
         _ => {
-            let stretches = stretches(segments, dims.coordinates, options)?;
+            let stretches = stretches(segments, dims.coordinates, &options.reading)?;
             let record = TimeRecord {
                 sample_time: segments.first().map_or(0.0, |log| log.sample_time),
-                hold: options.hold,
+                hold: options.reading.hold,
                 actuators: &options.actuators,
                 stretches,
             };

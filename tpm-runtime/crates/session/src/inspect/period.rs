@@ -2,8 +2,8 @@
 
 use crate::inspect::signal::Signal;
 use crate::log_fault::LogFault;
-use crate::options::LogOptions;
 use crate::periodic_log::repeating_part;
+use crate::reading::RecordSettings;
 use rayon::prelude::*;
 use serde::Serialize;
 use tpm_log::{Log, Periodic, Role};
@@ -69,7 +69,7 @@ pub(super) fn find(
     noise: &[f64],
     coordinates: usize,
     sample_time: f64,
-    options: &LogOptions,
+    reading: &RecordSettings,
 ) -> Result<Found, LogFault> {
     let nothing = || Found { repeats: None, periods: vec![None; signals.len()], drifts: vec![None; signals.len()] };
     let longest = signals.iter().flat_map(|signal| &signal.parts).max_by_key(|part| part.values.len());
@@ -81,7 +81,7 @@ pub(super) fn find(
     };
     let part = |channels: Vec<Vec<f64>>, count: usize| -> Result<Option<Periodic>, LogFault> {
         let log = Log::from_samples("", sample_time, channels)?;
-        match repeating_part(&log, count, options) {
+        match repeating_part(&log, count, reading) {
             // A setting that does not fit is a fault; noise that hides the period is none.
             Err(error @ LogFault::BadRange { .. }) => Err(error),
             found => Ok(found.ok().flatten()),

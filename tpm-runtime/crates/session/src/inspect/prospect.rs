@@ -46,16 +46,16 @@ fn nothing() -> LogFault {
 
 fn shift(rows: &Rows<'_>, segments: &[&Log], options: &LogOptions) -> Option<InputShift> {
     let model = rows.model();
-    let stretches = stretches(segments, model.dims().coordinates, options).ok()?;
+    let stretches = stretches(segments, model.dims().coordinates, &options.reading).ok()?;
     let samples: usize = segments.iter().map(|log| log.len()).sum();
     let stretches = if samples > BLOCKS.1 { blocks(&stretches, BLOCKS.0, BLOCKS.1 / BLOCKS.0) } else { stretches };
     let record = TimeRecord {
         sample_time: segments.first()?.sample_time,
-        hold: options.hold,
+        hold: options.reading.hold,
         actuators: &options.actuators,
         stretches,
     };
     let derivatives = rows.machine().map(|machine| machine.derivatives);
-    let settings = Settings { frozen: options.frozen.clone(), ..Settings::default() };
+    let settings = Settings { prior: Vec::new(), ..options.estimation.clone() };
     input_shift(model, derivatives, &options.constants, &record, &settings).ok().flatten()
 }

@@ -13,6 +13,7 @@ use crate::log_fault::LogFault;
 use crate::meaning::About;
 use crate::model::Identifiable;
 use crate::options::LogOptions;
+use crate::reading::RecordSettings;
 use crate::rows::Rows;
 use rayon::prelude::*;
 use tpm_estimate::Domain;
@@ -38,15 +39,9 @@ const UNTOLD: f64 = 1.0;
 /// [`SessionError::Log`] when the log cannot be read, or a setting does not fit it.
 pub fn inspect(log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
     let request = log.into();
-    let options = LogOptions {
-        from_sample: request.from_sample,
-        period: request.period,
-        hold: request.hold,
-        domain: request.domain,
-        reading: request.reading(),
-        ..LogOptions::default()
-    };
-    let survey = Survey::of_all(request.source(), &options.reading)?;
+    let (reading, domain) = (request.reading.clone(), request.estimation.domain);
+    let options = LogOptions { reading, domain, ..LogOptions::default() };
+    let survey = Survey::of_all(request.source(), &options.reading.columns)?;
     let mut inspection = measure(&survey, &options, 0)?;
     if !inspection.channels.is_empty() {
         inspection.findings.push(Finding::DelayUnknown { model: false });
@@ -68,11 +63,13 @@ pub fn inspect_for(model: &impl Identifiable, log: impl Into<LogRequest>) -> Res
     let (options, missing) = match request.options(evaluated, &[]) {
         Ok(options) => (options, None),
         Err(error @ SessionError::Constants { .. }) => {
-            (LogOptions { reading: request.reading(), ..LogOptions::default() }, Some(error))
+            let columns = request.reading.columns.clone();
+            let reading = RecordSettings { columns, ..RecordSettings::default() };
+            (LogOptions { reading, ..LogOptions::default() }, Some(error))
         }
         Err(error) => return Err(error),
     };
-    let mut survey = Survey::of_model(request.source(), evaluated, &options.reading)?;
+    let mut survey = Survey::of_model(request.source(), evaluated, &options.reading.columns)?;
     let mut inspection = measure(&survey, &options, evaluated.dims().coordinates)?;
     inspection.model = Some(evaluated.name().into());
     let constant = inspection.channels.iter().any(|channel| channel.constant && channel.role != Role::Rate);
@@ -99,7 +96,7 @@ pub(super) fn measure(survey: &Survey, options: &LogOptions, coordinates: usize)
     let mut channels: Vec<ChannelReport> = signals.par_iter().map(|signal| measured(signal, sample_time)).collect();
     let share = |channel: &ChannelReport| channel.noise.map_or(0.0, |noise| noise / channel.deviation);
     let noise: Vec<f64> = channels.iter().map(share).collect();
-    let found = period::find(&signals, &noise, coordinates, sample_time, options)?;
+    let found = period::find(&signals, &noise, coordinates, sample_time, &options.reading)?;
     for ((channel, period), drift) in channels.iter_mut().zip(found.periods).zip(found.drifts) {
         channel.period = period;
         channel.drift = drift.filter(|_| !channel.constant);
@@ -263,7 +260,7 @@ fn take_in(inspection: &mut Inspection, prospect: Prospect, inputs: Vec<String>,
             let squares = |left: f64| left * left;
             let clearly = squares(shift.left_shifted) < CLEARLY * squares(shift.left);
             let shifted = clearly && shift.delay.abs() > (SHIFTED.0 * h).max(SHIFTED.1 * shift.deviation);
-            findings.push(Finding::Inputs { inputs, shifted, shift, sample_time: h, hold: options.hold });
+            findings.push(Finding::Inputs { inputs, shifted, shift, sample_time: h, hold: options.reading.hold });
         }
         None => findings.push(Finding::DelayUnknown { model: true }),
     }
