@@ -14,7 +14,8 @@ __version__: str
 _Path = str | PathLike[str]
 _Bounds = Mapping[str, tuple[float, float]]
 _Exact = Mapping[str, int | float | str | Fraction]
-_Changes = Mapping[str, int | float | str]
+_Change = bool | int | float | str | Sequence["_Change"] | Mapping[str, "_Change"]
+_Changes = Mapping[str, _Change]
 
 class _ColumnSettings(TypedDict, total=False):
     map: Mapping[str, str] | None

@@ -5,6 +5,7 @@ use crate::result::{Identification, dictionary};
 use crate::table::Table;
 use crate::words::{Error, Fault};
 use crate::work::{detached, requested};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use tpm_codegen::diagnostic::{self, Diagnostic};
 use tpm_codegen::emit::estimator::{EstimatorSource, Identified, Part};
 use tpm_codegen::generate::{Language, Options, Scalar, generate};
 use tpm_codegen::language::AtTerm;
+use tpm_runtime::experiment::{Value, written_value};
 use tpm_runtime::session::{
     CampaignFolder, DeclaredModel, ExperimentRequest, Identifiable as _, LogRequest, Session, from_logs,
 };
@@ -92,6 +94,31 @@ fn exact(name: &str, values: Option<BTreeMap<String, Bound<'_, PyAny>>>) -> PyRe
     values.unwrap_or_default().into_iter().map(value).collect()
 }
 
+/// A value of an experiment file. A text is written as in the file, or stands for itself.
+fn value_of(value: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if let Ok(text) = value.extract::<String>() {
+        return Ok(written_value(&text));
+    }
+    if let Ok(flag) = value.extract::<bool>() {
+        return Ok(Value::Boolean(flag));
+    }
+    if let Ok(number) = value.extract::<i64>() {
+        return Ok(Value::Integer(number));
+    }
+    if let Ok(number) = value.extract::<f64>() {
+        return Ok(Value::Float(number));
+    }
+    if let Ok(entries) = value.extract::<BTreeMap<String, Bound<'_, PyAny>>>() {
+        let entry = |(key, inner): (String, Bound<'_, PyAny>)| Ok((key, value_of(&inner)?));
+        return Ok(Value::Table(entries.into_iter().map(entry).collect::<PyResult<_>>()?));
+    }
+    if let Ok(items) = value.extract::<Vec<Bound<'_, PyAny>>>() {
+        return Ok(Value::Array(items.iter().map(value_of).collect::<PyResult<_>>()?));
+    }
+    let message = "a value of an experiment is a number, a bool, a text, or a list or dict of these";
+    Err(PyTypeError::new_err(format!("{message}, not {}", value.get_type().name()?)))
+}
+
 /// What is asked of an experiment.
 pub(crate) fn experiment_request(
     experiment: Option<PathBuf>,
@@ -99,8 +126,7 @@ pub(crate) fn experiment_request(
     pattern: Option<String>,
     bounds: Option<BTreeMap<String, (f64, f64)>>,
 ) -> PyResult<ExperimentRequest> {
-    // A text stands as it is, a number as Python writes it, which TOML reads alike.
-    let change = |(key, value): (String, Bound<'_, PyAny>)| Ok((key, value.str()?.to_string()));
+    let change = |(key, value): (String, Bound<'_, PyAny>)| Ok((key, value_of(&value)?));
     let mut request = ExperimentRequest::default();
     request.file = experiment;
     request.changes = changes.unwrap_or_default().into_iter().map(change).collect::<PyResult<_>>()?;

@@ -87,6 +87,18 @@ def test_a_simulated_machine_equals_that_of_the_command_line(tpm_command: Comman
     assert result.json() == done.stdout
 
 
+def test_changes_of_an_experiment_are_values(tpm_command: Command) -> None:
+    stage = {"lambda": 0.2, "w": 4.4}
+    done = tpm_command("identify", CART, "--set", "schedule.stages=[{ lambda = 0.2, w = 4.4 }]", "--set", "schedule.avoid_modes=true", "--json")
+    model = tpm.Model.from_file(CART)
+    result = model.identify_simulated(changes={"schedule.stages": [stage], "schedule.avoid_modes": True})
+    assert result.json() == done.stdout
+    written = {"schedule.stages": "[{ lambda = 0.2, w = 4.4 }]", "schedule.avoid_modes": "true"}
+    assert model.identify_simulated(changes=written).json() == done.stdout
+    with pytest.raises(TypeError, match="a value of an experiment is a number"):
+        model.identify_simulated(changes={"seed": object()})  # type: ignore[dict-item]
+
+
 def test_tables_are_exact(tpm_command: Command) -> None:
     table = tpm.Model.from_file(CART).expand()
     assert table.json() == tpm_command("expand", CART, "--format", "json").stdout

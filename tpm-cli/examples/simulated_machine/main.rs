@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
+use tpm_runtime::experiment::{Value, written_value};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::motion::{Ending, Record, Trial};
 use tpm_runtime::plant::process::{FromMachine, PROTOCOL, Plays, ToMachine};
@@ -23,7 +24,7 @@ type Fault = Box<dyn std::error::Error>;
 #[derive(Default)]
 struct Options {
     model: String,
-    set: Vec<(String, String)>,
+    set: Vec<(String, Value)>,
     samples: bool,
     chunk: Option<usize>,
     fault: Option<String>,
@@ -41,7 +42,7 @@ impl Options {
                 "--set" => {
                     let text = value()?;
                     let (key, value) = text.split_once('=').ok_or("--set KEY=VALUE")?;
-                    options.set.push((key.to_owned(), value.to_owned()));
+                    options.set.push((key.to_owned(), written_value(value)));
                 }
                 "--samples" => options.samples = true,
                 "--chunk" => options.chunk = Some(value()?.parse()?),

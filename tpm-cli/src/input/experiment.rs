@@ -5,6 +5,7 @@ use crate::input::assignments::{assignment, once};
 use crate::output::file;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use tpm_runtime::experiment::{Value, written_value};
 use tpm_runtime::session::{DeclaredModel, ExperimentRequest, Session};
 
 /// Options that choose and change an experiment.
@@ -14,8 +15,8 @@ pub(crate) struct SimulatedArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) experiment: Option<PathBuf>,
     /// Change a value of the experiment, such as seed=7 or plant.parameters.m=3.
-    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
-    pub(crate) set: Vec<(String, String)>,
+    #[arg(long, value_name = "KEY=VALUE", value_parser = change)]
+    pub(crate) set: Vec<(String, Value)>,
     /// The pattern to play on the simulated plant; the model's first when not given.
     #[arg(long, value_name = "NAME")]
     pub(crate) pattern: Option<String>,
@@ -35,6 +36,11 @@ impl SimulatedArgs {
         request.pattern.clone_from(&self.pattern);
         request
     }
+}
+
+/// Parses KEY=VALUE, where the value is written as in an experiment file.
+fn change(text: &str) -> Result<(String, Value), String> {
+    assignment(text).map(|(key, value)| (key, written_value(&value)))
 }
 
 /// Reads a model file. Remarks about it go to standard error.

@@ -23,3 +23,6 @@ pub use file::{
     ActuatorSection, ArmSection, ControlSection, DropoutSection, Equations, Experiment, FeedbackSection, LimitsSection,
     MotorsSection, Named, PlantSection, ScheduleSection, SensorSection, StabilitySection, StageSection, StrokeSection,
 };
+pub use overrides::written_value;
+/// Values and tables of an experiment file, with which [`Experiment::set_value`] changes it.
+pub use toml::{Table, Value};

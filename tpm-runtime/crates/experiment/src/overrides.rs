@@ -1,4 +1,4 @@
-//! Change of one value of an experiment by its path.
+//! Change of one value of an experiment by its path, and the reading of such a value from text.
 //!
 //! Invariant: an override is accepted exactly when an experiment file that contains the value would be accepted.
 
@@ -8,13 +8,21 @@ use crate::names::near;
 use toml::{Table, Value};
 
 impl Experiment {
-    /// Sets the value at a path such as `seed`, `plant.parameters.m` or `schedule.stages.0.lambda`. A name that occurs
-    /// in only one place needs no path. The value is written as in the file; text needs no quotes.
+    /// Sets the value at a path to what a text says, which [`written_value`] reads.
+    ///
+    /// # Errors
+    /// Those of [`set_value`](Self::set_value).
+    pub fn apply_override(&mut self, path: &str, value: &str) -> Result<(), ExperimentError> {
+        self.set_value(path, written_value(value))
+    }
+
+    /// Sets the value at a path such as `seed`, `plant.parameters.m` or `schedule.stages.0.lambda`, in the units of the file. A name
+    /// that occurs in only one place needs no path.
     ///
     /// # Errors
     /// [`ExperimentError::Override`] when the path does not exist or the value does not fit, with similar names. The
     /// experiment is then unchanged.
-    pub fn apply_override(&mut self, path: &str, value: &str) -> Result<(), ExperimentError> {
+    pub fn set_value(&mut self, path: &str, value: Value) -> Result<(), ExperimentError> {
         let refuse =
             |reason: String, near: Vec<String>| ExperimentError::Override { key: path.to_string(), reason, near };
         let mut root = Table::try_from(&*self).map_err(|fault| refuse(fault.to_string(), Vec::new()))?;
@@ -48,12 +56,8 @@ impl Experiment {
             }
             found
         };
-        let parsed = toml::from_str::<Table>(&format!("value = {value}"))
-            .ok()
-            .and_then(|mut table| table.remove("value"))
-            .unwrap_or_else(|| Value::String(value.to_string()));
         let segments: Vec<&str> = full.split('.').collect();
-        if !place(&mut root, &segments, parsed) {
+        if !place(&mut root, &segments, value) {
             return Err(refuse("there is no such key".to_string(), suggestions()));
         }
         *self = Value::Table(root).try_into().map_err(|fault: toml::de::Error| {
@@ -61,6 +65,15 @@ impl Experiment {
         })?;
         Ok(())
     }
+}
+
+/// The value that a text says, written as in an experiment file; a text that is no value of TOML stands for itself, and needs no quotes.
+#[must_use]
+pub fn written_value(text: &str) -> Value {
+    toml::from_str::<Table>(&format!("value = {text}"))
+        .ok()
+        .and_then(|mut table| table.remove("value"))
+        .unwrap_or_else(|| Value::String(text.to_string()))
 }
 
 fn last(path: &str) -> &str {

@@ -19,7 +19,7 @@ use tpm_campaign::{Campaign, RunReport, Store};
 use tpm_codegen::identified::Identified;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_estimate::{Domain, ParameterReport, Refine, Status};
-use tpm_experiment::{Experiment, ExperimentError};
+use tpm_experiment::{Experiment, ExperimentError, Value};
 use tpm_log::{Log, fingerprint};
 use tpm_motion::{Bench, BenchError, Record, Trial};
 use tpm_physical::PhysicalSettings;
@@ -32,8 +32,8 @@ use tpm_report::read_text;
 pub struct ExperimentRequest {
     /// The file; the one beside the model, of its name and ending in `.toml`, when not given.
     pub file: Option<PathBuf>,
-    /// Keys of the experiment with their new values, such as `plant.parameters.m` and `3`.
-    pub changes: Vec<(String, String)>,
+    /// Keys of the experiment with their new values, such as `plant.parameters.m` and 3, in the units of the file.
+    pub changes: Vec<(String, Value)>,
     /// Values at which parameters are held, beside those of the file.
     pub frozen: BTreeMap<String, f64>,
     /// Prior values, beside those of the file.
@@ -461,7 +461,7 @@ fn read_experiment(
     let mut experiment = Experiment::parse(&text)
         .map_err(|error| SessionError::File { path: path.display().to_string(), message: error.to_string() })?;
     for (key, value) in &request.changes {
-        experiment.apply_override(key, value)?;
+        experiment.set_value(key, value.clone())?;
     }
     experiment.frozen.extend(request.frozen.clone());
     experiment.prior.extend(request.prior.clone());

@@ -1,7 +1,7 @@
 //! Experiments from their file to the result.
 
 use crate::{SessionError, identify_simulated};
-use tpm_experiment::{Experiment, ExperimentError};
+use tpm_experiment::{Experiment, ExperimentError, Value};
 use tpm_motion::RunEnding;
 use tpm_test_support::models::MassSpringDrag;
 use tpm_test_support::rest_to_rest_3;
@@ -91,6 +91,17 @@ fn overrides_reach_every_value_and_say_what_was_meant() {
         assert!(error.contains(key) && error.contains(expected), "{error}");
     }
     assert_eq!(experiment, before);
+}
+
+#[test]
+fn values_are_set_as_they_are() {
+    let mut experiment = experiment();
+    let third = 1.0 / 3.0;
+    experiment.set_value("plant.parameters.m", Value::Float(third)).expect("known");
+    experiment.set_value("schedule.avoid_modes", Value::Boolean(true)).expect("known");
+    assert!(experiment.plant.parameters["m"].to_bits() == third.to_bits() && experiment.schedule.avoid_modes);
+    let error = experiment.set_value("seed", Value::Float(third)).expect_err("no whole number").to_string();
+    assert!(error.contains("seed") && error.contains("invalid type"), "{error}");
 }
 
 #[test]

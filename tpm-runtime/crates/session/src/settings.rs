@@ -117,3 +117,22 @@ impl EstimationSettings {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::LogRequest;
+    use tpm_core::harmonics::Hold;
+
+    #[test]
+    fn a_request_is_written_with_all_its_settings_side_by_side() {
+        let mut request = LogRequest::new("run.csv").map("x", "position").constant("g", 9.81).hold(Hold::Zoh);
+        request.reading.period = Some(0.5);
+        request.estimation.harmonics = Some(9);
+        request.estimation.frozen.insert("k".into(), 2.0);
+        let written = serde_json::to_string(&request).expect("a request is written");
+        assert_eq!(
+            written,
+            r#"{"path":"run.csv","map":{"x":"position"},"period":0.5,"hold":"zoh","harmonics":9,"weights":"noise","refine":"auto","constants":{"g":9.81},"frozen":{"k":2.0}}"#
+        );
+    }
+}
