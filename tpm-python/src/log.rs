@@ -7,9 +7,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::Weights;
+use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::Samples;
-use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::LowPass;
 use tpm_runtime::session::LogRequest;
 
@@ -68,10 +68,13 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
                             "low_pass={{\"{input}\": ...}}: natural frequency (rad/s) and quality are positive numbers"
                         )));
                     }
-                    request.estimation.actuators.entry(input).or_default().filter = Some(LowPass { natural_frequency, quality });
+                    request.estimation.actuators.entry(input).or_default().filter =
+                        Some(LowPass { natural_frequency, quality });
                 }
             }
-            "domain" => request.estimation.domain = Some([Domain::Harmonics, Domain::Time][chosen(&["harmonics", "time"])?]),
+            "domain" => {
+                request.estimation.domain = Some([Domain::Harmonics, Domain::Time][chosen(&["harmonics", "time"])?])
+            }
             "harmonics" => request.estimation.harmonics = Some(value.extract()?),
             "weights" => request.estimation.weights = [Weights::Noise, Weights::Equal][chosen(&["noise", "equal"])?],
             "refine" => {
