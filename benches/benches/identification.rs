@@ -13,12 +13,12 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::io::Write as _;
+use tpm_estimate::{Method, Run};
 use tpm_models::mass_spring_drag;
+use tpm_motion::Spectra;
 use tpm_runtime::campaign::Campaign;
-use tpm_runtime::estimate::{Method, Run};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::motion::Spectra;
 use tpm_runtime::plant::simulated::simulate;
 use tpm_runtime::session::{DeclaredModel, Machine, from_log};
 use tpm_symbolic::regressor::prepare::prepare;

@@ -28,9 +28,8 @@
 pub use tpm_document as document;
 #[cfg(feature = "std")]
 pub use {
-    tpm_campaign as campaign, tpm_estimate as estimate, tpm_experiment as experiment, tpm_frequency as frequency,
-    tpm_log as log, tpm_motion as motion, tpm_numerics as numerics, tpm_plant as plant, tpm_plot as plot,
-    tpm_report as report,
+    tpm_campaign as campaign, tpm_experiment as experiment, tpm_frequency as frequency, tpm_log as log,
+    tpm_plant as plant, tpm_plot as plot, tpm_report as report,
 };
 #[cfg(feature = "interpret")]
 pub use {tpm_interpret as interpret, tpm_physical as physical, tpm_session as session, tpm_study as study};
@@ -41,3 +40,33 @@ pub use tpm_core::{
 };
 #[cfg(feature = "macros")]
 pub use tpm_macros::{model, model_file};
+
+// Of the parts below only what programs need is named: the rest has types of another crate in its signatures, whose versions would
+// become this crate's own.
+
+/// Estimates with their uncertainty, and the settings of estimators.
+#[cfg(feature = "std")]
+pub mod estimate {
+    pub use tpm_estimate::{
+        Along, BandReport, CombinationReport, Domain, Estimate, EstimateError, ForceCourse, Frozen, InputShift,
+        LARGE_RESIDUAL, LineTable, Method, NumericalSettings, OutputErrorFault, POOR_DEVIATION,
+        POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Refine, ResidualOf, RowLines, Settings, Status,
+        Swiftness, Weights, named,
+    };
+}
+
+/// One run of a machine: its reference motion, the control loop, and the record.
+#[cfg(feature = "std")]
+pub mod motion {
+    pub use tpm_motion::{
+        Bench, BenchError, Controller, Dynamics, Ending, GainManifest, HoldCompensation, Law, Loop, LowPass, Plant,
+        PlantError, RUN_FILE, Rate, Record, RecordError, RunEnding, RunFile, Timing, Trial, TrialError, TrialSettings,
+        Velocity, Window, forward, limits, profile, smoothing, stroke, trajectory,
+    };
+}
+
+/// Matrices of results.
+#[cfg(feature = "std")]
+pub mod numerics {
+    pub use tpm_numerics::Matrix;
+}
