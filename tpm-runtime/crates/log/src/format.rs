@@ -3,7 +3,6 @@
 use crate::columns::Columns;
 use crate::csv::{Csv, HEAD_BYTES, Lines};
 use crate::error::LogError;
-#[cfg(not(all(feature = "mat73", feature = "mcap", feature = "parquet")))]
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
