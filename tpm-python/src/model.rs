@@ -127,12 +127,13 @@ pub(crate) fn experiment_request(
     bounds: Option<BTreeMap<String, (f64, f64)>>,
 ) -> PyResult<ExperimentRequest> {
     let change = |(key, value): (String, Bound<'_, PyAny>)| Ok((key, value_of(&value)?));
-    let mut request = ExperimentRequest::default();
-    request.file = experiment;
-    request.changes = changes.unwrap_or_default().into_iter().map(change).collect::<PyResult<_>>()?;
-    request.pattern = pattern;
-    request.bounds = bounds.unwrap_or_default();
-    Ok(request)
+    Ok(ExperimentRequest {
+        file: experiment,
+        changes: changes.unwrap_or_default().into_iter().map(change).collect::<PyResult<_>>()?,
+        pattern,
+        bounds: bounds.unwrap_or_default(),
+        ..ExperimentRequest::default()
+    })
 }
 
 #[pymethods]
