@@ -23,6 +23,7 @@ mod estimator;
 mod first_order;
 mod free;
 mod information;
+mod likelihood;
 mod measured_motion;
 mod method;
 pub mod named;
@@ -52,6 +53,7 @@ pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use first_order::feed_forward_lines;
 pub use information::{Information, reduced};
+pub use likelihood::{Lacking, LineReport, OfAnyMotion, Term, TermKind, estimate_any_motion};
 pub use measured_motion::{
     ASKED_ABOUT, Fitted, MeasuredMotion, Structure, Untested, estimate_measured_motion, estimate_structured,
     refine_last,

@@ -10,11 +10,25 @@
 //!
 //! Invariant: a decision has one threshold, named after what it decides; equal numbers that decide different things have different names.
 
+use crate::tail::normal_two_sided;
+
 /// Threshold of an exponential variable of mean one with a rate of false alarms of `rate` for all of `tests` tests together (Bonferroni).
 ///
 /// Twice the threshold bounds a chi-squared variable of one degree of freedom, whose tail lies below exp(-x/2).
 pub fn exponential(rate: f64, tests: usize) -> f64 {
     (tests as f64 / rate).ln()
+}
+
+/// Threshold of the square of a standard normal variable with a rate of false alarms of `rate` for all of `tests` tests together
+/// (Bonferroni).
+pub fn squared_normal(rate: f64, tests: usize) -> f64 {
+    let wanted = rate / tests.max(1) as f64;
+    let (mut low, mut high) = (0.0, 40.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if normal_two_sided(middle) > wanted { low = middle } else { high = middle }
+    }
+    high * high
 }
 
 // Estimates that contradict each other, in standard deviations.
@@ -60,6 +74,8 @@ pub const INNOVATIONS_NOT_WHITE: f64 = 4.5;
 pub const RATE_FAULT: f64 = 4.5;
 /// Highest rate at which a right model is said to lack a term, all candidates together.
 pub const MISSING_TERM_RATE: f64 = 0.01;
+/// Rate at which a term enters the variance components of a right model, all candidates together.
+pub const MISSING_COMPONENT_RATE: f64 = 0.05;
 /// Highest rate at which a sensor is said to see a vibration where there is none, all windows of a spectrum together.
 pub const VIBRATION_RATE: f64 = 0.002;
 /// Rate at which a right model fails a test of whiteness or independence.

@@ -101,7 +101,7 @@ impl Tried {
 }
 
 /// Samples on either side of a sample over which a polynomial follows a motion below a cut-off, Hz.
-pub(super) fn reach(cut_off: f64, sample_time: f64) -> usize {
+pub(crate) fn reach(cut_off: f64, sample_time: f64) -> usize {
     (POLYNOMIAL_REACH / (cut_off * sample_time)) as usize
 }
 

@@ -13,26 +13,26 @@ const IMPULSE_WIDTHS: f64 = 4.5;
 
 /// A low pass.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LowPass {
+pub(crate) struct LowPass {
     /// Angular frequency at which half of a wave passes, rad/s.
-    pub(super) cut_off: f64,
+    pub(crate) cut_off: f64,
 }
 
 impl LowPass {
     /// Share of a wave that passes, given its angular frequency (rad/s).
-    pub(super) fn response(self, frequency: f64) -> f64 {
+    pub(crate) fn response(self, frequency: f64) -> f64 {
         let width = BELL_WIDTH * self.cut_off;
         let below = (self.cut_off - frequency) / width;
         if below < -STOP_WIDTHS { 0.0 } else { 0.5 * libm::erfc(-below / 2.0_f64.sqrt()) }
     }
 
     /// Angular frequency above which nothing passes, rad/s.
-    pub(super) fn stop(self) -> f64 {
+    pub(crate) fn stop(self) -> f64 {
         self.cut_off * (1.0 + STOP_WIDTHS * BELL_WIDTH)
     }
 
     /// Time over which it reaches to either side, s.
-    pub(super) fn reach(self) -> f64 {
+    pub(crate) fn reach(self) -> f64 {
         IMPULSE_WIDTHS / (BELL_WIDTH * self.cut_off)
     }
 }

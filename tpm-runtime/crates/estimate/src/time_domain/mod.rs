@@ -16,18 +16,18 @@
 //! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one); predict; shift
 //! ```
 
-mod band;
+pub(crate) mod band;
 mod bands;
 mod equations;
 mod fit;
-mod low_pass;
-mod motion;
+pub(crate) mod low_pass;
+pub(crate) mod motion;
 mod one_band;
 mod predict;
 mod shift;
 #[cfg(test)]
 mod tests;
-mod transform;
+pub(crate) mod transform;
 
 pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub use bands::Swiftness;

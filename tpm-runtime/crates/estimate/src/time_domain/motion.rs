@@ -26,7 +26,7 @@ pub struct Stretch<'a> {
 }
 
 impl Stretch<'_> {
-    pub(super) fn samples(&self) -> usize {
+    pub(crate) fn samples(&self) -> usize {
         self.coordinates.first().map_or(0, |signal| signal.len())
     }
 }
@@ -45,28 +45,28 @@ pub struct TimeRecord<'a> {
 }
 
 /// A stretch by its frequencies.
-pub(super) struct Moving {
-    pub(super) samples: usize,
-    pub(super) points: usize,
-    pub(super) coordinates: Vec<Transform>,
+pub(crate) struct Moving {
+    pub(crate) samples: usize,
+    pub(crate) points: usize,
+    pub(crate) coordinates: Vec<Transform>,
     /// Noise of the size that the coordinates have.
-    pub(super) noise: Vec<Transform>,
-    pub(super) inputs: Vec<Transform>,
+    pub(crate) noise: Vec<Transform>,
+    pub(crate) inputs: Vec<Transform>,
 }
 
 /// A record by its frequencies.
-pub(super) struct Motion {
-    pub(super) stretches: Vec<Moving>,
+pub(crate) struct Motion {
+    pub(crate) stretches: Vec<Moving>,
     /// Deviation of every sensor's noise from sample to sample, unit of the coordinate.
-    pub(super) white: Vec<f64>,
+    pub(crate) white: Vec<f64>,
     /// Step of every sensor; zero where its values lie on no grid.
-    pub(super) steps: Vec<f64>,
+    pub(crate) steps: Vec<f64>,
     /// Highest angular frequency of every coordinate that stands out of its noise, rad/s.
-    pub(super) highest: Vec<f64>,
+    pub(crate) highest: Vec<f64>,
     /// Time in which the coordinates go to and fro once, on the average, s.
-    pub(super) typical_period: f64,
+    pub(crate) typical_period: f64,
     /// Measured rate over the rate of the measured position, where both are measured.
-    pub(super) rate_gains: Vec<Option<f64>>,
+    pub(crate) rate_gains: Vec<Option<f64>>,
 }
 
 impl Motion {
@@ -74,7 +74,7 @@ impl Motion {
     ///
     /// # Errors
     /// [`EstimateError::NoSignal`] when there are no samples.
-    pub(super) fn new(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
+    pub(crate) fn new(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
         let Some(first) = record.stretches.first() else { return Err(EstimateError::NoSignal) };
         let coordinates = first.coordinates.len();
         let of = |c: usize| -> Vec<&[f64]> { record.stretches.iter().map(|stretch| stretch.coordinates[c]).collect() };
@@ -133,7 +133,7 @@ impl Motion {
     }
 
     /// Highest angular frequency of any coordinate, rad/s.
-    pub(super) fn fastest(&self) -> f64 {
+    pub(crate) fn fastest(&self) -> f64 {
         self.highest.iter().copied().fold(0.0, f64::max)
     }
 }

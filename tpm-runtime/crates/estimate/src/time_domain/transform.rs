@@ -9,7 +9,7 @@ use tpm_numerics::fourier::{forward, inverse};
 
 /// A signal by its frequencies.
 #[derive(Clone, Debug)]
-pub(super) struct Transform {
+pub(crate) struct Transform {
     bins: Vec<Complex<f64>>,
     /// Points of the transform, no fewer than samples of the signal.
     points: usize,
@@ -17,7 +17,7 @@ pub(super) struct Transform {
 }
 
 /// The least number of points, no fewer than `samples`, that has no prime factor above five.
-pub(super) fn quick(samples: usize) -> usize {
+pub(crate) fn quick(samples: usize) -> usize {
     let smooth = |mut n: usize| {
         for factor in [2, 3, 5] {
             while n.is_multiple_of(factor) {
@@ -31,7 +31,7 @@ pub(super) fn quick(samples: usize) -> usize {
 
 impl Transform {
     /// The transform of a signal, at `points` points.
-    pub(super) fn new(signal: &[f64], points: usize, sample_time: f64) -> Self {
+    pub(crate) fn new(signal: &[f64], points: usize, sample_time: f64) -> Self {
         let plan = forward(points);
         let mut padded = signal.to_vec();
         // The value at the end goes over into that at the beginning without a step.
@@ -44,17 +44,17 @@ impl Transform {
     }
 
     /// Angular frequency from one bin to the next, rad/s.
-    pub(super) fn spacing(&self) -> f64 {
+    pub(crate) fn spacing(&self) -> f64 {
         2.0 * PI / (self.points as f64 * self.sample_time)
     }
 
     /// Power of every bin.
-    pub(super) fn powers(&self) -> impl Iterator<Item = f64> {
+    pub(crate) fn powers(&self) -> impl Iterator<Item = f64> {
         self.bins.iter().map(|bin| bin.norm_sqr())
     }
 
     /// This transform with every bin replaced, given its angular frequency (rad/s) and its number.
-    pub(super) fn map(mut self, mut of: impl FnMut(f64, usize, Complex<f64>) -> Complex<f64>) -> Self {
+    pub(crate) fn map(mut self, mut of: impl FnMut(f64, usize, Complex<f64>) -> Complex<f64>) -> Self {
         let spacing = self.spacing();
         for (k, bin) in self.bins.iter_mut().enumerate() {
             *bin = of(k as f64 * spacing, k, *bin);
@@ -63,13 +63,13 @@ impl Transform {
     }
 
     /// Number `k` of the bins.
-    pub(super) fn bin(&self, k: usize) -> Complex<f64> {
+    pub(crate) fn bin(&self, k: usize) -> Complex<f64> {
         self.bins[k]
     }
 
     /// What a filter makes of the signal, at `points` even times over the time of the transform; the response, given the angular
     /// frequency (rad/s), must be nothing from half of that rate on.
-    pub(super) fn filtered(&self, points: usize, response: impl Fn(f64) -> Complex<f64>) -> Vec<f64> {
+    pub(crate) fn filtered(&self, points: usize, response: impl Fn(f64) -> Complex<f64>) -> Vec<f64> {
         let plan = inverse(points);
         let mut bins = plan.make_input_vec();
         let spacing = self.spacing();

@@ -1,0 +1,1059 @@
+//! From a record to parameters, their deviations, and the terms that the model lacks.
+
+use crate::error::EstimateError;
+use crate::free::Free;
+use crate::information::{beside, beside_known, set_apart};
+use crate::likelihood::components::{Components, Products};
+use crate::likelihood::library::{Columns, Scales, Term, TermKind};
+use crate::likelihood::lines::{RowLines, View, row_lines};
+use crate::likelihood::noise::{Noise, triangle};
+use crate::likelihood::path::{Along, Entry, Felt, Paths, Rows, band, lost};
+use crate::result::{Estimate, ResidualOf};
+use crate::settings::Settings;
+use crate::time_domain::motion::{Motion, TimeRecord};
+use crate::verdict::Verdict;
+use serde::Serialize;
+use tpm_core::model::Model;
+use tpm_numerics::singular::{Singular, unit_columns};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, root_mean_square};
+
+/// A direction of scaled parameters whose singular value is below this share of the largest is not shown.
+const RANK: f64 = 1e-8;
+/// Passes in which noise and components are found in turn; more where a row without an input is linearised anew.
+const PASSES: usize = 3;
+const MORE_PASSES: usize = 3;
+/// Largest change of the logarithm of a variance after which they end.
+const SETTLED: f64 = 0.05;
+/// Steps of the noise in a pass.
+const NOISE_STEPS: usize = 6;
+/// A candidate of which the parameters, and the candidates before it, leave less than this share is spanned by them: sensor noise would
+/// decide on it.
+const SPANNED: f64 = 0.1;
+/// A named term makes at least this share of the force of its row.
+const LEAST_SHARE: f64 = 0.003;
+/// Fewest independent equations for every column from which the noise is told with all candidates.
+const LEAST_EQUATIONS: f64 = 2.0;
+/// Largest leverage of a line in the covariance from residuals.
+const MOST_LEVERAGE: f64 = 0.9;
+/// A delay is applied to the input when the square of its standardised size is larger, and at most so many times, until it moves by less
+/// than `DELAY_SETTLED` seconds.
+const DELAY_SHOWN: f64 = 30.0;
+const DELAY_PASSES: usize = 4;
+const DELAY_SETTLED: f64 = 2e-5;
+/// Longest delay that is looked for, s.
+const LONGEST_DELAY: f64 = 0.05;
+/// Known terms above this share of a row's force fix the scale of a row without an input.
+const KNOWN_SHARE: f64 = 1e-3;
+
+/// A term that the record shows the model to lack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lacking {
+    /// The term.
+    pub term: Term,
+    /// Its factor, in the units of row and term; a delay in s.
+    pub value: f64,
+    /// Standard deviation of the factor.
+    pub std: f64,
+    /// Root mean square of what it makes, as a share of the force of its row.
+    pub share: f64,
+}
+
+/// What was found on the way to an estimate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LineReport {
+    /// Highest frequency at which every coordinate stands out of its noise, Hz.
+    pub followed: Vec<f64>,
+    /// Highest frequency of the lines of every row, Hz.
+    pub used: Vec<f64>,
+    /// Lines of every row.
+    pub lines: Vec<usize>,
+    /// Share of the record that is used in every row; the rest is its ends and the times around reversals.
+    pub kept: Vec<f64>,
+    /// Standard deviation of every sensor's noise, unit of the coordinate.
+    pub noise: Vec<f64>,
+    /// Share of the information that noise of the sensors limits, by row.
+    pub sensor_share: Vec<f64>,
+    /// What the model leaves of every row, as a share of its force.
+    #[serde(skip)]
+    pub row_residuals: Vec<f64>,
+    /// What the model leaves of every row when the terms that it lacks are there, as a share of its force.
+    pub with_terms: Vec<f64>,
+    /// Samples that were used.
+    pub samples: usize,
+    /// Measured rate over the rate of the measured position, by coordinate; nothing where the rate was not measured.
+    pub rate_gains: Vec<Option<f64>>,
+}
+
+/// An estimate from any motion.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct OfAnyMotion {
+    /// The estimate.
+    pub estimate: Estimate,
+    /// What was found on the way.
+    pub report: LineReport,
+    /// Terms that the model lacks, the clearest first.
+    pub lacking: Vec<Lacking>,
+    /// What the rows leave of the forces, as a share, when the inputs do the other thing between samples.
+    pub other_hold: Option<f64>,
+    /// Samples in which the motion goes to and fro once, on the average.
+    pub typical_period: f64,
+    /// Samples on either side of a sample over which a polynomial follows the motion.
+    pub reach: usize,
+    /// Step of every sensor; zero where its values lie on no grid.
+    pub steps: Vec<f64>,
+    /// Largest share of a row's force that one unit of a parameter makes, by parameter.
+    felt: Vec<f64>,
+}
+
+impl OfAnyMotion {
+    /// The estimate with other values and covariance, both of all parameters; `settings` say which are held.
+    #[must_use]
+    pub fn restated(&self, values: Vec<f64>, covariance: Matrix, settings: &Settings) -> Estimate {
+        self.estimate.with_values(values, covariance, settings, |j, std| self.felt[j] * std)
+    }
+
+    /// Share of the information that noise of the sensors limits, of the row where it is largest.
+    #[must_use]
+    pub fn sensor_share(&self) -> f64 {
+        self.report.sensor_share.iter().copied().fold(0.0, f64::max)
+    }
+}
+
+/// Estimates the parameters in which a model is linear from any motion. `circular` says that the record is whole periods of a motion that
+/// repeats.
+///
+/// # Errors
+/// [`EstimateError::NoSignal`] when the stretches are too short, or show nothing; [`EstimateError::Model`] and
+/// [`EstimateError::NotFinite`] when the rows cannot be evaluated on the motion; [`EstimateError::Frozen`] and
+/// [`EstimateError::AllFrozen`] when parameters are held that do not exist, or all.
+pub fn estimate_any_motion(
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    record: &TimeRecord<'_>,
+    circular: bool,
+    settings: &Settings,
+) -> Result<OfAnyMotion, EstimateError> {
+    let free = settings.free(model.dims().parameters)?;
+    let motion = Motion::new(record)?;
+    let rows = Rows { model, constants };
+    let known = (record, &motion, circular);
+    let mut delays = vec![0.0; model.dims().inputs];
+    let mut late = vec![false; delays.len()];
+    let mut fitted = Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?;
+    for _ in 0..DELAY_PASSES {
+        let mut moved: f64 = 0.0;
+        let mut beyond = false;
+        for (term, value) in &fitted.delays {
+            let to = delays[term.of] + value;
+            beyond |= to.abs() > LONGEST_DELAY;
+            delays[term.of] = to.clamp(-LONGEST_DELAY, LONGEST_DELAY);
+            late[term.of] = true;
+            moved = moved.max(value.abs());
+        }
+        if fitted.delays.is_empty() || beyond {
+            break;
+        }
+        fitted = Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?;
+        if moved < DELAY_SETTLED {
+            break;
+        }
+    }
+    Ok(fitted.result)
+}
+
+/// A record as lines, before the noise is found.
+struct Pass<'a> {
+    rows: Rows<'a>,
+    record: &'a TimeRecord<'a>,
+    motion: &'a Motion,
+    delays: Vec<f64>,
+    paths: Paths<'a>,
+    along: Vec<Along>,
+    scales: Scales,
+    terms: Vec<Term>,
+    /// Columns of every term, scaled to a root mean square of one, stretch by stretch.
+    columns: Vec<Vec<Columns>>,
+    /// What the columns of a term were divided by.
+    sizes: Vec<f64>,
+    /// Values of all parameters from which the rows are linear.
+    theta: Vec<f64>,
+    /// Parameters that are estimated: all but those that are held and one for every direction that is not shown.
+    kept: Vec<usize>,
+    hidden: Vec<Vec<f64>>,
+    views: Vec<View>,
+    felt: Felt,
+    lines: Vec<RowLines>,
+}
+
+/// What a fit gives.
+struct Outcome {
+    result: OfAnyMotion,
+    /// Delays that were found beside those that were applied, s.
+    delays: Vec<(Term, f64)>,
+}
+
+impl<'a> Pass<'a> {
+    fn new(
+        rows: Rows<'a>,
+        (record, motion, circular): (&'a TimeRecord<'a>, &'a Motion, bool),
+        delays: &[f64],
+        free: &Free,
+        settings: &Settings,
+    ) -> Result<Self, EstimateError> {
+        let dims = rows.model.dims();
+        let paths = Paths::new(rows, record, motion, circular, delays);
+        let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
+        let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
+        let scales = Scales::of(rows, &paths.paths, &along, deviations);
+        let mut theta = settings.prior.clone();
+        theta.resize(dims.parameters, 0.0);
+        settings.hold(&mut theta);
+        let felt = Felt::of(&paths, &theta)?;
+        let mut pass = Pass {
+            rows,
+            record,
+            motion,
+            delays: delays.to_vec(),
+            paths,
+            along,
+            scales,
+            terms: Vec::new(),
+            columns: Vec::new(),
+            sizes: Vec::new(),
+            theta,
+            kept: free.indices.clone(),
+            hidden: Vec::new(),
+            views: Vec::new(),
+            felt,
+            lines: Vec::new(),
+        };
+        pass.first(free, settings)?;
+        Ok(pass)
+    }
+
+    fn right(&self) -> usize {
+        self.rows.model.dims().parameters + self.terms.len()
+    }
+
+    /// Whether a row shows ratios alone: no input acts in it, and no known term.
+    fn homogeneous(&self, row: usize) -> bool {
+        !self.scales.driven(row)
+    }
+
+    /// How the rows are looked at, given the coordinates that each of them feels.
+    fn views(&self, coordinates: &dyn Fn(usize) -> Vec<usize>) -> Vec<View> {
+        let dims = self.rows.model.dims();
+        (0..dims.rows)
+            .map(|row| {
+                let (low_pass, used) = band(&coordinates(row), &self.paths.measured);
+                let own = (row < dims.coordinates).then_some(row);
+                let of = own.unwrap_or(0);
+                View {
+                    low_pass,
+                    used,
+                    lost: lost(low_pass, self.paths.fastest()),
+                    coordinate: own,
+                    rate_deviation: self.paths.measured[of].rate_deviation,
+                    followed: self.paths.measured[of].spectrum.followed,
+                }
+            })
+            .collect()
+    }
+
+    /// The lines of one row, about the present values; `missing` are the coefficients of the terms.
+    fn row(&self, row: usize, view: View, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
+        let dims = self.rows.model.dims();
+        let right = self.right();
+        let held = |j: usize| !self.kept.contains(&j);
+        let leading = self.homogeneous(row).then(|| self.rows.leads(&self.felt, row)).flatten();
+        let mut signals: Vec<Vec<(usize, Vec<f64>)>> = Vec::with_capacity(self.paths.paths.len());
+        let mut forces: Vec<Option<Vec<f64>>> = Vec::new();
+        for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
+            let of_terms = || {
+                let own = self.columns.get(stretch).into_iter().flatten().enumerate();
+                own.flat_map(|(i, columns)| {
+                    columns.iter().filter(|(at, _)| *at == row).map(move |(_, values)| (i, values))
+                })
+            };
+            let predicted = match leading {
+                Some(c) => {
+                    let mut others = vec![0.0; path.points];
+                    for (i, values) in of_terms() {
+                        let value = missing.get(i).copied().unwrap_or(0.0);
+                        if value != 0.0 {
+                            others.iter_mut().zip(values).for_each(|(sum, x)| *sum += value * x);
+                        }
+                    }
+                    self.rows.predicted(path, (row, c), &self.theta, &others)?
+                }
+                None => None,
+            };
+            let mut own: Vec<(usize, Vec<f64>)> = Vec::new();
+            let mut target;
+            let factor;
+            match predicted {
+                Some(found) => {
+                    target = found.right;
+                    for (j, column) in found.columns.into_iter().enumerate() {
+                        if held(j) {
+                            target.iter_mut().zip(&column).for_each(|(sum, x)| *sum -= self.theta[j] * x);
+                        } else if column.iter().any(|x| *x != 0.0) {
+                            own.push((j, column));
+                        }
+                    }
+                    factor = Some(found.factor);
+                    forces.push(Some(found.leading));
+                }
+                None => {
+                    let place = along.place(row, Entry::Right);
+                    target = place.map_or_else(|| vec![0.0; path.points], |at| along.column(at));
+                    for (at, (of, entry)) in along.entries.iter().enumerate() {
+                        let Entry::Parameter(j) = *entry else { continue };
+                        if *of != row {
+                            continue;
+                        }
+                        let column = along.column(at);
+                        if held(j) {
+                            target.iter_mut().zip(&column).for_each(|(sum, x)| *sum -= self.theta[j] * x);
+                        } else {
+                            own.push((j, column));
+                        }
+                    }
+                    factor = None;
+                    forces.push(None);
+                }
+            }
+            for (i, values) in of_terms() {
+                let values = match &factor {
+                    Some(factor) => values.iter().zip(factor).map(|(x, f)| x * f).collect(),
+                    None => values.clone(),
+                };
+                own.push((dims.parameters + i, values));
+            }
+            own.push((right, target));
+            signals.push(own);
+        }
+        let mut numbers: Vec<usize> = signals.iter().flatten().map(|(number, _)| *number).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        let shape = (dims.coordinates, dims.motion_len());
+        let take = |stretch: usize| signals[stretch].clone();
+        let Some(mut lines) = row_lines(&self.paths.paths, view, shape, &take, &numbers) else { return Ok(None) };
+        // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
+        let count = lines.lines();
+        let power = if forces.iter().any(Option::is_some) {
+            let of = |stretch: usize| forces[stretch].clone().map(|force| vec![(0, force)]).unwrap_or_default();
+            row_lines(&self.paths.paths, view, shape, &of, &[0])
+                .map(|lines| lines.entries.column(0).iter().copied().collect())
+        } else {
+            lines.place(right).map(|at| lines.entries.column(at).iter().copied().collect::<Vec<f64>>())
+        };
+        if let Some(power) = power.filter(|power| power.iter().any(|x| *x != 0.0)) {
+            lines.set_power(&power[..count], &power[count..]);
+        } else if let Some(largest) = (0..lines.columns.len().saturating_sub(1))
+            .max_by(|&a, &b| lines.entries.column(a).norm().total_cmp(&lines.entries.column(b).norm()))
+        {
+            let own: Vec<f64> = lines.entries.column(largest).iter().copied().collect();
+            lines.set_power(&own[..count], &own[count..]);
+        }
+        Ok(Some(lines))
+    }
+
+    /// The lines of all rows.
+    ///
+    /// # Errors
+    /// [`EstimateError::NoSignal`] when every row is without lines.
+    fn all_rows(&self, missing: &[f64]) -> Result<Vec<RowLines>, EstimateError> {
+        let rows = self.rows.model.dims().rows;
+        (0..rows).map(|row| self.row(row, self.views[row], missing)?.ok_or(EstimateError::NoSignal)).collect()
+    }
+
+    /// First values, what is not shown, which coordinates a row feels, and the floors; then the lines with all terms.
+    fn first(&mut self, free: &Free, settings: &Settings) -> Result<(), EstimateError> {
+        let dims = self.rows.model.dims();
+        self.views = self.views(&|row| if row < dims.coordinates { vec![row] } else { Vec::new() });
+        let naive = self.naive_rows()?;
+        self.rank(&naive, free, settings)?;
+        let lines = self.naive_rows()?;
+        self.start(&lines)?;
+        self.felt = Felt::of(&self.paths, &self.theta)?;
+        self.views = self.views(&|row| self.felt.coordinates(row));
+        if (0..dims.rows).any(|row| self.homogeneous(row)) {
+            self.scale_free(free)?;
+        }
+        let mut coupled = vec![false; dims.rows * dims.coordinates];
+        for row in 0..dims.rows {
+            for c in 0..dims.coordinates {
+                let own = self.rows.coefficients(&self.paths, row, c)?;
+                coupled[row * dims.coordinates + c] = own.iter().any(|a| *a != 0.0);
+            }
+        }
+        self.terms = self.scales.terms(self.rows.model, &|row, c| coupled[row * dims.coordinates + c]);
+        let mut from = 0.0;
+        for (path, along) in self.paths.paths.iter().zip(&self.along) {
+            self.columns.push(self.terms.iter().map(|term| self.scales.columns(*term, path, along, from)).collect());
+            from += path.points as f64 * path.apart;
+        }
+        self.scale_terms();
+        self.lines = self.all_rows(&[])?;
+        self.set_floors()
+    }
+
+    /// The lines of all rows with a row without an input as it stands: nothing on the other side.
+    fn naive_rows(&self) -> Result<Vec<RowLines>, EstimateError> {
+        let dims = self.rows.model.dims();
+        let right = self.right();
+        let shape = (dims.coordinates, dims.motion_len());
+        (0..dims.rows)
+            .map(|row| {
+                let of = |stretch: usize| {
+                    let along = &self.along[stretch];
+                    let own = along.entries.iter().enumerate().filter(|(_, (at, _))| *at == row);
+                    let mut target = vec![0.0; self.paths.paths[stretch].points];
+                    let mut columns = Vec::new();
+                    for (at, (_, entry)) in own {
+                        match *entry {
+                            Entry::Parameter(j) if self.kept.contains(&j) => columns.push((j, along.column(at))),
+                            Entry::Parameter(j) => {
+                                let values = along.column(at);
+                                target.iter_mut().zip(&values).for_each(|(sum, x)| *sum -= self.theta[j] * x);
+                            }
+                            Entry::Right => {
+                                target.iter_mut().zip(along.column(at)).for_each(|(sum, x)| *sum += x);
+                            }
+                            Entry::Rate(_) => {}
+                        }
+                    }
+                    columns.push((right, target));
+                    columns
+                };
+                let mut numbers = self.kept.clone();
+                numbers.push(right);
+                let mut lines = row_lines(&self.paths.paths, self.views[row], shape, &of, &numbers)
+                    .ok_or(EstimateError::NoSignal)?;
+                let count = lines.lines();
+                let mut power: Vec<f64> = lines.entries.column(numbers.len() - 1).iter().copied().collect();
+                if power.iter().all(|x| *x == 0.0) {
+                    // The largest of its terms.
+                    let largest = (0..self.kept.len())
+                        .max_by(|&a, &b| lines.entries.column(a).norm().total_cmp(&lines.entries.column(b).norm()));
+                    power = largest.map_or(power, |at| lines.entries.column(at).iter().copied().collect());
+                }
+                lines.set_power(&power[..count], &power[count..]);
+                Ok(lines)
+            })
+            .collect()
+    }
+
+    /// What the lines do not show, and which parameters are estimated.
+    fn rank(&mut self, lines: &[RowLines], free: &Free, settings: &Settings) -> Result<(), EstimateError> {
+        let noise = Noise::first(lines, false);
+        let factor = triangle(lines, &noise.variance, &free.indices, self.right());
+        let n = free.indices.len();
+        let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
+        let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
+        let shown_by_some = beside(&known, &scale);
+        let known = if shown_by_some.is_some() { known } else { Vec::new() };
+        let (narrow, whole) = match &shown_by_some {
+            Some(basis) => (&factor * basis, Some(basis)),
+            None => (factor, None),
+        };
+        let singular = Singular::new(&narrow, RANK);
+        if singular.rank() == 0 {
+            return Err(EstimateError::NoSignal);
+        }
+        let null = singular.null();
+        let null = whole.map_or_else(|| null.clone(), |basis| basis * &null);
+        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
+        let lost = beside_known(&known, lost, &scale);
+        self.hidden = known.into_iter().chain(lost).collect();
+        let apart = set_apart(self.hidden.clone());
+        self.kept = (0..n).filter(|at| apart.iter().all(|(own, _)| own != at)).map(|at| free.indices[at]).collect();
+        Ok(())
+    }
+
+    /// Scales that nothing shows: parameters of rows without an input that no other row shares show in ratios alone.
+    fn scale_free(&mut self, free: &Free) -> Result<(), EstimateError> {
+        let lines = self.all_rows(&[])?;
+        let noise = Noise::first(&lines, false);
+        let n = self.kept.len();
+        let factor = triangle(&lines, &noise.variance, &self.kept, self.right());
+        let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
+        let null = Singular::new(&factor, RANK).null();
+        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
+        let lost = beside_known(&[], lost, &scale);
+        let apart: Vec<usize> = set_apart(lost.clone()).iter().map(|(own, _)| self.kept[*own]).collect();
+        for direction in lost {
+            let place = |j: &usize| self.kept.iter().position(|kept| kept == j);
+            let of = |j: &usize| place(j).map_or(0.0, |at| direction[at]);
+            self.hidden.push(free.indices.iter().map(of).collect());
+        }
+        self.kept.retain(|j| !apart.contains(j));
+        if self.kept.is_empty() { Err(EstimateError::NoSignal) } else { Ok(()) }
+    }
+
+    /// First values: by the lines far above the noise; in rows without an input ratios first, which the other rows give a scale.
+    fn start(&mut self, lines: &[RowLines]) -> Result<(), EstimateError> {
+        let right = self.right();
+        let highest: Vec<f64> = self.views.iter().map(|view| view.used).collect();
+        let of = |rows: &[RowLines], columns: &[usize], highest: &[f64]| {
+            let noise = Noise::first(rows, false);
+            noise.found(rows, columns, right, None, Some(highest)).1
+        };
+        let known = |row: &RowLines| {
+            row.size(right) > KNOWN_SHARE * KNOWN_SHARE * row.power.iter().sum::<f64>() / row.lines().max(1) as f64
+        };
+        let ratios: Vec<usize> = (0..lines.len()).filter(|&row| self.homogeneous(row) && !known(&lines[row])).collect();
+        if ratios.is_empty() {
+            let values = of(lines, &self.kept, &highest);
+            self.kept.iter().for_each(|&j| self.theta[j] = values[j]);
+            return Ok(());
+        }
+        let mut groups: Vec<Vec<f64>> = Vec::new();
+        for &row in &ratios {
+            groups.extend(self.ratios(row, &lines[row])?);
+        }
+        let grouped = |j: usize| groups.iter().any(|group| group[j] != 0.0);
+        let alone: Vec<usize> = self.kept.iter().copied().filter(|&j| !grouped(j)).collect();
+        // The rows with inputs in terms of the scales of the groups and of the parameters that stand alone.
+        let driven: Vec<usize> = (0..lines.len()).filter(|row| !ratios.contains(row)).collect();
+        let condensed: Vec<RowLines> = driven
+            .iter()
+            .map(|&row| {
+                let own = &lines[row];
+                let mut columns = alone.clone();
+                let mut entries: Vec<DVector<f64>> = alone
+                    .iter()
+                    .map(|&j| {
+                        own.place(j)
+                            .map_or_else(|| DVector::zeros(2 * own.lines()), |at| own.entries.column(at).into_owned())
+                    })
+                    .collect();
+                for (g, group) in groups.iter().enumerate() {
+                    let mut sum = DVector::zeros(2 * own.lines());
+                    for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
+                        if let Some(at) = own.place(j) {
+                            sum.axpy(*ratio, &own.entries.column(at), 1.0);
+                        }
+                    }
+                    columns.push(right + g);
+                    entries.push(sum);
+                }
+                columns.push(right + groups.len());
+                let place = own.place(right);
+                entries.push(
+                    place.map_or_else(|| DVector::zeros(2 * own.lines()), |at| own.entries.column(at).into_owned()),
+                );
+                RowLines { columns, entries: DMatrix::from_columns(&entries), ..own.clone() }
+            })
+            .collect();
+        for &j in &self.kept {
+            self.theta[j] = 0.0;
+        }
+        let mut scales = vec![1.0; groups.len()];
+        if !condensed.is_empty() {
+            let columns: Vec<usize> = alone.iter().copied().chain((0..groups.len()).map(|g| right + g)).collect();
+            let own: Vec<f64> = driven.iter().map(|&row| highest[row]).collect();
+            let noise = Noise::first(&condensed, false);
+            let values = noise.found(&condensed, &columns, right + groups.len(), None, Some(&own)).1;
+            alone.iter().for_each(|&j| self.theta[j] = values[j]);
+            let shared = |g: usize| condensed.iter().any(|row| row.size(right + g) > 0.0);
+            for (g, scale) in scales.iter_mut().enumerate() {
+                if shared(g) && values[right + g] != 0.0 {
+                    *scale = values[right + g];
+                }
+            }
+        }
+        for (group, scale) in groups.iter().zip(&scales) {
+            for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
+                self.theta[j] += scale * ratio;
+            }
+        }
+        Ok(())
+    }
+
+    /// The ratios that a row without an input shows, such that the mean coefficient of its leading acceleration is one.
+    fn ratios(&self, row: usize, lines: &RowLines) -> Result<Option<Vec<f64>>, EstimateError> {
+        let dims = self.rows.model.dims();
+        // Coefficient of the leading acceleration, parameter by parameter.
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for c in 0..dims.coordinates {
+            let own = self.rows.coefficients(&self.paths, row, c)?;
+            let size: f64 = own.iter().map(|a| a.abs()).fold(0.0, f64::max);
+            let preferred = if c == row { f64::INFINITY } else { size };
+            if size > 0.0 && best.as_ref().is_none_or(|(most, _)| preferred > *most) {
+                best = Some((preferred, own));
+            }
+        }
+        let Some((_, coefficients)) = best else { return Ok(None) };
+        let present: Vec<usize> = self.kept.iter().copied().filter(|&j| lines.size(j) > 0.0).collect();
+        let lead = present.iter().copied().max_by(|&a, &b| coefficients[a].abs().total_cmp(&coefficients[b].abs()));
+        let Some(lead) = lead.filter(|&lead| coefficients[lead] != 0.0) else { return Ok(None) };
+        let of = |j: usize| {
+            lines.place(j).map_or_else(|| DVector::zeros(2 * lines.lines()), |at| lines.entries.column(at).into_owned())
+        };
+        let leading = of(lead) / coefficients[lead];
+        let others: Vec<usize> = present.iter().copied().filter(|&j| j != lead).collect();
+        let mut entries: Vec<DVector<f64>> = others.iter().map(|&j| of(j) - &leading * coefficients[j]).collect();
+        entries.push(-&leading);
+        let right = self.right();
+        let mut columns = others.clone();
+        columns.push(right);
+        let row_of = RowLines { columns, entries: DMatrix::from_columns(&entries), ..lines.clone() };
+        let rows = [row_of];
+        let values = Noise::first(&rows, false).found(&rows, &others, right, None, Some(&[self.views[row].used])).1;
+        let mut ratios = vec![0.0; dims.parameters];
+        others.iter().for_each(|&j| ratios[j] = values[j]);
+        ratios[lead] = (1.0 - others.iter().map(|&j| coefficients[j] * values[j]).sum::<f64>()) / coefficients[lead];
+        Ok(Some(ratios))
+    }
+
+    /// Divides the columns of every term by the largest of its root mean squares.
+    fn scale_terms(&mut self) {
+        self.sizes = (0..self.terms.len())
+            .map(|i| {
+                let mut sums = vec![(0.0, 0usize); self.rows.model.dims().rows];
+                for (row, values) in self.columns.iter().flat_map(|columns| &columns[i]) {
+                    sums[*row].0 += values.iter().map(|x| x * x).sum::<f64>();
+                    sums[*row].1 += values.len();
+                }
+                let largest = sums.iter().map(|(sum, count)| sum / (*count).max(1) as f64).fold(0.0, f64::max).sqrt();
+                if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }
+            })
+            .collect();
+        for columns in &mut self.columns {
+            for (own, size) in columns.iter_mut().zip(&self.sizes) {
+                own.iter_mut().flat_map(|(_, values)| values).for_each(|x| *x /= size);
+            }
+        }
+    }
+
+    /// The noise that the sensors add to every line.
+    fn set_floors(&mut self) -> Result<(), EstimateError> {
+        let h = self.paths.sample_time;
+        for (j, row) in self.lines.iter_mut().enumerate() {
+            let view = self.views[j];
+            for (floor, f) in row.floor.iter_mut().zip(&row.frequency) {
+                let w = 2.0 * std::f64::consts::PI * f;
+                *floor = self.felt.noise(j, &self.paths.measured, w, h) * view.low_pass.response(w).powi(2);
+            }
+        }
+        Ok(())
+    }
+
+    /// Values, deviations and missing terms.
+    fn fit(mut self, free: &Free, late: &[bool]) -> Result<Outcome, EstimateError> {
+        let dims = self.rows.model.dims();
+        let (p, right) = (dims.parameters, self.right());
+        // A delay that was applied is a parameter.
+        let is_late = |i: usize| self.terms[i].kind == TermKind::Delay && late[self.terms[i].of];
+        let fixed: Vec<usize> =
+            self.kept.iter().copied().chain((0..self.terms.len()).filter(|&i| is_late(i)).map(|i| p + i)).collect();
+        let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_late(i)).map(|i| p + i).collect();
+        let all: Vec<usize> = fixed.iter().chain(&terms).copied().collect();
+        let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
+        let ratios = (0..dims.rows).any(|row| self.homogeneous(row));
+        // With all candidates a misfit is not taken for noise at first; where they are too many for the record, the model alone tells.
+        let independent: f64 = self.lines.iter().map(|row| 2.0 * row.lines() as f64 / row.correlation).sum();
+        let many = independent < LEAST_EQUATIONS * all.len() as f64;
+        let first = if many { &fixed } else { &all };
+        let mut noise = Noise::first(&self.lines, true).found(&self.lines, first, right, None, None).0;
+        let passes = PASSES + if ratios { MORE_PASSES } else { 0 };
+        for _ in 0..passes {
+            let factor = triangle(&self.lines, &noise.variance, &all, right);
+            let split = Split::new(&factor, fixed.len(), terms.len());
+            let products = Products::of(&split.candidates, &split.target);
+            let found = Components::found(&products, threshold);
+            let active: Vec<usize> = (0..terms.len()).filter(|&i| found.variance[i] > 0.0).map(|i| terms[i]).collect();
+            let columns: Vec<usize> = fixed.iter().chain(&active).copied().collect();
+            let (next, values) = noise.found(&self.lines, &columns, right, Some(NOISE_STEPS), None);
+            let change = next.variance.iter().flatten().zip(noise.variance.iter().flatten());
+            let change = change.map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
+            noise = next;
+            if ratios {
+                self.kept.iter().for_each(|&j| self.theta[j] = values[j]);
+                let missing: Vec<f64> = (0..self.terms.len()).map(|i| values[p + i]).collect();
+                for row in 0..dims.rows {
+                    if self.homogeneous(row)
+                        && let Some(lines) = self.row(row, self.views[row], &missing)?
+                    {
+                        self.lines[row] = RowLines { floor: self.lines[row].floor.clone(), ..lines };
+                    }
+                }
+            }
+            if change < SETTLED {
+                break;
+            }
+        }
+        let factor = triangle(&self.lines, &noise.variance, &all, right);
+        let split = Split::new(&factor, fixed.len(), terms.len());
+        let products = Products::of(&split.candidates, &split.target);
+        let found = Components::found(&products, threshold);
+        let common = found.common(&split.candidates, &split.target, &split.counts);
+        let variance: Vec<f64> = found
+            .variance
+            .iter()
+            .zip(&split.counts)
+            .map(|(own, counts)| own + if *counts { common } else { 0.0 })
+            .collect();
+        let solved = split.solve(&variance).ok_or(EstimateError::NoSignal)?;
+        let active: Vec<usize> = (0..terms.len()).filter(|&i| found.variance[i] > 0.0).collect();
+        let by_lines =
+            self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
+        // The larger of what the noise says and what the residuals line by line say, parameter by parameter.
+        let factor_of: Vec<f64> = (0..fixed.len())
+            .map(|a| (by_lines[a] / solved.covariance[(a, a)].max(f64::MIN_POSITIVE)).max(1.0).sqrt())
+            .collect();
+        let covariance =
+            DMatrix::from_fn(fixed.len(), fixed.len(), |a, b| solved.covariance[(a, b)] * factor_of[a] * factor_of[b]);
+        let kept = self.kept.len();
+        let mut values = self.theta.clone();
+        self.kept.iter().zip(solved.values.iter()).for_each(|(&j, value)| values[j] = *value);
+        let mut whole = DMatrix::zeros(p, p);
+        for (a, &i) in self.kept.iter().enumerate() {
+            for (b, &j) in self.kept.iter().enumerate() {
+                whole[(i, j)] = covariance[(a, b)];
+            }
+        }
+        let mut lacking: Vec<(f64, Lacking)> = Vec::new();
+        for (a, &i) in active.iter().enumerate() {
+            let index = terms[i] - p;
+            let spread = (solved.of_terms[i]).max(by_lines[fixed.len() + a]);
+            let value = solved.missing[i];
+            let shown = value * value / spread.max(f64::MIN_POSITIVE);
+            let share = self.share(terms[i], value);
+            if shown > threshold && share > LEAST_SHARE {
+                let size = self.sizes[index];
+                let term = self.terms[index];
+                lacking.push((shown, Lacking { term, value: value / size, std: spread.sqrt() / size, share }));
+            }
+        }
+        let mut delays: Vec<(Term, f64)> = lacking
+            .iter()
+            .filter(|(shown, own)| own.term.kind == TermKind::Delay && *shown > DELAY_SHOWN)
+            .map(|(_, own)| (own.term, own.value))
+            .collect();
+        for (a, &column) in fixed.iter().enumerate().skip(kept) {
+            let (index, value) = (column - p, solved.values[a]);
+            let term = self.terms[index];
+            let size = self.sizes[index];
+            delays.push((term, value / size));
+            let whole = self.delays[term.of] + value / size;
+            let std = covariance[(a, a)].max(0.0).sqrt() / size;
+            let share = self.share(column, whole * size);
+            lacking.push((f64::INFINITY, Lacking { term, value: whole, std, share }));
+        }
+        lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut missing = vec![0.0; self.terms.len()];
+        terms.iter().zip(solved.missing.iter()).for_each(|(&column, value)| missing[column - p] = *value);
+        fixed.iter().zip(solved.values.iter()).skip(kept).for_each(|(&column, value)| missing[column - p] = *value);
+        let none = vec![0.0; missing.len()];
+        let row_residuals: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &none)).collect();
+        let with_terms = self.lines.iter().map(|row| left(row, (p, right), &values, &missing)).collect();
+        let felt: Vec<f64> = (0..p)
+            .map(|j| {
+                let of = |row: &RowLines| (row.size(j) / (2.0 * mean(&row.power)).max(f64::MIN_POSITIVE)).sqrt();
+                self.lines.iter().map(of).fold(0.0, f64::max)
+            })
+            .collect();
+        let touched: Vec<bool> = {
+            let scale: Vec<f64> =
+                free.indices.iter().map(|&j| self.lines.iter().map(|row| row.size(j)).sum::<f64>().sqrt()).collect();
+            let scale: Vec<f64> = scale.iter().map(|s| if *s > 0.0 { *s } else { 1.0 }).collect();
+            crate::information::touched(&self.hidden, &scale)
+        };
+        let verdict = Verdict::new(free, &touched, &values, &whole, |j, std| felt[j] * std);
+        let mut condition = split.parameters.view((0, 0), (kept, kept)).into_owned();
+        condition = unit_columns(condition).0;
+        let condition = tpm_numerics::singular::condition(&condition, RANK);
+        let estimate = Estimate {
+            values,
+            std: verdict.std,
+            covariance: Matrix::of(whole),
+            status: verdict.status,
+            rank: kept,
+            unobservable: self.hidden.iter().map(|direction| free.spread(direction)).collect(),
+            condition,
+            residual: root_mean_square(row_residuals.iter().copied()),
+            residual_of: ResidualOf::Force,
+            chi_squared: 1.0,
+            model_error: vec![0.0; dims.rows],
+        };
+        let report = LineReport {
+            followed: self.paths.measured.iter().map(|own| own.spectrum.followed).collect(),
+            used: self.views.iter().map(|view| view.used).collect(),
+            lines: self.lines.iter().map(RowLines::lines).collect(),
+            kept: self.lines.iter().map(|row| row.kept).collect(),
+            noise: self.paths.measured.iter().map(|own| own.spectrum.noise).collect(),
+            sensor_share: self.sensor_shares(&noise, &fixed),
+            row_residuals,
+            with_terms,
+            samples: self
+                .record
+                .stretches
+                .iter()
+                .map(|stretch| stretch.coordinates.first().map_or(0, |own| own.len()))
+                .sum(),
+            rate_gains: self.motion.rate_gains.clone(),
+        };
+        let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
+        let followed = self.paths.fastest();
+        Ok(Outcome {
+            result: OfAnyMotion {
+                estimate,
+                other_hold,
+                typical_period: self.motion.typical_period / self.paths.sample_time,
+                reach: crate::time_domain::band::reach(followed, self.paths.sample_time),
+                steps: self.motion.steps.clone(),
+                lacking: lacking.into_iter().map(|(_, own)| own).collect(),
+                report,
+                felt,
+            },
+            delays,
+        })
+    }
+
+    /// Root mean square of what a column makes, as a share of the force of the row where it makes most.
+    fn share(&self, column: usize, value: f64) -> f64 {
+        let of = |row: &RowLines| {
+            (value * value * row.size(column) / (2.0 * mean(&row.power)).max(f64::MIN_POSITIVE)).sqrt()
+        };
+        self.lines.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Share of the information that the noise of the sensors limits, row by row: floors over variances, by leverages.
+    fn sensor_shares(&self, noise: &Noise, columns: &[usize]) -> Vec<f64> {
+        let factor = triangle(&self.lines, &noise.variance, columns, self.right());
+        let n = columns.len();
+        let factor = factor.view((0, 0), (n, n)).into_owned();
+        let mut inverse = DMatrix::identity(n, n);
+        if !factor.solve_upper_triangular_mut(&mut inverse) {
+            return vec![0.0; self.lines.len()];
+        }
+        self.lines
+            .iter()
+            .zip(&noise.variance)
+            .map(|(row, variance)| {
+                let (mut whole, mut own) = (0.0, 0.0);
+                for part in 0..2 * row.lines() {
+                    let l = part % row.lines();
+                    let mut through = DVector::<f64>::zeros(n);
+                    for (a, &column) in columns.iter().enumerate() {
+                        if let Some(at) = row.place(column) {
+                            let x = row.entries[(part, at)];
+                            through.axpy(x, &inverse.row(a).transpose(), 1.0);
+                        }
+                    }
+                    let leverage = through.norm_squared() / variance[l];
+                    whole += leverage;
+                    own += leverage * row.floor[l] / variance[l];
+                }
+                if whole > 0.0 { own / whole } else { 0.0 }
+            })
+            .collect()
+    }
+
+    /// Variances from what is left of every line (a sandwich with leverages, of which real and imaginary part share one), of the fixed
+    /// columns and then of the active ones, which are given with their own variances.
+    fn by_lines(&self, noise: &Noise, fixed: &[usize], active: &[(usize, f64)]) -> Vec<f64> {
+        let columns: Vec<usize> = fixed.iter().copied().chain(active.iter().map(|(column, _)| *column)).collect();
+        let n = columns.len();
+        let right = self.right();
+        let parts: usize = self.lines.iter().map(|row| 2 * row.lines()).sum();
+        let mut matrix = DMatrix::<f64>::zeros(parts, n);
+        let mut target = DVector::<f64>::zeros(parts);
+        let mut from = 0;
+        for (row, variance) in self.lines.iter().zip(&noise.variance) {
+            let count = 2 * row.lines();
+            let weights: Vec<f64> = (0..count).map(|part| 1.0 / variance[part % row.lines()].sqrt()).collect();
+            for (a, &column) in columns.iter().enumerate() {
+                if let Some(at) = row.place(column) {
+                    for part in 0..count {
+                        matrix[(from + part, a)] = row.entries[(part, at)] * weights[part];
+                    }
+                }
+            }
+            if let Some(at) = row.place(right) {
+                for part in 0..count {
+                    target[from + part] = row.entries[(part, at)] * weights[part];
+                }
+            }
+            from += count;
+        }
+        let (matrix, scale) = unit_columns(matrix);
+        let mut gram = matrix.tr_mul(&matrix);
+        for a in 0..n {
+            gram[(a, a)] += 1e-12;
+            if a >= fixed.len() {
+                gram[(a, a)] += 1.0 / (active[a - fixed.len()].1 * scale[a] * scale[a]);
+            }
+        }
+        let Some(factor) = Cholesky::new(gram) else { return vec![0.0; n] };
+        let inverse = factor.inverse();
+        let values = &inverse * matrix.tr_mul(&target);
+        let left = &target - &matrix * values;
+        let through = &matrix * &inverse;
+        let mut squares: Vec<f64> = (0..parts)
+            .map(|part| {
+                let leverage: f64 = through.row(part).iter().zip(matrix.row(part).iter()).map(|(a, b)| a * b).sum();
+                (left[part] / (1.0 - leverage.min(MOST_LEVERAGE))).powi(2)
+            })
+            .collect();
+        let mut from = 0;
+        for row in &self.lines {
+            let lines = row.lines();
+            for l in 0..lines {
+                let both = 0.5 * row.correlation * (squares[from + l] + squares[from + lines + l]);
+                squares[from + l] = both;
+                squares[from + lines + l] = both;
+            }
+            from += 2 * lines;
+        }
+        (0..n)
+            .map(|a| {
+                let sum: f64 = through.column(a).iter().zip(&squares).map(|(x, square)| x * x * square).sum();
+                sum / (scale[a] * scale[a])
+            })
+            .collect()
+    }
+
+    /// What the rows leave of the forces when the inputs do the other thing between samples, in units of what they leave.
+    fn other_hold(&self, values: &[f64]) -> Result<Option<f64>, EstimateError> {
+        let dims = self.rows.model.dims();
+        let other = self.record.hold.other();
+        let inputs = self.paths.held_otherwise(self.record, self.motion, other, &self.delays);
+        let mut lines: Vec<RowLines> = self.lines.clone();
+        let rights: Vec<Vec<Vec<f64>>> = (self.paths.paths.iter().zip(&inputs))
+            .map(|(path, inputs)| self.rows.right(path, inputs))
+            .collect::<Result<_, _>>()?;
+        let shape = (dims.coordinates, dims.motion_len());
+        for (row, own) in lines.iter_mut().enumerate().filter(|(row, _)| !self.homogeneous(*row)) {
+            let of = |stretch: usize| {
+                let mut target = rights[stretch][row].clone();
+                let along = &self.along[stretch];
+                for (at, (of, entry)) in along.entries.iter().enumerate() {
+                    if let Entry::Parameter(j) = *entry
+                        && *of == row
+                        && !self.kept.contains(&j)
+                    {
+                        target.iter_mut().zip(along.column(at)).for_each(|(sum, x)| *sum -= self.theta[j] * x);
+                    }
+                }
+                vec![(0, target)]
+            };
+            if let (Some(found), Some(at)) =
+                (row_lines(&self.paths.paths, self.views[row], shape, &of, &[0]), own.place(self.right()))
+            {
+                own.entries.column_mut(at).copy_from(&found.entries.column(0));
+            }
+        }
+        // Both holds are judged by the model alone, fitted anew, whatever it lacks.
+        let by = |lines: &[RowLines]| {
+            let found = Noise::first(lines, true).found(lines, &self.kept, self.right(), None, None).1;
+            let mut whole = values.to_vec();
+            self.kept.iter().for_each(|&j| whole[j] = found[j]);
+            root_mean_square(lines.iter().map(|row| left(row, (dims.parameters, self.right()), &whole, &[])))
+        };
+        let own = by(&self.lines);
+        Ok((own > 0.0).then(|| by(&lines) / own))
+    }
+}
+
+/// What values of `p` parameters, and of the terms behind them, leave of a row, as a share of its force.
+fn left(row: &RowLines, (p, right): (usize, usize), values: &[f64], missing: &[f64]) -> f64 {
+    let Some(at) = row.place(right) else { return 0.0 };
+    let mut left = row.entries.column(at).into_owned();
+    for (at, &column) in row.columns.iter().enumerate().filter(|(_, column)| **column != right) {
+        let value = if column < p { values[column] } else { missing.get(column - p).copied().unwrap_or(0.0) };
+        if value != 0.0 {
+            left.axpy(-value, &row.entries.column(at), 1.0);
+        }
+    }
+    let force = 2.0 * row.power.iter().sum::<f64>();
+    if force > 0.0 { (left.norm_squared() / force).sqrt() } else { 0.0 }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// The triangle of the weighted equations, parameters first and candidates behind them.
+struct Split {
+    /// R_Y.
+    parameters: DMatrix<f64>,
+    /// R_F.
+    mixed: DMatrix<f64>,
+    /// R2, with columns that others span set to zero.
+    candidates: DMatrix<f64>,
+    /// z1.
+    of_parameters: DVector<f64>,
+    /// z2.
+    target: DVector<f64>,
+    /// Which candidates say something of their own.
+    counts: Vec<bool>,
+}
+
+/// Values and covariance given the variances of the candidates.
+struct Solved {
+    values: DVector<f64>,
+    covariance: DMatrix<f64>,
+    missing: DVector<f64>,
+    /// Variance of every candidate's coefficient given the record.
+    of_terms: Vec<f64>,
+}
+
+impl Split {
+    fn new(factor: &DMatrix<f64>, p: usize, terms: usize) -> Self {
+        let last = p + terms;
+        let mixed = factor.view((0, p), (p, terms)).into_owned();
+        let mut candidates = factor.view((p, p), (terms, terms)).into_owned();
+        let counts: Vec<bool> = (0..terms)
+            .map(|i| {
+                let own = candidates.column(i).norm();
+                let whole = own.hypot(mixed.column(i).norm());
+                own > SPANNED * whole && own > 0.0
+            })
+            .collect();
+        for (mut column, counts) in candidates.column_iter_mut().zip(&counts) {
+            if !counts {
+                column.fill(0.0);
+            }
+        }
+        Split {
+            parameters: factor.view((0, 0), (p, p)).into_owned(),
+            mixed,
+            candidates,
+            of_parameters: factor.view((0, last), (p, 1)).column(0).into_owned(),
+            target: factor.view((p, last), (terms, 1)).column(0).into_owned(),
+            counts,
+        }
+    }
+
+    fn solve(&self, variance: &[f64]) -> Option<Solved> {
+        let (p, n) = (self.parameters.ncols(), self.target.len());
+        let scaled = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c].sqrt());
+        let whole = DMatrix::identity(n, n) + &scaled * scaled.transpose();
+        let factor = Cholesky::new(whole)?;
+        // R2 Gamma.
+        let through = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c]);
+        let missing = through.tr_mul(&factor.solve(&self.target));
+        let of_terms =
+            DMatrix::from_diagonal(&DVector::from_column_slice(variance)) - through.tr_mul(&factor.solve(&through));
+        let mut values = &self.of_parameters - &self.mixed * &missing;
+        let mut inverse = DMatrix::identity(p, p);
+        let mut moved = self.mixed.clone();
+        let regular = self.parameters.solve_upper_triangular_mut(&mut values)
+            && self.parameters.solve_upper_triangular_mut(&mut inverse)
+            && self.parameters.solve_upper_triangular_mut(&mut moved);
+        let covariance = &inverse * inverse.transpose() + &moved * &of_terms * moved.transpose();
+        let finite = values.iter().chain(covariance.iter()).all(|x| x.is_finite());
+        (regular && finite).then(|| Solved {
+            values,
+            covariance,
+            missing,
+            of_terms: of_terms.diagonal().iter().map(|v| v.max(0.0)).collect(),
+        })
+    }
+}

@@ -1,0 +1,313 @@
+//! Terms that a model may lack, each a column along the smoothed motion.
+
+use crate::likelihood::path::{Along, Entry, Path, Rows};
+use std::f64::consts::{PI, SQRT_2};
+use tpm_core::model::Model;
+use tpm_numerics::root_mean_square;
+
+/// Share of the root mean square velocity up to which friction is larger at low speed.
+const STRIBECK_VELOCITY: f64 = 0.15;
+/// Share of the root mean square force over which a dead zone is rounded.
+const DEAD_ZONE: f64 = 0.05;
+/// Smallest range of a coordinate, rad or unit of the coordinate, over which sines of the coordinate itself are told from its powers.
+const SINE_RANGE: f64 = 0.5;
+/// Half waves over the range of a coordinate that ripples may have: fewer are powers, more are not followed.
+const RIPPLES: std::ops::RangeInclusive<u32> = 5..=30;
+/// Most coordinates of a machine in which every pair is asked for forces between them.
+const MOST_PAIRED: usize = 3;
+
+/// A term that a model may lack.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum TermKind {
+    /// A constant force, or an offset of a sensor or an input.
+    Offset,
+    /// Dry friction, `sign(v)`.
+    Friction,
+    /// More friction at low speed than at high speed.
+    Stribeck,
+    /// A power of the velocity.
+    RatePower(u32),
+    /// Drag, `v |v|`.
+    Drag,
+    /// A power of the position.
+    Power(u32),
+    /// Dry friction in proportion to a power of the position.
+    PositionFriction(u32),
+    /// Damping in proportion to a power of the position.
+    PositionDamping(u32),
+    /// An inertia; with exponent one in proportion to the position.
+    Inertia(u32),
+    /// A sine of a multiple of the position.
+    Sine(u32),
+    /// A cosine of a multiple of the position.
+    Cosine(u32),
+    /// A ripple over the position (cogging), by its half waves over the range of the coordinate.
+    Ripple {
+        /// Half waves over the range.
+        half_waves: u32,
+        /// Whether it is a cosine about the middle of the range.
+        even: bool,
+    },
+    /// A constant force that drifts.
+    Drift,
+    /// Damping that drifts.
+    DriftingDamping,
+    /// Dry friction that drifts.
+    DriftingFriction,
+    /// Dry friction in proportion to the force.
+    LoadFriction,
+    /// A dead zone: a force that opposes the input whatever its size.
+    DeadZone,
+    /// An input that acts later than it is recorded; the value is the delay, s.
+    Delay,
+    /// A power of the distance between two coordinates.
+    PairPower(u32),
+    /// A force that depends on the relative velocity, in the same way as a term of one coordinate.
+    PairDamping,
+    /// The size of the relative velocity.
+    PairAsymmetry,
+    /// Drag between two coordinates.
+    PairDrag,
+    /// Dry friction between two coordinates.
+    PairFriction,
+    /// Damping in proportion to the distance.
+    PairPositionDamping,
+    /// An inertia that couples two coordinates.
+    PairInertia,
+}
+
+/// A term in its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub struct Term {
+    /// What it is.
+    pub kind: TermKind,
+    /// The row on which it acts; nothing for an input, which acts where it acts.
+    pub row: Option<usize>,
+    /// The coordinate on which it depends, or for a delay the input.
+    pub of: usize,
+    /// The other coordinate of a force between two.
+    pub other: Option<usize>,
+}
+
+/// Columns of a term: the rows on which it acts, and what it does there.
+pub(super) type Columns = Vec<(usize, Vec<f64>)>;
+
+/// Deviation of the times within the cell of a grid, in units of the cell.
+const CELL: f64 = 0.289;
+
+/// E[sign(v)] where v is known up to a deviation.
+fn sign(v: f64, deviation: f64) -> f64 {
+    libm::erf(v / (SQRT_2 * deviation.max(f64::MIN_POSITIVE)))
+}
+
+/// What the terms of all stretches have in common: so that a column means the same in each of them.
+#[derive(Clone, Debug)]
+pub(super) struct Scales {
+    /// Root mean square velocity, by coordinate.
+    speed: Vec<f64>,
+    /// Least and largest position.
+    range: Vec<(f64, f64)>,
+    /// Deviation of the velocity.
+    rate_deviation: Vec<f64>,
+    /// Root mean square force, by row.
+    force: Vec<f64>,
+    /// Length of the whole record, s.
+    duration: f64,
+    /// The rows in which an input acts.
+    driven: Vec<bool>,
+    slots: usize,
+    coordinates: usize,
+}
+
+impl Scales {
+    pub(super) fn of(rows: Rows<'_>, paths: &[Path], along: &[Along], rate_deviation: Vec<f64>) -> Self {
+        let dims = rows.model.dims();
+        let slots = dims.motion_len();
+        let series = |c: usize, d: usize| {
+            paths.iter().flat_map(move |path| path.series(dims.coordinates, slots, c, d).into_iter())
+        };
+        let right = |row: usize| {
+            let own = along.iter().filter_map(|along| Some(along.column(along.place(row, Entry::Right)?)));
+            root_mean_square(own.flatten())
+        };
+        let range = |c: usize| {
+            series(c, 0).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)))
+        };
+        let driven =
+            |row: usize| along.iter().any(|own| (0..dims.inputs).any(|i| own.place(row, Entry::Rate(i)).is_some()));
+        Scales {
+            speed: (0..dims.coordinates).map(|c| root_mean_square(series(c, 1))).collect(),
+            range: (0..dims.coordinates).map(range).collect(),
+            rate_deviation,
+            force: (0..dims.rows).map(right).collect(),
+            duration: paths.iter().map(|path| path.points as f64 * path.apart).sum(),
+            driven: (0..dims.rows).map(driven).collect(),
+            slots,
+            coordinates: dims.coordinates,
+        }
+    }
+
+    /// Whether an input acts in a row.
+    pub(super) fn driven(&self, row: usize) -> bool {
+        self.driven[row]
+    }
+
+    /// The column of a term along a path that begins at `from` seconds of the record.
+    pub(super) fn columns(&self, term: Term, path: &Path, along: &Along, from: f64) -> Columns {
+        let series = |c: usize, d: usize| path.series(self.coordinates, self.slots, c, d);
+        if term.kind == TermKind::Delay {
+            let entries = along.entries.iter().enumerate().filter(|(_, (_, entry))| *entry == Entry::Rate(term.of));
+            return entries.map(|(at, (row, _))| (*row, along.column(at))).collect();
+        }
+        let row = term.row.unwrap_or(term.of);
+        if let Some(other) = term.other {
+            return self.between(term.kind, (term.of, other), path);
+        }
+        let c = term.of;
+        let (q, v) = (series(c, 0), series(c, 1));
+        let a = series(c, 2);
+        let deviation = |k: usize| self.rate_deviation[c].hypot(CELL * path.apart * a[k]);
+        let (low, high) = self.range[c];
+        let middle = 0.5 * (low + high);
+        let time = |k: usize| (from + k as f64 * path.apart) / self.duration - 0.5;
+        let right = || along.place(row, Entry::Right).map(|at| along.column(at)).unwrap_or_default();
+        let by = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..path.points).map(of).collect() };
+        let values = match term.kind {
+            TermKind::Offset => vec![1.0; path.points],
+            TermKind::Friction => by(&|k| sign(v[k], deviation(k))),
+            TermKind::Stribeck => {
+                let bend = STRIBECK_VELOCITY * self.speed[c];
+                by(&|k| sign(v[k], deviation(k)) * (-(v[k] / bend).powi(2)).exp())
+            }
+            TermKind::RatePower(n) => by(&|k| v[k].powi(n as i32)),
+            TermKind::Drag => by(&|k| v[k] * v[k].abs()),
+            TermKind::Power(n) => by(&|k| q[k].powi(n as i32)),
+            TermKind::PositionFriction(n) => by(&|k| q[k].powi(n as i32) * sign(v[k], deviation(k))),
+            TermKind::PositionDamping(n) => by(&|k| q[k].powi(n as i32) * v[k]),
+            TermKind::Inertia(n) => by(&|k| q[k].powi(n as i32) * a[k]),
+            TermKind::Sine(n) => by(&|k| (f64::from(n) * q[k]).sin()),
+            TermKind::Cosine(n) => by(&|k| (f64::from(n) * q[k]).cos()),
+            TermKind::Ripple { half_waves, even } => {
+                let wave = PI * f64::from(half_waves) / (high - low).max(f64::MIN_POSITIVE);
+                by(&|k| {
+                    let angle = wave * (q[k] - middle);
+                    if even { angle.cos() } else { angle.sin() }
+                })
+            }
+            TermKind::Drift => by(&time),
+            TermKind::DriftingDamping => by(&|k| time(k) * v[k]),
+            TermKind::DriftingFriction => by(&|k| time(k) * sign(v[k], deviation(k))),
+            TermKind::LoadFriction => {
+                let force = right();
+                by(&|k| force[k].abs() * sign(v[k], deviation(k)))
+            }
+            TermKind::DeadZone => {
+                let force = right();
+                by(&|k| (force[k] / (DEAD_ZONE * self.force[row]).max(f64::MIN_POSITIVE)).tanh())
+            }
+            _ => vec![0.0; path.points],
+        };
+        vec![(row, values)]
+    }
+
+    /// A force between two coordinates acts on both rows, with opposite signs; an inertia that couples them on each by the other's
+    /// acceleration.
+    fn between(&self, kind: TermKind, (a, b): (usize, usize), path: &Path) -> Columns {
+        let series = |c: usize, d: usize| path.series(self.coordinates, self.slots, c, d);
+        if kind == TermKind::PairInertia {
+            return vec![(a, series(b, 2)), (b, series(a, 2))];
+        }
+        let apart = |d: usize| -> Vec<f64> { series(a, d).iter().zip(series(b, d)).map(|(x, y)| x - y).collect() };
+        let (r, w) = (apart(0), apart(1));
+        let acceleration = apart(2);
+        let own = self.rate_deviation[a].hypot(self.rate_deviation[b]);
+        let deviation = |k: usize| own.hypot(CELL * path.apart * acceleration[k]);
+        let of = |k: usize| match kind {
+            TermKind::PairPower(n) => r[k].powi(n as i32),
+            TermKind::PairDamping => w[k],
+            TermKind::PairAsymmetry => w[k] * sign(w[k], deviation(k)),
+            TermKind::PairDrag => w[k] * w[k].abs(),
+            TermKind::PairFriction => sign(w[k], deviation(k)),
+            TermKind::PairPositionDamping => r[k] * w[k],
+            _ => 0.0,
+        };
+        let values: Vec<f64> = (0..path.points).map(of).collect();
+        let against = values.iter().map(|value| -value).collect();
+        vec![(a, values), (b, against)]
+    }
+
+    /// The terms that are asked for; `coupled` says whether a row of the model has the acceleration of a coordinate.
+    pub(super) fn terms(&self, model: &dyn Model<f64>, coupled: &dyn Fn(usize, usize) -> bool) -> Vec<Term> {
+        let dims = model.dims();
+        let mut terms = Vec::new();
+        for row in 0..dims.rows {
+            let c = row.min(dims.coordinates.saturating_sub(1));
+            let mut add = |kind: TermKind| terms.push(Term { kind, row: Some(row), of: c, other: None });
+            let driven = self.driven(row);
+            let (low, high) = self.range[c];
+            for kind in [TermKind::Offset, TermKind::Friction, TermKind::Stribeck, TermKind::Drag, TermKind::Inertia(0)]
+            {
+                add(kind);
+            }
+            for exponent in 1..=3 {
+                add(TermKind::RatePower(exponent));
+                add(TermKind::Power(exponent));
+            }
+            for exponent in 1..=2 {
+                add(TermKind::PositionFriction(exponent));
+                add(TermKind::PositionDamping(exponent));
+            }
+            add(TermKind::Inertia(1));
+            if high - low > SINE_RANGE {
+                for multiple in 1..=2 {
+                    add(TermKind::Sine(multiple));
+                    add(TermKind::Cosine(multiple));
+                }
+            }
+            for kind in [TermKind::Drift, TermKind::DriftingDamping, TermKind::DriftingFriction] {
+                add(kind);
+            }
+            if driven {
+                add(TermKind::LoadFriction);
+                add(TermKind::DeadZone);
+            }
+            if dims.coordinates == 1 {
+                for half_waves in RIPPLES {
+                    add(TermKind::Ripple { half_waves, even: false });
+                    add(TermKind::Ripple { half_waves, even: true });
+                }
+            }
+        }
+        for input in 0..dims.inputs {
+            terms.push(Term { kind: TermKind::Delay, row: None, of: input, other: None });
+        }
+        // Forces between coordinates that are measured in one unit: a distance means nothing between an angle and a length.
+        let alike = |a: usize, b: usize| model.coordinate(a).unit == model.coordinate(b).unit;
+        if dims.coordinates <= MOST_PAIRED && dims.rows == dims.coordinates {
+            for a in 0..dims.coordinates {
+                for b in (a + 1..dims.coordinates).filter(|&b| alike(a, b)) {
+                    let mut add = |kind: TermKind| terms.push(Term { kind, row: None, of: a, other: Some(b) });
+                    for exponent in 1..=3 {
+                        add(TermKind::PairPower(exponent));
+                    }
+                    for kind in [
+                        TermKind::PairDamping,
+                        TermKind::PairAsymmetry,
+                        TermKind::PairDrag,
+                        TermKind::PairFriction,
+                        TermKind::PairPositionDamping,
+                    ] {
+                        add(kind);
+                    }
+                    // With a coupling of the model's own it would span, together with an inertia, what the parameters span.
+                    if !coupled(a, b) && !coupled(b, a) {
+                        add(TermKind::PairInertia);
+                    }
+                }
+            }
+        }
+        terms
+    }
+}

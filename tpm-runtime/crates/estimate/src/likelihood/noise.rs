@@ -1,0 +1,255 @@
+//! The noise of every row, found by restricted maximum likelihood (REML).
+//!
+//! Variance of a part of line l of row j:
+//!
+//! ```text
+//! S_jl = floor_jl + B_jb + kappa_j P_jl
+//! ```
+//!
+//! floor: noise of the sensors, carried by the derivatives of the row; it cannot be undercut, without it a row is fitted by nothing. B: noise
+//! of the forces, one number for every band b. kappa P: noise in proportion to the force on the line, which takes a misfit that repeats
+//! with the motion. Every step weighs the equations, solves them, and compares what is left of every band with what the noise would leave
+//! of it, which is less than its variance by the leverages.
+
+use crate::likelihood::lines::RowLines;
+use tpm_numerics::{Cholesky, DMatrix, DVector, Iteration};
+
+/// Steps, and the largest change of the logarithm of a variance after which they end.
+const STEPS: Iteration = Iteration { most: 25, settled: 0.03 };
+/// Numbers of degrees of freedom by which a band leans on its neighbours: bands that the parameters saturate tell nothing themselves.
+const LEANING: f64 = 8.0;
+/// Least noise in proportion to the force: nothing is claimed to better than 1e-4 of the force on a line.
+pub(super) const LEAST_PROPORTIONAL: f64 = 1e-8;
+/// Noise in proportion to the force from which the steps begin: it grows where a misfit asks for it, while a large one would be kept alive by
+/// the errors of the parameters that lines with little weight leave.
+const FIRST_PROPORTIONAL: f64 = LEAST_PROPORTIONAL;
+/// Noise of a band from which they begin, as a share of its force.
+const FIRST_SHARE: f64 = 1e-2;
+/// Least noise of a band, as a share of the row's largest power.
+const LEAST_BAND: f64 = 1e-16;
+/// What is added to the diagonal of scaled normal equations, so that columns that others span change no weight.
+const RIDGE: f64 = 1e-10;
+
+/// The noise of all rows.
+#[derive(Clone, Debug)]
+pub(super) struct Noise {
+    /// Variance of a part of every line, row by row.
+    pub(super) variance: Vec<Vec<f64>>,
+    bands: Vec<Vec<f64>>,
+    proportional: Vec<f64>,
+}
+
+/// Values of all columns that take part, zero for those that do not.
+pub(super) type Values = Vec<f64>;
+
+impl Noise {
+    /// What is known before anything is fitted. Without a floor all lines of a row count alike.
+    pub(super) fn first(rows: &[RowLines], with_floor: bool) -> Self {
+        let mean = |row: &RowLines| row.power.iter().sum::<f64>() / row.lines().max(1) as f64;
+        let peak = |row: &RowLines| row.power.iter().copied().fold(0.0, f64::max);
+        let bands = rows.iter().map(|row| {
+            let of = |b: usize| {
+                let own = row.band.iter().zip(&row.power).filter(|(band, _)| **band == b).map(|(_, power)| power);
+                let (sum, count) = own.fold((0.0, 0.0), |(sum, count), power| (sum + power, count + 1.0));
+                if with_floor { FIRST_SHARE * sum / f64::max(count, 1.0) + 1e-9 * peak(row) } else { mean(row) }
+            };
+            (0..row.bands()).map(|b| f64::max(of(b), f64::MIN_POSITIVE)).collect()
+        });
+        let proportional = vec![if with_floor { FIRST_PROPORTIONAL } else { 0.0 }; rows.len()];
+        let mut noise = Noise { variance: Vec::new(), bands: bands.collect(), proportional };
+        noise.sum(rows);
+        noise
+    }
+
+    fn sum(&mut self, rows: &[RowLines]) {
+        let of = |(j, row): (usize, &RowLines)| {
+            let line = |l: usize| row.floor[l] + self.bands[j][row.band[l]] + self.proportional[j] * row.power[l];
+            (0..row.lines()).map(line).collect()
+        };
+        self.variance = rows.iter().enumerate().map(of).collect();
+    }
+
+    /// The noise that leaves of the equations what they leave, with some of the columns, and the values of these. Lines above the
+    /// `highest` frequency of a row do not count.
+    pub(super) fn found(
+        &self,
+        rows: &[RowLines],
+        columns: &[usize],
+        right: usize,
+        most: Option<usize>,
+        highest: Option<&[f64]>,
+    ) -> (Self, Values) {
+        let mut noise = self.clone();
+        let mut values = vec![0.0; right];
+        for _ in 0..most.unwrap_or(STEPS.most) {
+            let solved = Weighted::of(rows, &noise.variance, columns, right, highest);
+            for (at, &column) in columns.iter().enumerate() {
+                values[column] = solved.values[at];
+            }
+            let before = noise.variance.clone();
+            for (j, row) in rows.iter().enumerate() {
+                noise.update(j, row, &solved.squares[j], &solved.freedom[j]);
+            }
+            noise.sum(rows);
+            let counts = |j: usize, l: usize| highest.is_none_or(|highest| rows[j].frequency[l] <= highest[j]);
+            let change = |j: usize| {
+                let own = noise.variance[j].iter().zip(&before[j]).enumerate();
+                own.filter(|(l, _)| counts(j, *l)).map(|(_, (new, old))| (new / old).ln().abs()).fold(0.0, f64::max)
+            };
+            if (0..rows.len()).map(change).fold(0.0, f64::max) < STEPS.settled {
+                break;
+            }
+        }
+        (noise, values)
+    }
+
+    /// One step of a row, given the squares of what is left in units of the noise, and its degrees of freedom, by line.
+    fn update(&mut self, j: usize, row: &RowLines, squares: &[f64], freedom: &[f64]) {
+        let count = row.bands();
+        let (mut left, mut expected) = (vec![0.0; count], vec![0.0; count]);
+        // Degrees of freedom of a band, and as many of them as its own noise has a share in.
+        let (mut all, mut own) = (vec![0.0; count], vec![0.0; count]);
+        for l in 0..row.lines() {
+            let (b, weight) = (row.band[l], 1.0 / self.variance[j][l]);
+            left[b] += squares[l] * weight;
+            expected[b] += freedom[l] * weight;
+            all[b] += freedom[l];
+            own[b] += (freedom[l] * weight * self.bands[j][b]).max(0.0);
+        }
+        let step = |b: usize| {
+            let ratio = (left[b].max(f64::MIN_POSITIVE) / expected[b].max(f64::MIN_POSITIVE)).ln();
+            self.bands[j][b].ln() + ratio.clamp(-20.0, 20.0) * all[b] / (all[b] + 1.0)
+        };
+        let logs: Vec<f64> = (0..count).map(step).collect();
+        let peak = row.power.iter().copied().fold(0.0, f64::max);
+        let least = (LEAST_BAND * peak).max(f64::MIN_POSITIVE);
+        for b in 0..count {
+            let mut log = logs[b];
+            if count > 1 {
+                let below = if b == 0 { 1 } else { b - 1 };
+                let above = if b + 1 == count { b - 1 } else { b + 1 };
+                let (wa, wc) = (own[below] + 0.5, own[above] + 0.5);
+                let beside = (logs[below] * wa + logs[above] * wc) / (wa + wc);
+                log = (own[b] * log + LEANING * beside) / (own[b] + LEANING);
+            }
+            self.bands[j][b] = log.exp().max(least);
+        }
+        if self.proportional[j] > 0.0 {
+            let of = |by: &[f64]| -> f64 { (0..row.lines()).map(|l| row.power[l] * by[l] / self.variance[j][l]).sum() };
+            let ratio = of(squares).max(f64::MIN_POSITIVE) / of(freedom).max(f64::MIN_POSITIVE);
+            self.proportional[j] = (self.proportional[j] * ratio.clamp(1e-6, 1e6).sqrt()).max(LEAST_PROPORTIONAL);
+        }
+    }
+}
+
+/// Weighted equations, solved by their normal equations, which is enough for weights.
+struct Weighted {
+    values: Vec<f64>,
+    /// Squares of what is left of a line, both parts, in units of the noise, row by row.
+    squares: Vec<Vec<f64>>,
+    /// Their expectations: parts less leverages.
+    freedom: Vec<Vec<f64>>,
+}
+
+impl Weighted {
+    fn of(rows: &[RowLines], variance: &[Vec<f64>], columns: &[usize], right: usize, highest: Option<&[f64]>) -> Self {
+        let n = columns.len();
+        let parts: Vec<(Vec<usize>, DMatrix<f64>, DVector<f64>)> = rows
+            .iter()
+            .zip(variance)
+            .enumerate()
+            .map(|(j, (row, variance))| {
+                let present: Vec<(usize, usize)> =
+                    columns.iter().enumerate().filter_map(|(at, &column)| Some((at, row.place(column)?))).collect();
+                let lines = row.lines();
+                let weight = |part: usize| {
+                    let l = part % lines;
+                    let out = highest.is_some_and(|highest| row.frequency[l] > highest[j]);
+                    if out { 0.0 } else { 1.0 / variance[l].sqrt() }
+                };
+                let weights: Vec<f64> = (0..2 * lines).map(weight).collect();
+                let mut matrix = DMatrix::zeros(2 * lines, present.len());
+                for (to, (_, from)) in present.iter().enumerate() {
+                    let own = row.entries.column(*from);
+                    matrix.column_mut(to).iter_mut().zip(own.iter()).zip(&weights).for_each(|((x, y), w)| *x = y * w);
+                }
+                let place = row.place(right);
+                let own = |part: usize| place.map_or(0.0, |at| row.entries[(part, at)] * weights[part]);
+                let right = DVector::from_fn(2 * lines, |part, _| own(part));
+                (present.into_iter().map(|(at, _)| at).collect(), matrix, right)
+            })
+            .collect();
+        let mut gram = DMatrix::<f64>::zeros(n, n);
+        let mut target = DVector::<f64>::zeros(n);
+        for (at, matrix, right) in &parts {
+            let (own, of_right) = (matrix.tr_mul(matrix), matrix.tr_mul(right));
+            for (a, &i) in at.iter().enumerate() {
+                target[i] += of_right[a];
+                for (b, &k) in at.iter().enumerate() {
+                    gram[(i, k)] += own[(a, b)];
+                }
+            }
+        }
+        let scale: Vec<f64> = (0..n).map(|i| if gram[(i, i)] > 0.0 { gram[(i, i)].sqrt() } else { 1.0 }).collect();
+        let scaled =
+            DMatrix::from_fn(n, n, |i, k| gram[(i, k)] / (scale[i] * scale[k]) + if i == k { RIDGE } else { 0.0 });
+        let inverse = Cholesky::new(scaled).map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse());
+        let inverse = DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] / (scale[i] * scale[k]));
+        let values: DVector<f64> = &inverse * target;
+        let (mut squares, mut freedom) = (Vec::new(), Vec::new());
+        for ((at, matrix, right), row) in parts.iter().zip(rows) {
+            let own = DVector::from_iterator(at.len(), at.iter().map(|&i| values[i]));
+            let left = right - matrix * own;
+            let part = DMatrix::from_fn(at.len(), at.len(), |a, b| inverse[(at[a], at[b])]);
+            let through = matrix * part;
+            let lines = row.lines();
+            let leverage =
+                |part: usize| through.row(part).iter().zip(matrix.row(part).iter()).map(|(a, b)| a * b).sum::<f64>();
+            // What a column takes of a line it takes of those that the window correlates with it.
+            let taken = |part: usize| row.correlation * leverage(part);
+            let free = |part: usize| if row.is_void(part) { 0.0 } else { (1.0 - taken(part)).max(0.0) };
+            squares.push((0..lines).map(|l| left[l].powi(2) + left[lines + l].powi(2)).collect());
+            freedom.push((0..lines).map(|l| free(l) + free(lines + l)).collect());
+        }
+        Weighted { values: values.iter().copied().collect(), squares, freedom }
+    }
+}
+
+/// Weighted equations condensed to a triangle, the given columns and the right-hand side last. Lines that a window correlates count as fewer.
+pub(super) fn triangle(rows: &[RowLines], variance: &[Vec<f64>], columns: &[usize], right: usize) -> DMatrix<f64> {
+    let n = columns.len();
+    let mut stacked = DMatrix::<f64>::zeros(0, n + 1);
+    for (row, variance) in rows.iter().zip(variance) {
+        let all = columns.iter().copied().chain([right]).enumerate();
+        let present: Vec<(usize, usize)> = all.filter_map(|(at, column)| Some((at, row.place(column)?))).collect();
+        let lines = row.lines();
+        let mut own = DMatrix::zeros(2 * lines, present.len());
+        for (to, (_, from)) in present.iter().enumerate() {
+            let entries = row.entries.column(*from);
+            own.column_mut(to)
+                .iter_mut()
+                .enumerate()
+                .for_each(|(part, x)| *x = entries[part] / (row.correlation * variance[part % lines]).sqrt());
+        }
+        let own = if own.nrows() > own.ncols() { own.qr().unpack_r() } else { own };
+        let above = stacked.nrows();
+        stacked = stacked.resize_vertically(above + own.nrows(), 0.0);
+        for (from, (to, _)) in present.iter().enumerate() {
+            stacked.view_mut((above, *to), (own.nrows(), 1)).copy_from(&own.column(from));
+        }
+    }
+    if stacked.nrows() < n + 1 {
+        stacked = stacked.resize_vertically(n + 1, 0.0);
+    }
+    // Columns of one length lose no digits to each other.
+    let scale: Vec<f64> =
+        stacked.column_iter().map(|column| column.norm()).map(|norm| if norm > 0.0 { norm } else { 1.0 }).collect();
+    for (mut column, scale) in stacked.column_iter_mut().zip(&scale) {
+        column /= *scale;
+    }
+    let mut triangle = stacked.qr().unpack_r();
+    for (mut column, scale) in triangle.column_iter_mut().zip(&scale) {
+        column *= *scale;
+    }
+    triangle
+}

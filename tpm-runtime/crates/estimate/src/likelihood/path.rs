@@ -1,0 +1,681 @@
+//! The smoothed motion of a stretch, the inputs that act on it, and the rows of the model along both, on an even grid.
+
+use crate::error::EstimateError;
+use crate::likelihood::spectrum::{Spectrum, rate_deviation};
+use crate::sensor::Sensor;
+use crate::time_domain::low_pass::LowPass;
+use crate::time_domain::motion::{Motion, Moving, TimeRecord};
+use crate::time_domain::transform::quick;
+use num_complex::Complex;
+use rayon::prelude::*;
+use std::f64::consts::PI;
+use std::ops::Range;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{EvalError, Model};
+use tpm_motion::{Dynamics, held};
+use tpm_numerics::root_mean_square;
+
+/// Points of the grid in one oscillation at the highest frequency that is followed: products of a few coordinates alias nothing into the
+/// lines, and a sign jumps to a thirtieth of an oscillation.
+const POINTS_PER_OSCILLATION: f64 = 32.0;
+/// Cut-off of the low pass on motion and inputs, in units of the highest frequency that is followed: a linear term is treated exactly as the
+/// inputs are.
+const MOTION_CUT_OFF: f64 = 2.0;
+/// Cut-off of the low pass on a row, in units of the highest frequency that is followed in it.
+const ROW_CUT_OFF: f64 = 1.25;
+/// A coordinate takes part in a row when its motion makes more than this share of the row's force.
+const FELT: f64 = 1e-3;
+/// Points of a stretch at which the rows' derivatives are taken.
+const DERIVATIVE_POINTS: usize = 256;
+/// Steps of the differences by which they are taken, as shares of the root mean square: a velocity's step smooths a sign.
+const POSITION_STEP: f64 = 0.02;
+const VELOCITY_STEP: f64 = 0.3;
+/// Times within the cell of a point at which rows are evaluated where a velocity changes its sign in it: what jumps is averaged over the
+/// cell, so that the grid adds no noise.
+const TIMES_AT_A_REVERSAL: usize = 16;
+/// Most coordinates whose relative velocities are looked at for changes of sign.
+const MOST_RELATIVE: usize = 3;
+/// Points that one task evaluates.
+const POINTS_PER_TASK: usize = 512;
+/// Points at which it is asked which entries of the regressor are zero by structure.
+const PROBES: usize = 64;
+
+/// A model with what is known when it is evaluated.
+#[derive(Clone, Copy)]
+pub(super) struct Rows<'a> {
+    pub(super) model: &'a dyn Model<f64>,
+    pub(super) constants: &'a [f64],
+}
+
+/// A coordinate as its sensor shows it.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    pub(super) spectrum: Spectrum,
+    /// Deviation of the noise of the measured rate; nothing where it is not measured.
+    rate_noise: Option<f64>,
+    /// Deviation of the smoothed rate, unit of the coordinate per s.
+    pub(super) rate_deviation: f64,
+}
+
+impl Measured {
+    /// Density of the noise of the position at an angular frequency, to both sides.
+    fn noise(&self, w: f64, h: f64) -> f64 {
+        let own = self.spectrum.noise.powi(2);
+        let together = match self.rate_noise {
+            Some(rate) if own > 0.0 && w > 0.0 => own * rate * rate / (rate * rate + own * w * w),
+            _ => own,
+        };
+        together * h
+    }
+}
+
+/// A stretch on its grid.
+pub(super) struct Path {
+    /// Points of the grid.
+    pub(super) points: usize,
+    /// Time from one to the next, s.
+    pub(super) apart: f64,
+    /// Whether the end goes over into the beginning: whole periods of a motion that repeats.
+    pub(super) circular: bool,
+    /// Time over which samples were measured, s.
+    pub(super) duration: f64,
+    /// The slots of a motion, point by point.
+    pub(super) motion: Vec<f64>,
+    /// Forces of the inputs, input by input.
+    pub(super) inputs: Vec<Vec<f64>>,
+    /// Their rates.
+    pub(super) input_rates: Vec<Vec<f64>>,
+    /// Whether a velocity changes its sign in the cell of a point.
+    reverses: Vec<bool>,
+}
+
+/// A record on its grids.
+pub(super) struct Paths<'a> {
+    pub(super) rows: Rows<'a>,
+    pub(super) sample_time: f64,
+    pub(super) measured: Vec<Measured>,
+    pub(super) paths: Vec<Path>,
+}
+
+impl<'a> Paths<'a> {
+    /// Smooths the motion of a record; every input comes later by its delay, s.
+    pub(super) fn new(
+        rows: Rows<'a>,
+        record: &TimeRecord<'_>,
+        motion: &Motion,
+        circular: bool,
+        delays: &[f64],
+    ) -> Self {
+        let dims = rows.model.dims();
+        let h = record.sample_time;
+        let of = |c: usize| -> Vec<&[f64]> { record.stretches.iter().map(|stretch| stretch.coordinates[c]).collect() };
+        let rates = |c: usize| -> Option<Vec<&[f64]>> {
+            record.stretches.iter().map(|stretch| stretch.rates.get(c).copied().flatten()).collect()
+        };
+        let measured: Vec<Measured> = (0..dims.coordinates)
+            .map(|c| {
+                let mut spectrum = Spectrum::of(&of(c), h);
+                let rate = rates(c);
+                if let Some(rates) = &rate {
+                    let own = Spectrum::of(rates, h);
+                    spectrum.followed = spectrum.followed.max(own.followed);
+                    spectrum.used = spectrum.used.max(own.used);
+                }
+                let rate_noise = rate.map(|rates| Sensor::of(&rates).noise);
+                let by_position = rate_deviation(spectrum.noise, spectrum.followed, h);
+                let rate_deviation = rate_noise.map_or(by_position, |noise| noise.min(by_position));
+                Measured { spectrum, rate_noise, rate_deviation }
+            })
+            .collect();
+        let stretch = |moving: &Moving| on_grid(rows.model, record, &measured, moving, circular, delays);
+        Paths { rows, sample_time: h, paths: motion.stretches.iter().map(stretch).collect(), measured }
+    }
+
+    /// The same motion with inputs that do something else between samples.
+    pub(super) fn held_otherwise(
+        &self,
+        record: &TimeRecord<'_>,
+        motion: &Motion,
+        hold: Hold,
+        delays: &[f64],
+    ) -> Vec<Vec<Vec<f64>>> {
+        let fastest = self.fastest();
+        let of = |(moving, path): (&Moving, &Path)| {
+            let input = |i: usize| force(record, moving, (i, hold, delays), path.points, fastest, 0);
+            (0..moving.inputs.len()).map(input).collect()
+        };
+        motion.stretches.iter().zip(&self.paths).map(of).collect()
+    }
+
+    /// Highest frequency of any coordinate that is followed, Hz.
+    pub(super) fn fastest(&self) -> f64 {
+        self.measured.iter().map(|own| own.spectrum.followed).fold(0.0, f64::max)
+    }
+}
+
+impl Path {
+    /// The points that a filtered row does not owe to the ends of the stretch.
+    pub(super) fn valid(&self, lost: f64) -> Range<usize> {
+        if self.circular {
+            return 0..self.points;
+        }
+        let first = (lost / self.apart).ceil() as usize;
+        let last = (((self.duration - lost) / self.apart).max(0.0) as usize).min(self.points);
+        first.min(last)..last
+    }
+
+    /// The point after this one, or before it.
+    fn beside(&self, k: usize, ahead: f64) -> usize {
+        match (ahead < 0.0, self.circular) {
+            (true, true) => (k + self.points - 1) % self.points,
+            (true, false) => k.saturating_sub(1),
+            (false, true) => (k + 1) % self.points,
+            (false, false) => (k + 1).min(self.points - 1),
+        }
+    }
+
+    /// Marks the points in whose cells a velocity, or one relative to another, changes its sign.
+    fn find_reversals(&mut self, coordinates: usize) {
+        let slots = self.motion.len() / self.points.max(1);
+        let mut reverses = vec![false; self.points];
+        if slots >= 2 * coordinates {
+            let pairs = if coordinates <= MOST_RELATIVE { coordinates } else { 0 };
+            let relative = (0..pairs).flat_map(|a| (0..a).map(move |b| (a, Some(b))));
+            for (a, b) in (0..coordinates).map(|a| (a, None)).chain(relative) {
+                let at = |k: usize, c: usize| self.motion[k * slots + coordinates + c];
+                let velocity = |k: usize| at(k, a) - b.map_or(0.0, |b| at(k, b));
+                let edge = |k: usize, ahead: f64| velocity(k) + velocity(self.beside(k, ahead));
+                for (k, mark) in reverses.iter_mut().enumerate() {
+                    *mark |= edge(k, -1.0) * edge(k, 1.0) <= 0.0;
+                }
+            }
+        }
+        self.reverses = reverses;
+    }
+
+    /// Derivative `d` of coordinate `c` at all points.
+    pub(super) fn series(&self, coordinates: usize, slots: usize, c: usize, d: usize) -> Vec<f64> {
+        let at = d * coordinates + c;
+        if at >= slots {
+            return vec![0.0; self.points];
+        }
+        self.motion.iter().skip(at).step_by(slots).copied().collect()
+    }
+}
+
+/// The force of an input on a grid, or a derivative of it.
+fn force(
+    record: &TimeRecord<'_>,
+    moving: &Moving,
+    (input, hold, delays): (usize, Hold, &[f64]),
+    points: usize,
+    fastest: f64,
+    derivative: u32,
+) -> Vec<f64> {
+    let mut actuator: Dynamics = record.actuators.get(input).copied().unwrap_or_default();
+    actuator.delay += delays.get(input).copied().unwrap_or(0.0);
+    let wide = wide(fastest);
+    moving.inputs[input].filtered(points, |w| {
+        let own = held(hold, w * record.sample_time) * actuator.response(w) * wide.response(w);
+        own * Complex::new(0.0, w).powu(derivative)
+    })
+}
+
+fn wide(fastest: f64) -> LowPass {
+    LowPass { cut_off: 2.0 * PI * MOTION_CUT_OFF * fastest }
+}
+
+fn on_grid(
+    model: &dyn Model<f64>,
+    record: &TimeRecord<'_>,
+    measured: &[Measured],
+    moving: &Moving,
+    circular: bool,
+    delays: &[f64],
+) -> Path {
+    let dims = model.dims();
+    let fastest = measured.iter().map(|own| own.spectrum.followed).fold(0.0, f64::max);
+    let whole = moving.points as f64 * record.sample_time;
+    let wanted = whole * POINTS_PER_OSCILLATION * fastest;
+    let points = quick(wanted.ceil() as usize).min(moving.points);
+    let wide = wide(fastest);
+    let slots = dims.motion_len();
+    let mut motion = vec![0.0; points * slots];
+    for (c, signal) in moving.coordinates.iter().enumerate() {
+        let own = &measured[c];
+        for d in 0..=model.coordinate_order(c) {
+            let values = signal.filtered(points, |w| {
+                let share = if own.rate_noise.is_some() { 1.0 } else { own.spectrum.share(w / (2.0 * PI)) };
+                Complex::new(0.0, w).powu(d as u32) * wide.response(w) * share
+            });
+            for (k, value) in values.iter().enumerate() {
+                motion[k * slots + d * dims.coordinates + c] = *value;
+            }
+        }
+    }
+    let of = |i: usize, derivative: u32| force(record, moving, (i, record.hold, delays), points, fastest, derivative);
+    let mut path = Path {
+        points,
+        apart: whole / points as f64,
+        circular,
+        duration: moving.samples as f64 * record.sample_time,
+        motion,
+        inputs: (0..dims.inputs).map(|i| of(i, 0)).collect(),
+        input_rates: (0..dims.inputs).map(|i| of(i, 1)).collect(),
+        reverses: Vec::new(),
+    };
+    path.find_reversals(dims.coordinates);
+    path
+}
+
+/// One entry of the equations of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Entry {
+    /// Of the regressor.
+    Parameter(usize),
+    /// What the row does not owe to parameters, on the other side: forces of inputs less known terms.
+    Right,
+    /// Force that the rate of an input would make, were it the input.
+    Rate(usize),
+}
+
+/// Entries of all rows along a path that are not zero by structure, point by point.
+pub(super) struct Along {
+    pub(super) entries: Vec<(usize, Entry)>,
+    values: Vec<f64>,
+}
+
+impl Along {
+    /// The values of one entry.
+    pub(super) fn column(&self, at: usize) -> Vec<f64> {
+        self.values.iter().skip(at).step_by(self.entries.len()).copied().collect()
+    }
+
+    /// Where an entry stands.
+    pub(super) fn place(&self, row: usize, entry: Entry) -> Option<usize> {
+        self.entries.iter().position(|own| *own == (row, entry))
+    }
+}
+
+/// Memory of one evaluation.
+struct Scratch {
+    work: Vec<f64>,
+    regressor: Vec<f64>,
+    known: Vec<f64>,
+    map: Vec<f64>,
+}
+
+impl<'a> Rows<'a> {
+    fn scratch(self) -> Scratch {
+        let dims = self.model.dims();
+        Scratch {
+            work: vec![0.0; self.model.workspace_len()],
+            regressor: vec![0.0; dims.regressor_len()],
+            known: vec![0.0; dims.rows],
+            map: vec![0.0; dims.input_map_len()],
+        }
+    }
+
+    /// The rows at a point of a path with a slot moved by something; means over the point's cell where a velocity changes its sign in it.
+    fn evaluate_at(
+        self,
+        path: &Path,
+        k: usize,
+        moved: Option<(usize, f64)>,
+        instant: &mut [f64],
+        scratch: &mut Scratch,
+    ) -> Result<(), EvalError> {
+        let slots = instant.len();
+        let shift = |instant: &mut [f64]| {
+            if let Some((slot, by)) = moved {
+                instant[slot] += by;
+            }
+        };
+        if !path.reverses[k] {
+            instant.copy_from_slice(&path.motion[k * slots..(k + 1) * slots]);
+            shift(instant);
+            return self.evaluate(instant, scratch);
+        }
+        let (mut regressor, mut known, mut map) =
+            (vec![0.0; scratch.regressor.len()], vec![0.0; scratch.known.len()], vec![0.0; scratch.map.len()]);
+        let share = 1.0 / TIMES_AT_A_REVERSAL as f64;
+        for time in 0..TIMES_AT_A_REVERSAL {
+            let ahead = (time as f64 + 0.5) * share - 0.5;
+            let other = path.beside(k, ahead);
+            for (slot, value) in instant.iter_mut().enumerate() {
+                let (own, beside) = (path.motion[k * slots + slot], path.motion[other * slots + slot]);
+                *value = own + ahead.abs() * (beside - own);
+            }
+            shift(instant);
+            self.evaluate(instant, scratch)?;
+            for (sums, values) in
+                [(&mut regressor, &scratch.regressor), (&mut known, &scratch.known), (&mut map, &scratch.map)]
+            {
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
+            }
+        }
+        (scratch.regressor, scratch.known, scratch.map) = (regressor, known, map);
+        Ok(())
+    }
+
+    fn evaluate(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        let Scratch { work, regressor, known, map } = scratch;
+        self.model.regressor(instant, self.constants, work, regressor)?;
+        self.model.known(instant, self.constants, work, known)?;
+        self.model.input_map(instant, self.constants, work, map)
+    }
+
+    /// The value of one entry of a row.
+    fn entry(self, scratch: &Scratch, (row, entry): (usize, Entry), path: &Path, k: usize) -> f64 {
+        let dims = self.model.dims();
+        let factor = |i: usize| scratch.map[row * dims.inputs + i];
+        match entry {
+            Entry::Parameter(j) => scratch.regressor[row * dims.parameters + j],
+            Entry::Right => (0..dims.inputs).map(|i| factor(i) * path.inputs[i][k]).sum::<f64>() - scratch.known[row],
+            Entry::Rate(i) => factor(i) * path.input_rates[i][k],
+        }
+    }
+
+    /// All rows along a path.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`] and [`EstimateError::NotFinite`].
+    pub(super) fn along(self, path: &Path) -> Result<Along, EstimateError> {
+        let dims = self.model.dims();
+        let slots = dims.motion_len();
+        let all: Vec<(usize, Entry)> = (0..dims.rows)
+            .flat_map(|row| {
+                let parameters = (0..dims.parameters).map(Entry::Parameter);
+                let rates = (0..dims.inputs).map(Entry::Rate);
+                parameters.chain(rates).chain([Entry::Right]).map(move |entry| (row, entry))
+            })
+            .collect();
+        let mut present = vec![false; all.len()];
+        let mut scratch = self.scratch();
+        let step = (path.points / PROBES).max(1);
+        for k in (0..path.points).step_by(step) {
+            self.evaluate(&path.motion[k * slots..(k + 1) * slots], &mut scratch)?;
+            for (at, entry) in all.iter().enumerate() {
+                present[at] |= entry.1 == Entry::Right || self.entry(&scratch, *entry, path, k) != 0.0;
+            }
+        }
+        loop {
+            let entries: Vec<(usize, Entry)> =
+                all.iter().zip(&present).filter(|(_, present)| **present).map(|(entry, _)| *entry).collect();
+            let absent: Vec<usize> = (0..all.len()).filter(|&at| !present[at]).collect();
+            let width = entries.len();
+            let mut values = vec![0.0; path.points * width];
+            let tasks = values.par_chunks_mut(width * POINTS_PER_TASK).enumerate();
+            let seen: Vec<Vec<usize>> = tasks
+                .map(|(task, values)| -> Result<Vec<usize>, EvalError> {
+                    let mut scratch = self.scratch();
+                    let mut instant = vec![0.0; slots];
+                    let mut seen = Vec::new();
+                    for (i, values) in values.chunks_exact_mut(width).enumerate() {
+                        let k = task * POINTS_PER_TASK + i;
+                        self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
+                        for (value, entry) in values.iter_mut().zip(&entries) {
+                            *value = self.entry(&scratch, *entry, path, k);
+                        }
+                        seen.extend(absent.iter().filter(|&&at| self.entry(&scratch, all[at], path, k) != 0.0));
+                    }
+                    Ok(seen)
+                })
+                .collect::<Result<_, _>>()?;
+            let mut again = false;
+            for at in seen.into_iter().flatten() {
+                again |= !present[at];
+                present[at] = true;
+            }
+            if again {
+                continue;
+            }
+            if let Some(at) = values.iter().position(|value| !value.is_finite()) {
+                let (row, entry) = entries[at % width];
+                let what = match entry {
+                    Entry::Parameter(j) => self.model.parameter(j).name,
+                    Entry::Right | Entry::Rate(_) => "known terms and inputs",
+                };
+                return Err(EstimateError::NotFinite {
+                    row: self.model.row(row).name.to_string(),
+                    what: what.to_string(),
+                });
+            }
+            return Ok(Along { entries, values });
+        }
+    }
+
+    /// The right-hand sides of all rows along a path with other inputs.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn right(self, path: &Path, inputs: &[Vec<f64>]) -> Result<Vec<Vec<f64>>, EstimateError> {
+        let dims = self.model.dims();
+        let slots = dims.motion_len();
+        let mut scratch = self.scratch();
+        let mut right = vec![Vec::with_capacity(path.points); dims.rows];
+        for k in 0..path.points {
+            self.evaluate(&path.motion[k * slots..(k + 1) * slots], &mut scratch)?;
+            for (row, right) in right.iter_mut().enumerate() {
+                let factor = |i: usize| scratch.map[row * dims.inputs + i];
+                right.push(inputs.iter().enumerate().map(|(i, u)| factor(i) * u[k]).sum::<f64>() - scratch.known[row]);
+            }
+        }
+        Ok(right)
+    }
+
+    /// What the rows leave of the forces at a motion, given the parameters.
+    fn left(
+        self,
+        instant: &[f64],
+        theta: &[f64],
+        inputs: &dyn Fn(usize) -> f64,
+        scratch: &mut Scratch,
+    ) -> Result<Vec<f64>, EvalError> {
+        let dims = self.model.dims();
+        self.evaluate(instant, scratch)?;
+        let of = |row: usize| {
+            let own = &scratch.regressor[row * dims.parameters..(row + 1) * dims.parameters];
+            let force: f64 = (0..dims.inputs).map(|i| scratch.map[row * dims.inputs + i] * inputs(i)).sum();
+            own.iter().zip(theta).map(|(phi, theta)| phi * theta).sum::<f64>() + scratch.known[row] - force
+        };
+        Ok((0..dims.rows).map(of).collect())
+    }
+}
+
+/// How the rows feel the motion: mean square derivatives of every row with respect to every slot, at given parameters.
+pub(super) struct Felt {
+    slots: usize,
+    coordinates: usize,
+    squares: Vec<f64>,
+    /// Mean square of every slot.
+    motion: Vec<f64>,
+}
+
+impl Felt {
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn of(paths: &Paths<'_>, theta: &[f64]) -> Result<Self, EstimateError> {
+        let dims = paths.rows.model.dims();
+        let slots = dims.motion_len();
+        let mut squares = vec![0.0; dims.rows * slots];
+        let total: usize = paths.paths.iter().map(|path| path.points).sum();
+        let square = |slot: usize| {
+            let all = paths.paths.iter().flat_map(|path| path.motion.iter().skip(slot).step_by(slots));
+            root_mean_square(all.copied()).powi(2)
+        };
+        let motion: Vec<f64> = (0..slots).map(square).collect();
+        let mut scratch = paths.rows.scratch();
+        let mut count = 0.0;
+        for path in &paths.paths {
+            let step = (total / DERIVATIVE_POINTS).max(1);
+            for k in (0..path.points).step_by(step) {
+                let mut instant = path.motion[k * slots..(k + 1) * slots].to_vec();
+                let inputs = |i: usize| path.inputs[i][k];
+                count += 1.0;
+                for slot in (0..slots).filter(|&slot| motion[slot] > 0.0) {
+                    let share = if slot / dims.coordinates == 1 { VELOCITY_STEP } else { POSITION_STEP };
+                    let (step, own) = (share * motion[slot].sqrt(), instant[slot]);
+                    instant[slot] = own + step;
+                    let above = paths.rows.left(&instant, theta, &inputs, &mut scratch)?;
+                    instant[slot] = own - step;
+                    let below = paths.rows.left(&instant, theta, &inputs, &mut scratch)?;
+                    instant[slot] = own;
+                    for row in 0..dims.rows {
+                        squares[row * slots + slot] += ((above[row] - below[row]) / (2.0 * step)).powi(2);
+                    }
+                }
+            }
+        }
+        squares.iter_mut().for_each(|sum| *sum /= f64::max(count, 1.0));
+        Ok(Felt { slots, coordinates: dims.coordinates, squares, motion })
+    }
+
+    fn own(&self, row: usize) -> &[f64] {
+        &self.squares[row * self.slots..(row + 1) * self.slots]
+    }
+
+    /// The coordinates whose motion a row feels.
+    pub(super) fn coordinates(&self, row: usize) -> Vec<usize> {
+        let of = |c: usize| -> f64 {
+            let slots = (c..self.slots).step_by(self.coordinates);
+            slots.map(|slot| self.own(row)[slot] * self.motion[slot]).sum()
+        };
+        let powers: Vec<f64> = (0..self.coordinates).map(of).collect();
+        let whole: f64 = powers.iter().sum();
+        (0..self.coordinates).filter(|&c| powers[c] > FELT * FELT * whole).collect()
+    }
+
+    /// Variance of one part of a line of a row from the sensors' noise, given its angular frequency.
+    pub(super) fn noise(&self, row: usize, measured: &[Measured], w: f64, h: f64) -> f64 {
+        let of = |(slot, square): (usize, &f64)| {
+            let (c, d) = (slot % self.coordinates, slot / self.coordinates);
+            0.5 * measured[c].noise(w, h) * square * w.powi(2 * d as i32)
+        };
+        self.own(row).iter().enumerate().map(of).sum()
+    }
+}
+
+/// The low pass of a row, and the frequency up to which its lines are used, Hz.
+pub(super) fn band(coordinates: &[usize], measured: &[Measured]) -> (LowPass, f64) {
+    let least = |of: &dyn Fn(&Spectrum) -> f64| {
+        let own = coordinates.iter().map(|&c| of(&measured[c].spectrum));
+        let all = || measured.iter().map(|own| of(&own.spectrum));
+        if coordinates.is_empty() { all().fold(f64::INFINITY, f64::min) } else { own.fold(f64::INFINITY, f64::min) }
+    };
+    let followed = least(&|spectrum| spectrum.followed);
+    (LowPass { cut_off: 2.0 * PI * ROW_CUT_OFF * followed }, least(&|spectrum| spectrum.used))
+}
+
+/// Time that the low passes on the motion and on a row take from either end of a stretch, s.
+pub(super) fn lost(low_pass: LowPass, fastest: f64) -> f64 {
+    low_pass.reach() + wide(fastest).reach()
+}
+
+/// The leading acceleration of a row without an input: its coefficient and the motion that the row predicts.
+pub(super) struct Predicted {
+    /// Entries of the regressor with the leading acceleration that the row predicts, over its coefficient, parameter by parameter.
+    pub(super) columns: Vec<Vec<f64>>,
+    /// The right-hand side: predicted less measured acceleration and known terms, over the coefficient.
+    pub(super) right: Vec<f64>,
+    /// Factor of any other force of the row.
+    pub(super) factor: Vec<f64>,
+    /// The force of the leading acceleration.
+    pub(super) leading: Vec<f64>,
+}
+
+/// Least coefficient of the leading acceleration, as a share of its root mean square, at which a row is divided by it.
+const LEAST_COEFFICIENT: f64 = 0.05;
+
+impl<'a> Rows<'a> {
+    /// A row without an input, linearised about parameters: its leading acceleration, that of coordinate `c`, is predicted, so that the
+    /// scale of its parameters is exactly what the row does not show. `others` is a force that the model lacks. Nothing where the
+    /// coefficient of the acceleration vanishes somewhere.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn predicted(
+        self,
+        path: &Path,
+        (row, c): (usize, usize),
+        theta: &[f64],
+        others: &[f64],
+    ) -> Result<Option<Predicted>, EstimateError> {
+        let dims = self.model.dims();
+        let (slots, p) = (dims.motion_len(), dims.parameters);
+        let slot = self.model.coordinate_order(c) * dims.coordinates + c;
+        let mut scratch = self.scratch();
+        let mut coefficients = Vec::with_capacity(path.points);
+        let mut measured = Vec::with_capacity(path.points);
+        let dot = |scratch: &Scratch| -> f64 {
+            let own = &scratch.regressor[row * p..(row + 1) * p];
+            own.iter().zip(theta).map(|(phi, theta)| phi * theta).sum::<f64>() + scratch.known[row]
+        };
+        let mut instant = vec![0.0; slots];
+        for k in 0..path.points {
+            self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
+            let left = dot(&scratch);
+            self.evaluate_at(path, k, Some((slot, 1.0)), &mut instant, &mut scratch)?;
+            coefficients.push(dot(&scratch) - left);
+            measured.push(left + others.get(k).copied().unwrap_or(0.0));
+        }
+        let size = root_mean_square(coefficients.iter().copied());
+        if !coefficients.iter().all(|a| a.abs() > LEAST_COEFFICIENT * size && a.is_finite()) {
+            return Ok(None);
+        }
+        let mut columns = vec![Vec::with_capacity(path.points); p];
+        let mut found = Predicted { columns: Vec::new(), right: Vec::new(), factor: Vec::new(), leading: Vec::new() };
+        for k in 0..path.points {
+            let over = size / coefficients[k];
+            found.leading.push(coefficients[k].abs() * path.motion[k * slots + slot]);
+            let moved = Some((slot, -measured[k] / coefficients[k]));
+            self.evaluate_at(path, k, moved, &mut instant, &mut scratch)?;
+            for (j, column) in columns.iter_mut().enumerate() {
+                column.push(scratch.regressor[row * p + j] * over);
+            }
+            found.right.push(-(measured[k] + scratch.known[row]) * over);
+            found.factor.push(over);
+        }
+        found.columns = columns;
+        Ok(Some(found))
+    }
+
+    /// Mean coefficient of the highest derivative of coordinate `c` in a row, parameter by parameter.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn coefficients(self, paths: &Paths<'_>, row: usize, c: usize) -> Result<Vec<f64>, EstimateError> {
+        let dims = self.model.dims();
+        let (slots, p) = (dims.motion_len(), dims.parameters);
+        let slot = self.model.coordinate_order(c) * dims.coordinates + c;
+        let mut scratch = self.scratch();
+        let mut sums = vec![0.0; p];
+        let mut count: f64 = 0.0;
+        for path in &paths.paths {
+            for k in (0..path.points).step_by((path.points / DERIVATIVE_POINTS).max(1)) {
+                let mut instant = path.motion[k * slots..(k + 1) * slots].to_vec();
+                self.evaluate(&instant, &mut scratch)?;
+                let below: Vec<f64> = scratch.regressor[row * p..(row + 1) * p].to_vec();
+                instant[slot] += 1.0;
+                self.evaluate(&instant, &mut scratch)?;
+                let above = &scratch.regressor[row * p..(row + 1) * p];
+                sums.iter_mut().zip(above).zip(&below).for_each(|((sum, above), below)| *sum += above - below);
+                count += 1.0;
+            }
+        }
+        Ok(sums.iter().map(|sum| sum / count.max(1.0)).collect())
+    }
+
+    /// The coordinate whose highest derivative leads a row without an input: the row's own, or the one that it feels most.
+    pub(super) fn leads(self, felt: &Felt, row: usize) -> Option<usize> {
+        let dims = self.model.dims();
+        let feels = |c: usize| {
+            let slot = self.model.coordinate_order(c) * dims.coordinates + c;
+            felt.own(row)[slot] * felt.motion[slot]
+        };
+        if row < dims.coordinates && feels(row) > 0.0 {
+            return Some(row);
+        }
+        (0..dims.coordinates).filter(|&c| feels(c) > 0.0).max_by(|&a, &b| feels(a).total_cmp(&feels(b)))
+    }
+}
