@@ -430,6 +430,14 @@ fn log(log: &LogReport) -> Vec<Block> {
             rows.push(("used".to_owned(), format!("{} samples in the time domain", found.samples)));
             rows.push(("low pass".to_owned(), format!("{} Hz", number(found.cut_off))));
         }
+        Way::Spectral(found) => {
+            let lines: usize = found.lines.lines.iter().sum();
+            let used = found.lines.used.iter().copied().fold(0.0, f64::max);
+            let periods =
+                found.period.map_or(String::new(), |period| format!(", whole periods of {} s", number(period)));
+            rows.push(("used".to_owned(), format!("{} samples{periods}", found.lines.samples)));
+            rows.push(("lines of the rows".to_owned(), format!("{lines}, up to {} Hz", number(used))));
+        }
     }
     let hold = |residual: Option<f64>| or_dash(residual, |share| format!("{} %", digits(100.0 * share, SHARE_DIGITS)));
     let holds =

@@ -99,6 +99,8 @@ pub struct Identification {
     pub physical_covariance: Vec<Vec<Option<f64>>>,
     /// Independent combinations of the parameters that the data show.
     pub rank: usize,
+    /// Directions in parameter space that no motion shows, known beforehand: no rank can be larger than what they leave.
+    pub invisible: usize,
     /// Condition number of the scaled equations; nothing when nothing is observable.
     pub condition: Option<f64>,
     /// Root mean square of what is not explained, as a share: of the force; where it was refined by a simulation, of the motion or of the
@@ -139,10 +141,11 @@ impl Identification {
         self.shortfall.is_none()
     }
 
-    /// How many of the parameters were to be identified: all but those that were held.
+    /// How many independent combinations of the parameters were to be identified: all that some motion shows, but those that were held.
     #[must_use]
     pub fn wanted(&self) -> usize {
-        self.parameters.iter().filter(|parameter| parameter.status != Status::Frozen).count()
+        let free = self.parameters.iter().filter(|parameter| parameter.status != Status::Frozen).count();
+        free.saturating_sub(self.invisible)
     }
 
     /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].

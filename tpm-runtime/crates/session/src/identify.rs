@@ -6,11 +6,11 @@ use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::options::LogOptions;
 use crate::warning::Warning;
-use crate::{any_log, periodic_log, summary};
+use crate::{any_log, lines_log, periodic_log, summary};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Differentiable, Domain, EstimateError};
+use tpm_estimate::{Differentiable, Domain, EstimateError, LARGE_RESIDUAL};
 use tpm_log::{Log, ReadingReport};
 use tpm_motion::Dynamics;
 
@@ -18,6 +18,10 @@ use tpm_motion::Dynamics;
 const CLEARLY_BETTER: f64 = 0.7;
 /// Share of the record that must be unexplained for exchanged columns to be looked for.
 const NOTICED: f64 = 0.1;
+/// Most coordinates of a machine that is simulated before anything else is tried: a simulation of more takes minutes.
+const MOST_SIMULATED: usize = 2;
+/// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
+const NOISE_FOLLOWED: f64 = 3.0;
 /// Columns are exchanged when the model then leaves less than this share of the residual.
 const FAR_BETTER: f64 = 0.1;
 
@@ -113,6 +117,19 @@ pub(super) fn identify_from(
         }
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
+    let repeating = periodic.as_ref().map(|(_, (periodic, _))| periodic);
+    let exact = periodic.as_ref().is_some_and(|(log, (periodic, _))| {
+        lines_log::has_exact_harmonics(log, dims.coordinates, periodic, &options.reading)
+    });
+    let by_lines = || lines_log::identify(model, machine, segments, repeating, options);
+    let may_be_lines = options.domain != Some(Domain::Harmonics) && !exact;
+    if may_be_lines && dims.coordinates > MOST_SIMULATED {
+        match by_lines() {
+            // A record that is too short for lines may still have harmonics.
+            Err(LogFault::Estimate { source: EstimateError::NoSignal, .. }) => {}
+            found => return result(model, segments, options, found?).ok_or_else(nothing),
+        }
+    }
     let found = match &periodic {
         Some((log, (periodic, spectra))) => periodic_log::identify(model, machine, log, (periodic, spectra), options)?,
         None => {
@@ -127,7 +144,24 @@ pub(super) fn identify_from(
             }
         }
     };
+    // What a simulation does not follow to the noise of the sensors is told by the lines of the rows, which know what the model may lack; a
+    // single coordinate where nothing else explains it.
+    let several = dims.coordinates > 1 && !follows(&found);
+    if may_be_lines
+        && (several || found.estimate.residual > LARGE_RESIDUAL)
+        && let Ok(other) = by_lines()
+        && other.estimate.residual <= LARGE_RESIDUAL
+    {
+        return result(model, segments, options, other).ok_or_else(nothing);
+    }
     result(model, segments, options, found).ok_or_else(nothing)
+}
+
+/// Whether a simulation of the model, which lacks nothing, follows a record to the noise of its sensors.
+fn follows(found: &Found) -> bool {
+    let Some(report) = found.refinement.as_ref().filter(|report| report.used) else { return false };
+    let within = |(left, noise): (&f64, &f64)| *left <= NOISE_FOLLOWED * noise;
+    report.missing.is_empty() && report.residual.iter().zip(&report.sensor_noise).all(within)
 }
 
 /// The error of a record without samples.
@@ -179,6 +213,7 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         combination_covariance,
         physical_covariance: Vec::new(),
         rank: estimate.rank,
+        invisible: options.estimation.hidden.len(),
         condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
         residual: estimate.residual,
         residual_of: estimate.residual_of,

@@ -38,6 +38,7 @@ mod identification;
 mod identify;
 mod inspect;
 mod judge;
+mod lines_log;
 mod live;
 mod log;
 mod log_fault;
@@ -90,7 +91,8 @@ pub use inspect::{
 };
 pub use log_fault::LogFault;
 pub use log_report::{
-    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, UntestedReport, Way,
+    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, SpectralReport, UntestedReport,
+    Way,
 };
 pub use machine::Machine;
 pub use meaning::{About, Concern, Meaning, Severity};

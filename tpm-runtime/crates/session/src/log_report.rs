@@ -1,10 +1,10 @@
 //! What was found about a log on the way to its parameters.
 
-use crate::refinement_report::RefinementReport;
+use crate::refinement_report::{MissingTerm, RefinementReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use tpm_core::harmonics::Hold;
-use tpm_estimate::BandReport;
+use tpm_estimate::{BandReport, LineReport};
 use tpm_log::ReadingReport;
 use tpm_report::{digits, number};
 
@@ -43,6 +43,22 @@ pub enum Way {
     Harmonics(PeriodicReport),
     /// Sample by sample behind a low pass.
     Time(BandReport),
+    /// By the lines of the rows along the smoothed motion.
+    Spectral(SpectralReport),
+}
+
+/// What was found about a log by the lines of its rows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SpectralReport {
+    /// The lines.
+    #[serde(flatten)]
+    pub lines: LineReport,
+    /// Period of the motion, s, where whole periods were used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub period: Option<f64>,
+    /// Terms that the model lacks, the clearest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub missing: Vec<MissingTerm>,
 }
 
 /// What was found about a log that repeats.
@@ -178,7 +194,17 @@ impl LogReport {
     pub const fn periodic(&self) -> Option<&PeriodicReport> {
         match &self.way {
             Way::Harmonics(periodic) => Some(periodic),
-            Way::Time(_) => None,
+            Way::Time(_) | Way::Spectral(_) => None,
+        }
+    }
+
+    /// Terms that the record shows the model to lack, whichever way they were found.
+    #[must_use]
+    pub fn missing(&self) -> &[MissingTerm] {
+        match (&self.way, &self.refinement) {
+            (Way::Spectral(own), _) if !own.missing.is_empty() => &own.missing,
+            (_, Some(refinement)) => &refinement.missing,
+            _ => &[],
         }
     }
 
@@ -187,7 +213,7 @@ impl LogReport {
     pub const fn band(&self) -> Option<&BandReport> {
         match &self.way {
             Way::Time(band) => Some(band),
-            Way::Harmonics(_) => None,
+            Way::Harmonics(_) | Way::Spectral(_) => None,
         }
     }
 }

@@ -112,6 +112,7 @@ fn of_estimate(
         combination_covariance,
         physical_covariance,
         rank: found.map_or(0, |e| e.rank),
+        invisible: 0,
         condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
         residual: found.map_or(0.0, |e| e.residual),
         residual_of: found.map_or(ResidualOf::Force, |e| e.residual_of),

@@ -164,6 +164,9 @@ fn pool_head(result: &Identification, pool: &PoolReport) -> String {
             match &part.log.way {
                 Way::Harmonics(found) => format!("{} periods of {} s", found.periods, number(found.period)),
                 Way::Time(found) => format!("time, up to {} Hz", number(found.cut_off)),
+                Way::Spectral(found) => {
+                    format!("lines up to {} Hz", number(found.lines.used.iter().copied().fold(0.0, f64::max)))
+                }
             },
             format!("{:.1} %", 100.0 * part.share),
             format!("{} %", number(100.0 * part.residual)),
@@ -213,6 +216,16 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
                 number(found.cut_off),
                 found.instants,
             )
+        }
+        Way::Spectral(found) => {
+            let part = match found.period {
+                Some(period) => format!("{} samples of whole periods of {} s", found.lines.samples, number(period)),
+                None if found.lines.samples < samples => format!("{} of them in blocks", found.lines.samples),
+                None => "all of them used".into(),
+            };
+            let used = found.lines.used.iter().copied().fold(0.0, f64::max);
+            let lines: usize = found.lines.lines.iter().sum();
+            format!("{part}; {lines} lines of the rows, up to {} Hz; hold {hold}\n\n", number(used))
         }
     });
     let remarks = log.reading.remarks();

@@ -1,0 +1,287 @@
+//! A log of any motion, identified by the lines of its rows.
+
+use crate::any_log::{BLOCKS, MOST_SAMPLES, stretches};
+use crate::excerpt::{Excerpt, blocks};
+use crate::found::Found;
+use crate::log_fault::LogFault;
+use crate::log_report::{HoldResiduals, SpectralReport, Way};
+use crate::options::LogOptions;
+use crate::reading::RecordSettings;
+use crate::refine::{Conditions, Refined, Start, refined};
+use crate::refinement_report::{MissingTerm, RefinementReport};
+use crate::summary;
+use crate::warning::{Data, Warning};
+use tpm_core::model::{Label, Model};
+use tpm_estimate::{
+    Course, Differentiable, EstimateError, Lacking, OfAnyMotion, Sensor, Stretch, TermKind, TimeRecord,
+    estimate_any_motion,
+};
+use tpm_log::{Log, Periodic};
+
+/// A measured rate that differs from the rate of the measured position by more than this share is flagged.
+const RATE_DIFFERS: f64 = 0.05;
+/// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
+/// simulation: below it the smoothed motion says all that a joint estimate would.
+const LIMITED_BY_SENSORS: f64 = 0.3;
+/// Largest distance of a stated period from a whole number of samples, as a share of it.
+const WHOLE: f64 = 1e-9;
+/// Samples to either side of the period that was found among which the best one is looked for.
+const NEAR_PERIODS: usize = 3;
+/// Share of a period, one over this, that must be recorded again for its length to be told.
+const LEAST_COMPARED: usize = 8;
+/// Largest distance of the period from a whole number of samples: so many deviations, or so many samples.
+const VERTEX_DEVIATIONS: f64 = 4.0;
+const LEAST_VERTEX: f64 = 1e-3;
+
+/// Identifies a model from all samples of the segments of a record, whatever the motion is; from whole periods where it repeats.
+///
+/// # Errors
+/// [`LogFault`].
+pub(super) fn identify(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    periodic: Option<&Periodic>,
+    options: &LogOptions,
+) -> Result<Found, LogFault> {
+    let dims = model.dims();
+    let settings = &options.estimation;
+    let nothing = LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal };
+    let first = segments.first().ok_or(nothing)?;
+    let all = stretches(segments, dims.coordinates, &options.reading)?;
+    let stated = options.reading.period.map(|period| period / first.sample_time);
+    let whole = periodic.and_then(|periodic| whole_period(&first.channels[..dims.coordinates], periodic, stated));
+    let (used, circular) = match (whole, periodic) {
+        (Some(period), Some(periodic)) => (vec![whole_periods(first, dims.coordinates, (periodic.from, period))], true),
+        _ => {
+            let samples: usize = all.iter().map(|own| own.coordinates.first().map_or(0, |signal| signal.len())).sum();
+            let part = if samples > MOST_SAMPLES { blocks(&all, BLOCKS, MOST_SAMPLES / BLOCKS) } else { all.clone() };
+            (part, false)
+        }
+    };
+    let samples = used.iter().map(|own| own.coordinates.first().map_or(0, |signal| signal.len())).sum();
+    let record = TimeRecord {
+        sample_time: first.sample_time,
+        hold: options.reading.hold,
+        actuators: &options.actuators,
+        stretches: used,
+    };
+    let found = estimate_any_motion(model, &options.constants, &record, circular, settings)
+        .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
+    let report = &found.report;
+    // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
+    let refined = if found.sensor_share() > LIMITED_BY_SENSORS || !found.lacking.is_empty() {
+        let start = Start {
+            estimate: &found.estimate,
+            excerpt: Excerpt::of_stretches(&all),
+            course: Course::Any {
+                typical_period: found.typical_period,
+                reach: found.reach,
+                highest: report.followed.clone(),
+                copies: 1.0,
+            },
+            steps: found.steps.clone(),
+            samples,
+            sample_time: first.sample_time,
+        };
+        let restate = |values, covariance| found.restated(values, covariance, settings);
+        refined(machine, start, Conditions::of_log(options), settings, &restate)
+    } else {
+        unrefined(&found)
+    };
+    // A model that lacks something follows no record, so that its simulation tells less than the lines: all but one that explains the
+    // record after all, by a limit of an input.
+    let explains = |report: &RefinementReport| {
+        let limited = refined.warnings.iter().any(|warning| matches!(warning, Warning::Limited { .. }));
+        report.used && report.missing.len() <= usize::from(limited)
+    };
+    let refined = match &refined.report {
+        Some(report) if !found.lacking.is_empty() && !explains(report) => unrefined(&found),
+        _ => refined,
+    };
+    let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
+    for (c, gain) in report.rate_gains.iter().enumerate() {
+        if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() > RATE_DIFFERS) {
+            warnings.push(Warning::RateDiffers { coordinate: model.coordinate(c).name.into(), gain });
+        }
+    }
+    let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
+    let settled = refined.report.as_ref().is_some_and(|report| report.used);
+    if !settled {
+        warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
+    }
+    warnings.extend(refined.warnings);
+    Ok(Found {
+        harmonics: 0,
+        row_residuals: report.row_residuals.clone(),
+        hold_residuals: HoldResiduals::of(options.reading.hold, found.estimate.residual, found.other_hold),
+        way: Way::Spectral(SpectralReport {
+            lines: report.clone(),
+            period: whole.map(|period| period as f64 * first.sample_time),
+            missing: if settled { Vec::new() } else { missing },
+        }),
+        estimate: refined.estimate,
+        refinement: refined.report,
+        warnings,
+    })
+}
+
+/// Whether a motion repeats by no whole number of samples and was recorded without noise: then its harmonics are exact, while a window
+/// that rounds off the ends of the record leaves a little of them.
+pub(super) fn has_exact_harmonics(
+    log: &Log,
+    coordinates: usize,
+    periodic: &Periodic,
+    reading: &RecordSettings,
+) -> bool {
+    let stated = reading.period.map(|period| period / log.sample_time);
+    whole_period(&log.channels[..coordinates], periodic, stated).is_none()
+        && log.channels.iter().all(|channel| !Sensor::of(&[channel]).noisy)
+}
+
+/// The estimate of the lines as it is.
+fn unrefined(found: &OfAnyMotion) -> Refined {
+    Refined { estimate: found.estimate.clone(), report: None, warnings: Vec::new() }
+}
+
+/// The whole periods of a record from a sample on: the end goes over into the beginning, so that no window costs what is measured near the
+/// ends.
+fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) -> Stretch<'_> {
+    // The steady motion may begin a little earlier than a search for it tells.
+    let early = from.min(period / LEAST_COMPARED);
+    let periods = (log.len() - from + early) / period;
+    let from = if periods * period > log.len() - from { log.len() - periods * period } else { from };
+    let to = from + periods * period;
+    let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..to]).collect();
+    let (own, inputs) = channels.split_at(coordinates);
+    let rate = |c: usize| log.rates.get(c).and_then(Option::as_ref).map(|rate| &rate[from..to]);
+    Stretch { coordinates: own.to_vec(), rates: (0..coordinates).map(rate).collect(), inputs: inputs.to_vec() }
+}
+
+/// The period, samples, by which a motion repeats best, where no fraction of a sample repeats it better. `stated` is a period that
+/// was given, samples.
+///
+/// The mean square difference of the motion to itself a period before is a parabola about the exact period, above twice the power of the
+/// noise; noise moves its vertex by the root of `noise / (samples times mean square step)`.
+fn whole_period(coordinates: &[Vec<f64>], periodic: &Periodic, stated: Option<f64>) -> Option<usize> {
+    let near = periodic.samples_per_period.round() as usize;
+    let longest = coordinates.first().map_or(0, Vec::len).checked_sub(periodic.from)?;
+    let count = longest.saturating_sub(near + NEAR_PERIODS + 1);
+    if near <= NEAR_PERIODS + 1 || count < near / LEAST_COMPARED {
+        // A single period tells nothing of its own length, so that it is what was stated.
+        let exact = stated?;
+        return ((exact - near as f64).abs() <= WHOLE * exact && near > 0 && near <= longest).then_some(near);
+    }
+    // Sums of squared differences, every coordinate in units of its own steps.
+    let steps: Vec<f64> = coordinates
+        .iter()
+        .map(|channel| channel[periodic.from..].windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>())
+        .collect();
+    let differs = |lag: usize| -> f64 {
+        let of = |(channel, step): (&Vec<f64>, &f64)| {
+            let own = &channel[periodic.from..];
+            let sum: f64 = (0..count).map(|k| (own[k + lag] - own[k]).powi(2)).sum();
+            if *step > 0.0 { sum / step } else { 0.0 }
+        };
+        coordinates.iter().zip(&steps).map(of).sum()
+    };
+    let best = (near - NEAR_PERIODS..=near + NEAR_PERIODS).min_by(|&a, &b| differs(a).total_cmp(&differs(b)))?;
+    let (below, own, above) = (differs(best - 1), differs(best), differs(best + 1));
+    let bend = below - 2.0 * own + above;
+    let vertex = if bend > 0.0 { 0.5 * (below - above) / bend } else { 1.0 };
+    let spread = (own / (bend.max(f64::MIN_POSITIVE) * count as f64)).sqrt();
+    (vertex.abs() <= LEAST_VERTEX.max(VERTEX_DEVIATIONS * spread)).then_some(best)
+}
+
+/// A term that the model lacks in the words of the model.
+fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
+    let name = |label: Label<'_>| label.name.to_string();
+    let own = lacking.term;
+    let q = || name(model.coordinate(own.of));
+    let v = || format!("dot({})", q());
+    let power = |of: String, exponent: u32| if exponent == 1 { of } else { format!("{of}^{exponent}") };
+    let apart = || match own.other {
+        Some(other) => (
+            format!("({} - {})", q(), name(model.coordinate(other))),
+            format!("(dot({}) - dot({}))", q(), name(model.coordinate(other))),
+        ),
+        None => (q(), v()),
+    };
+    let (term, meaning) = match own.kind {
+        TermKind::Offset => ("1".into(), "a constant force, or an offset of a sensor or an input".into()),
+        TermKind::Friction => (format!("sign({})", v()), "dry (Coulomb) friction".into()),
+        TermKind::Stribeck => {
+            (format!("sign({0})*exp(-({0}/vs)^2)", v()), "friction that is larger at low speed (Stribeck)".into())
+        }
+        TermKind::RatePower(1) => (v(), "viscous damping".into()),
+        TermKind::RatePower(exponent) => (power(v(), exponent), "a force that is not linear in the velocity".into()),
+        TermKind::Drag => (format!("{0}*abs({0})", v()), "drag that grows with the square of the velocity".into()),
+        TermKind::Power(1) => (q(), "a spring".into()),
+        TermKind::Power(exponent) => (power(q(), exponent), "a force that is not linear in the position".into()),
+        TermKind::PositionFriction(exponent) => {
+            (format!("{}*sign({})", power(q(), exponent), v()), "dry friction that depends on the position".into())
+        }
+        TermKind::PositionDamping(exponent) => {
+            (format!("{}*{}", power(q(), exponent), v()), "damping that depends on the position".into())
+        }
+        TermKind::Inertia(0) => (format!("ddot({})", q()), "an inertia of its own, as that of a rotor".into()),
+        TermKind::Inertia(exponent) => {
+            (format!("{}*ddot({})", power(q(), exponent), q()), "an inertia that depends on the position".into())
+        }
+        TermKind::Sine(multiple) => {
+            (angle("sin", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
+        }
+        TermKind::Cosine(multiple) => {
+            (angle("cos", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
+        }
+        TermKind::Ripple { half_waves, .. } => (
+            format!("a ripple over {}, {half_waves} half waves in its range", q()),
+            "cogging, or the ripple of a gear".into(),
+        ),
+        TermKind::Drift => ("time".into(), "a constant force that drifts".into()),
+        TermKind::DriftingDamping => (format!("{} * time", v()), "damping that changes over the record (drift)".into()),
+        TermKind::DriftingFriction => {
+            (format!("sign({}) * time", v()), "dry friction that changes over the record (drift)".into())
+        }
+        TermKind::LoadFriction => {
+            (format!("abs(force)*sign({})", v()), "dry friction in proportion to the force (gear)".into())
+        }
+        TermKind::DeadZone => ("sign(force)".into(), "a dead zone of the input".into()),
+        TermKind::Delay => {
+            let input = name(model.input(own.of));
+            let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
+            (format!("rate of {input}"), meaning)
+        }
+        TermKind::PairPower(1) => (apart().0, "a spring between the coordinates".into()),
+        TermKind::PairPower(exponent) => {
+            (power(apart().0, exponent), "a force between the coordinates that is not linear in their distance".into())
+        }
+        TermKind::PairDamping => (apart().1, "damping between the coordinates".into()),
+        TermKind::PairAsymmetry => {
+            (format!("abs{}", apart().1), "damping between the coordinates that differs with the direction".into())
+        }
+        TermKind::PairDrag => (format!("{0}*abs{0}", apart().1), "drag between the coordinates".into()),
+        TermKind::PairFriction => (format!("sign{}", apart().1), "dry friction between the coordinates".into()),
+        TermKind::PairPositionDamping => (
+            format!("{}*{}", apart().0, apart().1),
+            "damping between the coordinates that depends on their distance".into(),
+        ),
+        TermKind::PairInertia => {
+            let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
+            (format!("ddot({other}) and ddot({})", q()), "an inertia that couples the coordinates".into())
+        }
+        _ => ("a term".into(), String::new()),
+    };
+    MissingTerm {
+        term,
+        row: own.row.map(|row| name(model.row(row))),
+        value: lacking.value,
+        std: lacking.std,
+        gain: lacking.share,
+        meaning,
+    }
+}
+
+fn angle(function: &str, multiple: u32, coordinate: &str) -> String {
+    if multiple == 1 { format!("{function}({coordinate})") } else { format!("{function}({multiple}*{coordinate})") }
+}
