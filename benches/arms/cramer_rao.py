@@ -1,0 +1,111 @@
+"""Errors of an identified UR10 beside the Cramer-Rao bound: `python3 cramer_rao.py TPM URDF [SEEDS] [RATE_HZ] [PERIODS]`.
+
+The torques are Pinocchio's (`pip install pin numpy`), not tpm's: the description's inertias, rotor inertia, viscous and dry friction
+at every joint. The motion is a finite Fourier series of eight harmonics of 0.1 Hz. Readings are rounded to 2^18 counts a turn; torques
+have white noise of 1 % of their largest value. The bound is that of the torques' noise, of a motion that is known. Every value that is
+printed with a deviation is compared: parameters that show by themselves, and combinations.
+"""
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+HARMONICS, FUNDAMENTAL, COUNTS, TORQUE_NOISE = 8, 0.1, 2**18, 0.01
+VISCOUS = np.array([8.0, 8.0, 6.0, 2.0, 1.8, 0.9])
+COULOMB = np.array([10.0, 10.0, 7.0, 2.5, 2.6, 1.5])
+ROTOR = np.array([0.9, 0.9, 0.3, 0.1, 0.1, 0.08])
+ORDER = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
+
+
+def motion(times, rng):
+    """Positions, rates and accelerations of a series that is the same for every seed of noise."""
+    w = 2 * np.pi * FUNDAMENTAL * np.arange(1, HARMONICS + 1)
+    a, b = rng.normal(size=(2, HARMONICS, 6)) / np.arange(1, HARMONICS + 1)[:, None]
+    size = 1.2 / np.abs(a).sum(0).clip(1)
+    s, c = np.sin(np.outer(times, w)), np.cos(np.outer(times, w))
+    q = (s / w) @ (a * w[0] * 2) * size + (c / w) @ (b * w[0] * 2) * size
+    v = c @ (a * w[0] * 2) * size - s @ (b * w[0] * 2) * size
+    return q, v, -(s * w) @ (a * w[0] * 2) * size - (c * w) @ (b * w[0] * 2) * size
+
+
+def truth_of(name, values):
+    """Value of a parameter of the model, lumped ones by the names of their parts."""
+    total = 0.0
+    for part in name.split("_plus_"):
+        factor, own, over = re.fullmatch(r"(?:(\d+)_)?(.+?)(?:_per_(\d+))?", part).groups()
+        total = total + values[own] * float(factor or 1) / float(over or 1)
+    return total
+
+
+def main(tpm, urdf, seeds=50, rate=1000.0, periods=2.0):
+    seeds, rate, periods = int(seeds), float(rate), float(periods)
+    model = pin.buildModelFromUrdf(urdf)
+    data = model.createData()
+    joints = list(model.names[1:])
+    times = np.arange(int(periods / FUNDAMENTAL * rate)) / rate
+    q, v, a = motion(times, np.random.default_rng(1))
+    links = dict(zip(joints, ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]))
+    names = [f"{p}_{links[j]}" for j in joints for p in ORDER] + [f"{k}_{j}" for j in joints for k in ("fv", "fc", "Ia")]
+    theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]])
+    theta = np.concatenate([theta, np.ravel(np.column_stack([VISCOUS, COULOMB, ROTOR]))])
+    rows = np.zeros((len(times), 6, len(names)))
+    for k in range(len(times)):
+        rows[k, :, :60] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
+        for j in range(6):
+            rows[k, j, 60 + 3 * j : 63 + 3 * j] = v[k, j], np.sign(v[k, j]), a[k, j]
+    torque = rows @ theta
+    noise = TORQUE_NOISE * np.abs(torque).max(0)
+    information = sum(rows[:, j].T @ rows[:, j] / noise[j] ** 2 for j in range(6))
+    scale = np.sqrt(np.diag(information))
+    scale[scale == 0] = 1
+    bound = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+    values = dict(zip(names, theta))
+    units = {name: np.eye(len(names))[i] for i, name in enumerate(names)}
+    folder = Path(tempfile.mkdtemp())
+    imported = folder / "ur10.tpm"
+    text = subprocess.run(
+        [tpm, "import", urdf, "--output", imported, "--losses", "viscous,coulomb,rotor"], capture_output=True, text=True
+    )
+    if not imported.exists():
+        sys.exit(text.stderr)
+    errors, scores, seconds, codes, said = [], [], [], [], 0
+    for seed in range(seeds):
+        rng = np.random.default_rng(1000 + seed)
+        count = 2 * np.pi / COUNTS
+        read = np.round(q / count) * count
+        force = torque + rng.normal(size=torque.shape) * noise
+        log = folder / "log.csv"
+        header = ",".join(["t_s", *joints, *(f"tau_{j}" for j in joints)])
+        np.savetxt(log, np.column_stack([times, read, force]), delimiter=",", header=header, comments="", fmt="%.10g")
+        started = time.time()
+        run = subprocess.run([tpm, "identify", imported, "--log", log, "--hold", "none", "--json"], capture_output=True, text=True)
+        seconds.append(time.time() - started)
+        codes.append(run.returncode)
+        result = json.loads(run.stdout)
+        said += sum(own["kind"] == "missing_term" for own in result["findings"])
+        for own in result["parameters"] + result["combinations"]:
+            if own["value"] is None:
+                continue
+            terms = own.get("terms") or {own["name"]: 1}
+            of = lambda by: sum(float(f) * truth_of(name, by) for name, f in terms.items())
+            true, row = of(values), of(units)
+            sigma = np.sqrt(row @ bound @ row)
+            errors.append((own["value"] - true) / sigma)
+            scores.append((own["value"] - true) / own["std"])
+    errors, scores = np.array(errors), np.array(scores)
+    per = errors.reshape(seeds, -1)
+    print(f"{seeds} seeds, {len(times)} samples at {rate:g} Hz, {per.shape[1]} values each")
+    print(f"rms error / bound {np.sqrt(np.mean(errors**2)):.3f}, worst value {np.sqrt((per**2).mean(0)).max():.2f}")
+    print(f"coverage of 95 % {100 * np.mean(np.abs(scores) < 1.96):.1f} %, largest {np.abs(scores).max():.1f} deviations")
+    print(f"seconds {np.median(seconds):.2f}, exit codes {sorted(set(codes))}, terms said to be missing {said}")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
