@@ -151,6 +151,7 @@ pub(super) fn identify_from(
         && (several || found.estimate.residual > LARGE_RESIDUAL)
         && let Ok(other) = by_lines()
         && other.estimate.residual <= LARGE_RESIDUAL
+        && other.estimate.rank >= found.estimate.rank
     {
         return result(model, segments, options, other).ok_or_else(nothing);
     }
