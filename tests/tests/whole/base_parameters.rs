@@ -80,9 +80,9 @@ fn a_noisy_log_of_an_arm_shows_its_exact_base_parameters() {
             request = request.map(joint, &format!("q{}", i + 1)).map(&format!("tau_{joint}"), &format!("tau{}", i + 1));
         }
         let result = from_log(&model, request).expect("the log identifies");
-        // A simulation would take minutes, and is left out before it begins.
+        // The lines of the rows tell what a simulation, which would take minutes, would tell: none is missed.
         let left_out = result.warnings.iter().any(|warning| matches!(warning, Warning::LongSimulation(_)));
-        assert_eq!(left_out, log == "noisy", "{log}");
+        assert!(!left_out, "{log}");
         assert_eq!(result.rank, 46, "{log}");
         let shown = stated(&result, &exact.parameters);
         assert_eq!(shown.len(), 46, "{log}");

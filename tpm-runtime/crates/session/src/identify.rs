@@ -118,9 +118,7 @@ pub(super) fn identify_from(
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
     let repeating = periodic.as_ref().map(|(_, (periodic, _))| periodic);
-    let exact = periodic.as_ref().is_some_and(|(log, (periodic, _))| {
-        lines_log::has_exact_harmonics(log, dims.coordinates, periodic, &options.reading)
-    });
+    let exact = periodic.as_ref().is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
     let by_lines = || lines_log::identify(model, machine, segments, repeating, options);
     let may_be_lines = options.domain != Some(Domain::Harmonics) && !exact;
     if may_be_lines && dims.coordinates > MOST_SIMULATED {
@@ -147,8 +145,10 @@ pub(super) fn identify_from(
     // What a simulation does not follow to the noise of the sensors is told by the lines of the rows, which know what the model may lack; a
     // single coordinate where nothing else explains it.
     let several = dims.coordinates > 1 && !follows(&found);
+    let by_hold = other_hold(options.reading.hold, found.hold_residuals).is_some();
+    let unexplained = found.estimate.residual > LARGE_RESIDUAL && !by_hold;
     if may_be_lines
-        && (several || found.estimate.residual > LARGE_RESIDUAL)
+        && (several || unexplained)
         && let Ok(other) = by_lines()
         && other.estimate.residual <= LARGE_RESIDUAL
         && other.estimate.rank >= found.estimate.rank

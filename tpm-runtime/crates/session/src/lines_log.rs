@@ -6,7 +6,6 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SpectralReport, Way};
 use crate::options::LogOptions;
-use crate::reading::RecordSettings;
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
@@ -126,17 +125,10 @@ pub(super) fn identify(
     })
 }
 
-/// Whether a motion repeats by no whole number of samples and was recorded without noise: then its harmonics are exact, while a window
-/// that rounds off the ends of the record leaves a little of them.
-pub(super) fn has_exact_harmonics(
-    log: &Log,
-    coordinates: usize,
-    periodic: &Periodic,
-    reading: &RecordSettings,
-) -> bool {
-    let stated = reading.period.map(|period| period / log.sample_time);
-    whole_period(&log.channels[..coordinates], periodic, stated).is_none()
-        && log.channels.iter().all(|channel| !Sensor::of(&[channel]).noisy)
+/// Whether a record of a motion that repeats has no noise: then its harmonics are exact, while the smoothing of a motion and the window that
+/// rounds off the ends of a record leave a little of them.
+pub(super) fn has_exact_harmonics(log: &Log) -> bool {
+    log.channels.iter().all(|channel| !Sensor::of(&[channel]).noisy)
 }
 
 /// The estimate of the lines as it is.
