@@ -9,7 +9,7 @@ use tpm_estimate::{CombinationReport, ParameterReport, Status};
 use tpm_numerics::tail::NORMAL_95;
 use tpm_report::{Remedy, beside, cells, combination, digits, number, or_dash};
 use tpm_session::{
-    About, Concern, Identification, LogReport, Meaning, PeriodicReport, RefinementReport, Severity, Source, Validation,
+    About, Concern, Identification, LogReport, Meaning, MissingTerm, PeriodicReport, Severity, Source, Validation,
     Warning, Way, closed_loop,
 };
 
@@ -129,11 +129,11 @@ impl Document {
 
     fn missing(&mut self, result: &Identification) {
         let mut blocks = Vec::new();
-        for (path, refinement) in refinements(result) {
-            if refinement.missing.is_empty() {
+        for (path, missing) in lacking(result) {
+            if missing.is_empty() {
                 continue;
             }
-            let rows = refinement.missing.iter().map(|term| {
+            let rows = missing.iter().map(|term| {
                 let [value, std] = cells(Some(term.value), Some(term.std));
                 vec![
                     Cell::text(term.term.clone()),
@@ -265,13 +265,13 @@ fn facts(result: &Identification) -> Vec<(String, String)> {
     facts
 }
 
-/// Refinements by simulation, with the log to which each belongs where there are several.
-fn refinements(result: &Identification) -> Vec<(String, &RefinementReport)> {
-    let own = result.refinement.iter().map(|own| (String::new(), own));
-    let alone = result.log.iter().filter_map(|log| Some((String::new(), log.refinement.as_ref()?)));
+/// Terms that the model lacks, with the log that showed them where there are several.
+fn lacking(result: &Identification) -> Vec<(String, &[MissingTerm])> {
+    let runs = result.refinement.iter().map(|own| (String::new(), own.missing.as_slice()));
+    let alone = result.log.iter().map(|log| (String::new(), log.missing()));
     let pooled = result.pool.iter().flat_map(|pool| &pool.logs);
-    let pooled = pooled.filter_map(|part| Some((format!(" of {}", part.log.path), part.log.refinement.as_ref()?)));
-    own.chain(alone).chain(pooled).collect()
+    let pooled = pooled.map(|part| (format!(" of {}", part.log.path), part.log.missing()));
+    runs.chain(alone).chain(pooled).collect()
 }
 
 /// One row of a table of estimates.

@@ -11,8 +11,8 @@ use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Differentiable, Domain, EstimateError, LARGE_RESIDUAL};
-use tpm_log::{Log, ReadingReport};
-use tpm_motion::Dynamics;
+use tpm_log::{Log, Periodic, ReadingReport};
+use tpm_motion::{Dynamics, Spectra};
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
 const CLEARLY_BETTER: f64 = 0.7;
@@ -117,45 +117,56 @@ pub(super) fn identify_from(
         }
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
-    let repeating = periodic.as_ref().map(|(_, (periodic, _))| periodic);
-    let exact = periodic.as_ref().is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
+    let found = found(model, machine, segments, options, periodic.as_ref())?;
+    result(model, segments, options, found).ok_or_else(nothing)
+}
+
+/// What is found in a record, by the way that tells it best; `periodic` is the part that repeats.
+fn found(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    periodic: Option<&(&Log, (Periodic, Spectra))>,
+) -> Result<Found, LogFault> {
+    let dims = model.dims();
+    let repeating = periodic.map(|(_, (periodic, _))| periodic);
     let by_lines = || lines_log::identify(model, machine, segments, repeating, options);
-    let may_be_lines = options.domain != Some(Domain::Harmonics) && !exact;
-    if may_be_lines && dims.coordinates > MOST_SIMULATED {
+    let may_be_lines = || {
+        options.domain != Some(Domain::Harmonics)
+            && !periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log))
+    };
+    let several = dims.coordinates > 1;
+    if dims.coordinates > MOST_SIMULATED && may_be_lines() {
         match by_lines() {
             // A record that is too short for lines may still have harmonics.
             Err(LogFault::Estimate { source: EstimateError::NoSignal, .. }) => {}
-            found => return result(model, segments, options, found?).ok_or_else(nothing),
+            found => return found,
         }
     }
-    let found = match &periodic {
+    let found = match periodic {
         Some((log, (periodic, spectra))) => periodic_log::identify(model, machine, log, (periodic, spectra), options)?,
-        None => {
-            let found = any_log::identify(model, machine, segments, options);
-            match (found, options.domain, whole) {
-                // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
-                (Err(LogFault::Estimate { source: EstimateError::NoSignal, path }), None, Some(log)) => {
-                    periodic_log::spectra(log, dims.coordinates, options)?;
-                    return Err(LogFault::Estimate { source: EstimateError::NoSignal, path });
-                }
-                (found, ..) => found?,
+        None => match (any_log::identify(model, machine, segments, options), options.domain, segments) {
+            // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
+            (Err(LogFault::Estimate { source: EstimateError::NoSignal, path }), None, [log]) => {
+                periodic_log::spectra(log, dims.coordinates, options)?;
+                return Err(LogFault::Estimate { source: EstimateError::NoSignal, path });
             }
-        }
+            (found, ..) => found?,
+        },
     };
-    // What a simulation does not follow to the noise of the sensors is told by the lines of the rows, which know what the model may lack; a
-    // single coordinate where nothing else explains it.
-    let several = dims.coordinates > 1 && !follows(&found);
-    let by_hold = other_hold(options.reading.hold, found.hold_residuals).is_some();
-    let unexplained = found.estimate.residual > LARGE_RESIDUAL && !by_hold;
-    if may_be_lines
-        && (several || unexplained)
-        && let Ok(other) = by_lines()
-        && other.estimate.residual <= LARGE_RESIDUAL
-        && other.estimate.rank >= found.estimate.rank
-    {
-        return result(model, segments, options, other).ok_or_else(nothing);
-    }
-    result(model, segments, options, found).ok_or_else(nothing)
+    // What a simulation does not follow to the noise of the sensors is told by the lines of the rows, which know what the model may lack, and
+    // which scales no row shows. A single coordinate is told by them where nothing else explains it, and they show no less.
+    let asked = if several {
+        !follows(&found)
+    } else {
+        found.estimate.residual > LARGE_RESIDUAL && other_hold(options.reading.hold, found.hold_residuals).is_none()
+    };
+    let better = |other: &Found| {
+        other.estimate.residual <= LARGE_RESIDUAL && (several || other.estimate.rank >= found.estimate.rank)
+    };
+    let other = (asked && may_be_lines()).then(by_lines).and_then(Result::ok).filter(better);
+    Ok(other.unwrap_or(found))
 }
 
 /// Whether a simulation of the model, which lacks nothing, follows a record to the noise of its sensors.

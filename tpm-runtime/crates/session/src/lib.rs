@@ -39,6 +39,8 @@ mod identify;
 mod inspect;
 mod judge;
 mod lines_log;
+#[cfg(test)]
+mod lines_log_tests;
 mod live;
 mod log;
 mod log_fault;

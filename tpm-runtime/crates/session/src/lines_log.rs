@@ -269,7 +269,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         row: own.row.map(|row| name(model.row(row))),
         value: lacking.value,
         std: lacking.std,
-        gain: lacking.share,
+        gain: lacking.gain,
         meaning,
     }
 }

@@ -54,8 +54,8 @@ pub struct Lacking {
     pub value: f64,
     /// Standard deviation of the factor.
     pub std: f64,
-    /// Root mean square of what it makes, as a share of the force of its row.
-    pub share: f64,
+    /// Share that it takes of the sum of squares that the row, in which it makes most, would leave without it.
+    pub gain: f64,
 }
 
 /// What was found on the way to an estimate.
@@ -717,17 +717,21 @@ impl<'a> Pass<'a> {
                 whole[(i, j)] = covariance[(a, b)];
             }
         }
+        let mut missing = vec![0.0; self.terms.len()];
+        terms.iter().zip(solved.missing.iter()).for_each(|(&column, value)| missing[column - p] = *value);
+        fixed.iter().zip(solved.values.iter()).skip(kept).for_each(|(&column, value)| missing[column - p] = *value);
+        let named = |column: usize, (value, std): (f64, f64)| {
+            let (term, size) = (self.terms[column - p], self.sizes[column - p]);
+            let gain = self.gain(column, value, (&values, &missing));
+            Lacking { term, value: value / size, std: std / size, gain }
+        };
         let mut lacking: Vec<(f64, Lacking)> = Vec::new();
         for (a, &i) in active.iter().enumerate() {
-            let index = terms[i] - p;
             let spread = (solved.of_terms[i]).max(by_lines[fixed.len() + a]);
             let value = solved.missing[i];
             let shown = value * value / spread.max(f64::MIN_POSITIVE);
-            let share = self.share(terms[i], value);
-            if shown > threshold && share > LEAST_SHARE {
-                let size = self.sizes[index];
-                let term = self.terms[index];
-                lacking.push((shown, Lacking { term, value: value / size, std: spread.sqrt() / size, share }));
+            if shown > threshold && self.share(terms[i], value) > LEAST_SHARE {
+                lacking.push((shown, named(terms[i], (value, spread.sqrt()))));
             }
         }
         let mut delays: Vec<(Term, f64)> = lacking
@@ -736,19 +740,12 @@ impl<'a> Pass<'a> {
             .map(|(_, own)| (own.term, own.value))
             .collect();
         for (a, &column) in fixed.iter().enumerate().skip(kept) {
-            let (index, value) = (column - p, solved.values[a]);
-            let term = self.terms[index];
-            let size = self.sizes[index];
-            delays.push((term, value / size));
-            let whole = self.delays[term.of] + value / size;
-            let std = covariance[(a, a)].max(0.0).sqrt() / size;
-            let share = self.share(column, whole * size);
-            lacking.push((f64::INFINITY, Lacking { term, value: whole, std, share }));
+            let (term, size) = (self.terms[column - p], self.sizes[column - p]);
+            delays.push((term, solved.values[a] / size));
+            let whole = self.delays[term.of] * size + solved.values[a];
+            lacking.push((f64::INFINITY, named(column, (whole, covariance[(a, a)].max(0.0).sqrt()))));
         }
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut missing = vec![0.0; self.terms.len()];
-        terms.iter().zip(solved.missing.iter()).for_each(|(&column, value)| missing[column - p] = *value);
-        fixed.iter().zip(solved.values.iter()).skip(kept).for_each(|(&column, value)| missing[column - p] = *value);
         let none = vec![0.0; missing.len()];
         let row_residuals: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &none)).collect();
         let with_terms = self.lines.iter().map(|row| left(row, (p, right), &values, &missing)).collect();
@@ -821,6 +818,18 @@ impl<'a> Pass<'a> {
             (value * value * row.size(column) / (2.0 * mean(&row.power)).max(f64::MIN_POSITIVE)).sqrt()
         };
         self.lines.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Share that a column takes of the sum of squares that the row, in which it makes most, would leave without it.
+    fn gain(&self, column: usize, value: f64, (values, missing): (&[f64], &[f64])) -> f64 {
+        let (p, right) = (self.rows.model.dims().parameters, self.right());
+        let of = |row: &RowLines| row.size(column) / mean(&row.power).max(f64::MIN_POSITIVE);
+        let Some(row) = self.lines.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else { return 0.0 };
+        let (Some(with), Some(at)) = (unexplained(row, (p, right), values, missing), row.place(column)) else {
+            return 0.0;
+        };
+        let without = &with + row.entries.column(at) * value;
+        (1.0 - with.norm_squared() / without.norm_squared().max(f64::MIN_POSITIVE)).max(0.0)
     }
 
     /// Share of the information that the noise of the sensors limits, row by row: floors over variances, by leverages.
@@ -961,18 +970,23 @@ impl<'a> Pass<'a> {
     }
 }
 
-/// What values of `p` parameters, and of the terms behind them, leave of a row, as a share of its force.
-fn left(row: &RowLines, (p, right): (usize, usize), values: &[f64], missing: &[f64]) -> f64 {
-    let Some(at) = row.place(right) else { return 0.0 };
-    let mut left = row.entries.column(at).into_owned();
+/// What values of `p` parameters, and of the terms behind them, leave of the lines of a row; nothing without a right-hand side.
+fn unexplained(row: &RowLines, (p, right): (usize, usize), values: &[f64], missing: &[f64]) -> Option<DVector<f64>> {
+    let mut left = row.entries.column(row.place(right)?).into_owned();
     for (at, &column) in row.columns.iter().enumerate().filter(|(_, column)| **column != right) {
         let value = if column < p { values[column] } else { missing.get(column - p).copied().unwrap_or(0.0) };
         if value != 0.0 {
             left.axpy(-value, &row.entries.column(at), 1.0);
         }
     }
+    Some(left)
+}
+
+/// What they leave of a row, as a share of its force.
+fn left(row: &RowLines, of: (usize, usize), values: &[f64], missing: &[f64]) -> f64 {
+    let left = unexplained(row, of, values, missing).map_or(0.0, |left| left.norm_squared());
     let force = 2.0 * row.power.iter().sum::<f64>();
-    if force > 0.0 { (left.norm_squared() / force).sqrt() } else { 0.0 }
+    if force > 0.0 { (left / force).sqrt() } else { 0.0 }
 }
 
 fn mean(values: &[f64]) -> f64 {

@@ -1,0 +1,112 @@
+//! Logs of two coordinates whose truth is known: what no row shows, and what the model lacks.
+
+use crate::log::{LogRequest, from_log};
+use crate::model::DeclaredModel;
+use crate::warning::Warning;
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::PI;
+use std::fmt::Write;
+use tpm_core::harmonics::Hold;
+use tpm_estimate::Status;
+
+const SAMPLE_TIME: f64 = 1e-3;
+/// Steps of the integration in a sample.
+const STEPS: u32 = 4;
+
+/// A log of a machine of two coordinates and one held input: `rates` are those of its states, of which `read` makes the two readings.
+fn log<const N: usize>(
+    header: &str,
+    samples: usize,
+    rates: impl Fn([f64; N], f64) -> [f64; N],
+    input: impl Fn(f64) -> f64,
+    read: impl Fn([f64; N], &mut dyn FnMut() -> f64) -> [f64; 2],
+) -> String {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    let mut draw = move || -> f64 { StandardNormal.sample(&mut rng) };
+    let mut text = format!("{header}\n");
+    let mut state = [0.0; N];
+    for i in 0..samples {
+        let t = i as f64 * SAMPLE_TIME;
+        let u = input(t);
+        let [a, b] = read(state, &mut draw);
+        writeln!(text, "{t:.3},{a:.9e},{b:.9e},{u:.9e}").expect("a string takes everything");
+        for _ in 0..STEPS {
+            let h = SAMPLE_TIME / f64::from(STEPS);
+            let along = |by: f64, slope: [f64; N]| std::array::from_fn(|j| state[j] + by * h * slope[j]);
+            let first = rates(state, u);
+            let second = rates(along(0.5, first), u);
+            let third = rates(along(0.5, second), u);
+            let last = rates(along(1.0, third), u);
+            let mean = std::array::from_fn(|j| (first[j] + 2.0 * second[j] + 2.0 * third[j] + last[j]) / 6.0);
+            state = along(1.0, mean);
+        }
+    }
+    text
+}
+
+/// The torque constant of a motor stands beside its inertia and its friction in a row without an input: it shows their ratios alone.
+#[test]
+fn a_row_without_an_input_shows_no_scale() {
+    let [j, b, kt, r, l, ke] = [2e-5, 1e-5, 0.03, 1.5, 2e-3, 0.03];
+    let text = log(
+        "t_s,w,i,u",
+        4000,
+        |[w, i], u| [(kt * i - b * w) / j, (u - r * i - ke * w) / l],
+        |t| [0.7, 2.3, 7.1, 19.0].iter().map(|f| 1.5 * (2.0 * PI * f * t + f * f).sin()).sum(),
+        |[w, i], draw| [w + 0.05 * draw(), i + 0.002 * draw()],
+    );
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), text).expect("written");
+    let model = DeclaredModel::parse(
+        "Motor",
+        "model Motor { coordinate w [rad/s], i [A]; input u [V];
+        parameter J [kg*m^2], b [N*m*s/rad], Kt [N*m/A], R [ohm], L [H], Ke [V*s/rad];
+        J*dot(w) + b*w - Kt*i = 0; L*dot(i) + R*i + Ke*w = u; }",
+    )
+    .expect("a model");
+    for hold in [Hold::None, Hold::Zoh] {
+        let result = from_log(&model, LogRequest::new(file.path()).hold(hold)).expect("identifies");
+        assert_eq!(result.rank, 5, "{hold}");
+        for own in &result.parameters {
+            let free = ["J", "b", "Kt"].contains(&own.name.as_str());
+            assert_eq!(own.status == Status::Unobservable, free, "{hold}: {own:?}");
+        }
+        assert!(result.shortfall.is_some(), "{hold}");
+    }
+}
+
+/// Dry friction of a load that no input drives is named, and the other parameters come out as they are.
+#[test]
+fn friction_that_a_belt_lacks_is_named() {
+    let [m1, m2, k, c, d1, d2, f2] = [0.9, 1.5, 6000.0, 6.0, 2.0, 3.0, 1.2];
+    let reference =
+        |t: f64| [1.0, 2.0, 3.0].map(|n: f64| 0.03 / n * (2.0 * PI * 0.5 * n * t + n).sin()).iter().sum::<f64>();
+    let text = log(
+        "t_s,x,y,u",
+        8000,
+        |[x, y, v, w], u| {
+            let pull = k * (x - y) + c * (v - w);
+            [v, w, (u - pull - d1 * v) / m1, (pull - d2 * w - f2 * (w / 1e-3).tanh()) / m2]
+        },
+        |t| 400.0 * reference(t),
+        |[x, y, ..], draw| [x + 1e-7 * draw(), y + 1e-7 * draw()],
+    );
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), text).expect("written");
+    let model = DeclaredModel::parse(
+        "Belt",
+        "model Belt { coordinate x [m], y [m]; input u [N];
+        parameter m1 [kg], m2 [kg], k [N/m], c [N*s/m], d1 [N*s/m], d2 [N*s/m];
+        m1*ddot(x) + k*(x - y) + c*(dot(x) - dot(y)) + d1*dot(x) = u;
+        m2*ddot(y) + k*(y - x) + c*(dot(y) - dot(x)) + d2*dot(y) = 0; }",
+    )
+    .expect("a model");
+    let result = from_log(&model, LogRequest::new(file.path()).hold(Hold::Zoh)).expect("identifies");
+    let named = result.warnings.iter().find_map(|warning| match warning {
+        Warning::MissingTerm { term } if term.term == "sign(dot(y))" => Some(term),
+        _ => None,
+    });
+    let named = named.unwrap_or_else(|| panic!("{:?}", result.warnings));
+    assert!((named.value - f2).abs() < 0.05 * f2 && named.gain > 0.9, "{named:?}");
+}
