@@ -34,8 +34,6 @@ pub(super) struct Components<'a> {
     threshold: f64,
     /// Variance of every candidate's coefficient; zero for one that takes no part.
     pub(super) variance: Vec<f64>,
-    /// Square of every candidate's standardised coefficient beside the active ones.
-    shown: Vec<f64>,
 }
 
 /// Products of the columns with each other and with the target.
@@ -109,12 +107,12 @@ impl<'a> Components<'a> {
     /// `threshold`.
     pub(super) fn found(products: &'a Products, threshold: f64) -> Self {
         let count = products.scale.len();
-        let mut found = Components { products, threshold, variance: vec![0.0; count], shown: vec![0.0; count] };
+        let mut found = Components { products, threshold, variance: vec![0.0; count] };
         found.climb();
         let mut value = found.value();
         for _ in 0..SWAPS {
             let Some(variance) = found.exchange() else { break };
-            let mut other = Components { products, threshold, variance, shown: vec![0.0; count] };
+            let mut other = Components { products, threshold, variance };
             other.climb();
             let own = other.value();
             if own > value - 1.0 {
@@ -123,6 +121,11 @@ impl<'a> Components<'a> {
             (found, value) = (other, own);
         }
         found
+    }
+
+    /// The candidates that take part.
+    pub(super) fn active(&self) -> impl Iterator<Item = usize> {
+        (0..self.variance.len()).filter(|&i| self.variance[i] > 0.0)
     }
 
     /// -2 log p(z2) less that of no candidates.
@@ -163,7 +166,6 @@ impl<'a> Components<'a> {
     fn climb(&mut self) {
         for _ in 0..STEPS {
             let said = self.all(&self.variance);
-            self.shown = said.iter().map(|said| said.shown).collect();
             let active = |i: &usize| self.variance[*i] > 0.0;
             let by = |of: &dyn Fn(usize) -> f64, among: &dyn Fn(&usize) -> bool| {
                 (0..said.len()).filter(among).map(|i| (i, of(i))).max_by(|a, b| a.1.total_cmp(&b.1))

@@ -5,12 +5,12 @@ use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
 use crate::likelihood::components::{Components, Products};
 use crate::likelihood::library::{Columns, Scales, Term, TermKind};
-use crate::likelihood::lines::{RowLines, View, row_lines};
+use crate::likelihood::lines::{RowLines, Signals, View, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::path::{Along, Entry, Felt, Paths, Rows, band, lost};
 use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
-use crate::time_domain::motion::{Motion, TimeRecord};
+use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use crate::verdict::Verdict;
 use serde::Serialize;
 use tpm_core::model::Model;
@@ -26,8 +26,7 @@ const MORE_PASSES: usize = 3;
 const SETTLED: f64 = 0.05;
 /// Steps of the noise in a pass.
 const NOISE_STEPS: usize = 6;
-/// A candidate of which the parameters, and the candidates before it, leave less than this share is spanned by them: sensor noise would
-/// decide on it.
+/// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it.
 const SPANNED: f64 = 0.1;
 /// A named term makes at least this share of the force of its row.
 const LEAST_SHARE: f64 = 0.003;
@@ -141,26 +140,20 @@ pub fn estimate_any_motion(
     let known = (record, &motion, circular);
     let mut delays = vec![0.0; model.dims().inputs];
     let mut late = vec![false; delays.len()];
-    let mut fitted = Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?;
+    let mut moved: f64 = f64::INFINITY;
     for _ in 0..DELAY_PASSES {
-        let mut moved: f64 = 0.0;
-        let mut beyond = false;
+        let fitted = Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?;
+        let beyond = |(term, value): &(Term, f64)| (delays[term.of] + value).abs() > LONGEST_DELAY;
+        if fitted.delays.is_empty() || moved < DELAY_SETTLED || fitted.delays.iter().any(beyond) {
+            return Ok(fitted.result);
+        }
+        moved = fitted.delays.iter().map(|(_, value)| value.abs()).fold(0.0, f64::max);
         for (term, value) in &fitted.delays {
-            let to = delays[term.of] + value;
-            beyond |= to.abs() > LONGEST_DELAY;
-            delays[term.of] = to.clamp(-LONGEST_DELAY, LONGEST_DELAY);
+            delays[term.of] += value;
             late[term.of] = true;
-            moved = moved.max(value.abs());
-        }
-        if fitted.delays.is_empty() || beyond {
-            break;
-        }
-        fitted = Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?;
-        if moved < DELAY_SETTLED {
-            break;
         }
     }
-    Ok(fitted.result)
+    Ok(Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?.result)
 }
 
 /// A record as lines, before the noise is found.
@@ -183,7 +176,8 @@ struct Pass<'a> {
     kept: Vec<usize>,
     hidden: Vec<Vec<f64>>,
     views: Vec<View>,
-    felt: Felt,
+    /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
+    leading: Vec<Option<usize>>,
     lines: Vec<RowLines>,
 }
 
@@ -210,7 +204,6 @@ impl<'a> Pass<'a> {
         let mut theta = settings.prior.clone();
         theta.resize(dims.parameters, 0.0);
         settings.hold(&mut theta);
-        let felt = Felt::of(&paths, &theta)?;
         let mut pass = Pass {
             rows,
             record,
@@ -226,7 +219,7 @@ impl<'a> Pass<'a> {
             kept: free.indices.clone(),
             hidden: Vec::new(),
             views: Vec::new(),
-            felt,
+            leading: vec![None; dims.rows],
             lines: Vec::new(),
         };
         pass.first(free, settings)?;
@@ -237,7 +230,7 @@ impl<'a> Pass<'a> {
         self.rows.model.dims().parameters + self.terms.len()
     }
 
-    /// Whether a row shows ratios alone: no input acts in it, and no known term.
+    /// Whether no input acts in a row.
     fn homogeneous(&self, row: usize) -> bool {
         !self.scales.driven(row)
     }
@@ -262,14 +255,12 @@ impl<'a> Pass<'a> {
             .collect()
     }
 
-    /// The lines of one row, about the present values; `missing` are the coefficients of the terms.
-    fn row(&self, row: usize, view: View, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
+    /// The lines of one row, about the present values where it has a leading acceleration; `missing` are the coefficients of the terms.
+    fn row(&self, row: usize, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
         let dims = self.rows.model.dims();
-        let right = self.right();
-        let held = |j: usize| !self.kept.contains(&j);
-        let leading = self.homogeneous(row).then(|| self.rows.leads(&self.felt, row)).flatten();
-        let mut signals: Vec<Vec<(usize, Vec<f64>)>> = Vec::with_capacity(self.paths.paths.len());
-        let mut forces: Vec<Option<Vec<f64>>> = Vec::new();
+        let (right, view) = (self.right(), self.views[row]);
+        let mut signals: Vec<Signals> = Vec::with_capacity(self.paths.paths.len());
+        let mut forces: Vec<Signals> = Vec::new();
         for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
             let of_terms = || {
                 let own = self.columns.get(stretch).into_iter().flatten().enumerate();
@@ -277,7 +268,7 @@ impl<'a> Pass<'a> {
                     columns.iter().filter(|(at, _)| *at == row).map(move |(_, values)| (i, values))
                 })
             };
-            let predicted = match leading {
+            let predicted = match self.leading[row] {
                 Some(c) => {
                     let mut others = vec![0.0; path.points];
                     for (i, values) in of_terms() {
@@ -290,41 +281,19 @@ impl<'a> Pass<'a> {
                 }
                 None => None,
             };
-            let mut own: Vec<(usize, Vec<f64>)> = Vec::new();
-            let mut target;
-            let factor;
-            match predicted {
+            let (columns, mut target, factor) = match predicted {
                 Some(found) => {
-                    target = found.right;
-                    for (j, column) in found.columns.into_iter().enumerate() {
-                        if held(j) {
-                            target.iter_mut().zip(&column).for_each(|(sum, x)| *sum -= self.theta[j] * x);
-                        } else if column.iter().any(|x| *x != 0.0) {
-                            own.push((j, column));
-                        }
-                    }
-                    factor = Some(found.factor);
-                    forces.push(Some(found.leading));
+                    forces.push(vec![(0, found.leading)]);
+                    let present = |(_, column): &(usize, Vec<f64>)| column.iter().any(|x| *x != 0.0);
+                    let columns = found.columns.into_iter().enumerate().filter(present).collect();
+                    (columns, found.right, Some(found.factor))
                 }
                 None => {
-                    let place = along.place(row, Entry::Right);
-                    target = place.map_or_else(|| vec![0.0; path.points], |at| along.column(at));
-                    for (at, (of, entry)) in along.entries.iter().enumerate() {
-                        let Entry::Parameter(j) = *entry else { continue };
-                        if *of != row {
-                            continue;
-                        }
-                        let column = along.column(at);
-                        if held(j) {
-                            target.iter_mut().zip(&column).for_each(|(sum, x)| *sum -= self.theta[j] * x);
-                        } else {
-                            own.push((j, column));
-                        }
-                    }
-                    factor = None;
-                    forces.push(None);
+                    let target = along.place(row, Entry::Right).map(|at| along.column(at));
+                    (along.parameters(row), target.unwrap_or_else(|| vec![0.0; path.points]), None)
                 }
-            }
+            };
+            let mut own: Signals = self.without_held(columns, &mut target);
             for (i, values) in of_terms() {
                 let values = match &factor {
                     Some(factor) => values.iter().zip(factor).map(|(x, f)| x * f).collect(),
@@ -335,62 +304,53 @@ impl<'a> Pass<'a> {
             own.push((right, target));
             signals.push(own);
         }
-        let mut numbers: Vec<usize> = signals.iter().flatten().map(|(number, _)| *number).collect();
-        numbers.sort_unstable();
-        numbers.dedup();
-        let shape = (dims.coordinates, dims.motion_len());
-        let take = |stretch: usize| signals[stretch].clone();
-        let Some(mut lines) = row_lines(&self.paths.paths, view, shape, &take, &numbers) else { return Ok(None) };
+        let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
         // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
-        let count = lines.lines();
-        let power = if forces.iter().any(Option::is_some) {
-            let of = |stretch: usize| forces[stretch].clone().map(|force| vec![(0, force)]).unwrap_or_default();
-            row_lines(&self.paths.paths, view, shape, &of, &[0])
-                .map(|lines| lines.entries.column(0).iter().copied().collect())
-        } else {
-            lines.place(right).map(|at| lines.entries.column(at).iter().copied().collect::<Vec<f64>>())
-        };
-        if let Some(power) = power.filter(|power| power.iter().any(|x| *x != 0.0)) {
-            lines.set_power(&power[..count], &power[count..]);
-        } else if let Some(largest) = (0..lines.columns.len().saturating_sub(1))
-            .max_by(|&a, &b| lines.entries.column(a).norm().total_cmp(&lines.entries.column(b).norm()))
-        {
-            let own: Vec<f64> = lines.entries.column(largest).iter().copied().collect();
-            lines.set_power(&own[..count], &own[count..]);
-        }
+        let leading = if forces.len() == signals.len() { row_lines(&self.paths.paths, view, &forces) } else { None };
+        let power = leading.map_or_else(|| lines.column(right), |leading| leading.column(0));
+        lines.take_power(power);
         Ok(Some(lines))
+    }
+
+    /// The columns of the parameters that are estimated; what the others make is taken from the right-hand side.
+    fn without_held(&self, columns: Signals, target: &mut [f64]) -> Signals {
+        let (kept, held): (Signals, Signals) = columns.into_iter().partition(|(j, _)| self.kept.contains(j));
+        for (j, column) in held.iter().filter(|(j, _)| self.theta[*j] != 0.0) {
+            target.iter_mut().zip(column).for_each(|(sum, x)| *sum -= self.theta[*j] * x);
+        }
+        kept
     }
 
     /// The lines of all rows.
     ///
     /// # Errors
-    /// [`EstimateError::NoSignal`] when every row is without lines.
+    /// [`EstimateError::NoSignal`] when the stretches are too short for a row.
     fn all_rows(&self, missing: &[f64]) -> Result<Vec<RowLines>, EstimateError> {
         let rows = self.rows.model.dims().rows;
-        (0..rows).map(|row| self.row(row, self.views[row], missing)?.ok_or(EstimateError::NoSignal)).collect()
+        (0..rows).map(|row| self.row(row, missing)?.ok_or(EstimateError::NoSignal)).collect()
     }
 
     /// First values, what is not shown, which coordinates a row feels, and the floors; then the lines with all terms.
     fn first(&mut self, free: &Free, settings: &Settings) -> Result<(), EstimateError> {
         let dims = self.rows.model.dims();
         self.views = self.views(&|row| if row < dims.coordinates { vec![row] } else { Vec::new() });
-        let naive = self.naive_rows()?;
-        self.rank(&naive, free, settings)?;
-        let lines = self.naive_rows()?;
-        self.start(&lines)?;
-        self.felt = Felt::of(&self.paths, &self.theta)?;
-        self.views = self.views(&|row| self.felt.coordinates(row));
-        if (0..dims.rows).any(|row| self.homogeneous(row)) {
+        // A row without an input as it stands: nothing on the other side.
+        let mut lines = self.all_rows(&[])?;
+        self.rank(&lines, free, settings)?;
+        for row in &mut lines {
+            self.hold(row);
+        }
+        let coefficients = self.rows.leading_coefficients(&self.paths)?;
+        self.start(&lines, &coefficients)?;
+        let felt = Felt::of(&self.paths, &self.theta)?;
+        self.views = self.views(&|row| felt.coordinates(row));
+        let leads = |row: usize| if self.homogeneous(row) { leading(row, &coefficients[row]) } else { None };
+        self.leading = (0..dims.rows).map(leads).collect();
+        if self.leading.iter().any(Option::is_some) {
             self.scale_free(free)?;
         }
-        let mut coupled = vec![false; dims.rows * dims.coordinates];
-        for row in 0..dims.rows {
-            for c in 0..dims.coordinates {
-                let own = self.rows.coefficients(&self.paths, row, c)?;
-                coupled[row * dims.coordinates + c] = own.iter().any(|a| *a != 0.0);
-            }
-        }
-        self.terms = self.scales.terms(self.rows.model, &|row, c| coupled[row * dims.coordinates + c]);
+        let coupled = |row: usize, c: usize| coefficients[row][c].iter().any(|a| *a != 0.0);
+        self.terms = self.scales.terms(self.rows.model, &coupled);
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
             self.columns.push(self.terms.iter().map(|term| self.scales.columns(*term, path, along, from)).collect());
@@ -398,53 +358,23 @@ impl<'a> Pass<'a> {
         }
         self.scale_terms();
         self.lines = self.all_rows(&[])?;
-        self.set_floors()
+        self.set_floors(&felt);
+        Ok(())
     }
 
-    /// The lines of all rows with a row without an input as it stands: nothing on the other side.
-    fn naive_rows(&self) -> Result<Vec<RowLines>, EstimateError> {
-        let dims = self.rows.model.dims();
+    /// Takes what parameters that are no longer estimated make from the right-hand side of a row.
+    fn hold(&self, row: &mut RowLines) {
         let right = self.right();
-        let shape = (dims.coordinates, dims.motion_len());
-        (0..dims.rows)
-            .map(|row| {
-                let of = |stretch: usize| {
-                    let along = &self.along[stretch];
-                    let own = along.entries.iter().enumerate().filter(|(_, (at, _))| *at == row);
-                    let mut target = vec![0.0; self.paths.paths[stretch].points];
-                    let mut columns = Vec::new();
-                    for (at, (_, entry)) in own {
-                        match *entry {
-                            Entry::Parameter(j) if self.kept.contains(&j) => columns.push((j, along.column(at))),
-                            Entry::Parameter(j) => {
-                                let values = along.column(at);
-                                target.iter_mut().zip(&values).for_each(|(sum, x)| *sum -= self.theta[j] * x);
-                            }
-                            Entry::Right => {
-                                target.iter_mut().zip(along.column(at)).for_each(|(sum, x)| *sum += x);
-                            }
-                            Entry::Rate(_) => {}
-                        }
-                    }
-                    columns.push((right, target));
-                    columns
-                };
-                let mut numbers = self.kept.clone();
-                numbers.push(right);
-                let mut lines = row_lines(&self.paths.paths, self.views[row], shape, &of, &numbers)
-                    .ok_or(EstimateError::NoSignal)?;
-                let count = lines.lines();
-                let mut power: Vec<f64> = lines.entries.column(numbers.len() - 1).iter().copied().collect();
-                if power.iter().all(|x| *x == 0.0) {
-                    // The largest of its terms.
-                    let largest = (0..self.kept.len())
-                        .max_by(|&a, &b| lines.entries.column(a).norm().total_cmp(&lines.entries.column(b).norm()));
-                    power = largest.map_or(power, |at| lines.entries.column(at).iter().copied().collect());
-                }
-                lines.set_power(&power[..count], &power[count..]);
-                Ok(lines)
-            })
-            .collect()
+        let made = row.columns.iter().copied().filter(|column| *column != right && !self.kept.contains(column));
+        let held: Vec<usize> = made.filter(|&j| self.theta[j] != 0.0).collect();
+        let mut target = row.column(right);
+        for &j in &held {
+            target.axpy(-self.theta[j], &row.column(j), 1.0);
+        }
+        if let Some(at) = row.place(right).filter(|_| !held.is_empty()) {
+            row.entries.set_column(at, &target);
+            row.take_power(target);
+        }
     }
 
     /// What the lines do not show, and which parameters are estimated.
@@ -495,16 +425,14 @@ impl<'a> Pass<'a> {
     }
 
     /// First values: by the lines far above the noise; in rows without an input ratios first, which the other rows give a scale.
-    fn start(&mut self, lines: &[RowLines]) -> Result<(), EstimateError> {
+    fn start(&mut self, lines: &[RowLines], coefficients: &[Vec<Vec<f64>>]) -> Result<(), EstimateError> {
         let right = self.right();
         let highest: Vec<f64> = self.views.iter().map(|view| view.used).collect();
         let of = |rows: &[RowLines], columns: &[usize], highest: &[f64]| {
             let noise = Noise::first(rows, false);
             noise.found(rows, columns, right, None, Some(highest)).1
         };
-        let known = |row: &RowLines| {
-            row.size(right) > KNOWN_SHARE * KNOWN_SHARE * row.power.iter().sum::<f64>() / row.lines().max(1) as f64
-        };
+        let known = |row: &RowLines| row.size(right) > 0.5 * KNOWN_SHARE * KNOWN_SHARE * row.force();
         let ratios: Vec<usize> = (0..lines.len()).filter(|&row| self.homogeneous(row) && !known(&lines[row])).collect();
         if ratios.is_empty() {
             let values = of(lines, &self.kept, &highest);
@@ -513,7 +441,9 @@ impl<'a> Pass<'a> {
         }
         let mut groups: Vec<Vec<f64>> = Vec::new();
         for &row in &ratios {
-            groups.extend(self.ratios(row, &lines[row])?);
+            groups.extend(
+                leading(row, &coefficients[row]).and_then(|c| self.ratios(row, &lines[row], &coefficients[row][c])),
+            );
         }
         let grouped = |j: usize| groups.iter().any(|group| group[j] != 0.0);
         let alone: Vec<usize> = self.kept.iter().copied().filter(|&j| !grouped(j)).collect();
@@ -524,28 +454,17 @@ impl<'a> Pass<'a> {
             .map(|&row| {
                 let own = &lines[row];
                 let mut columns = alone.clone();
-                let mut entries: Vec<DVector<f64>> = alone
-                    .iter()
-                    .map(|&j| {
-                        own.place(j)
-                            .map_or_else(|| DVector::zeros(2 * own.lines()), |at| own.entries.column(at).into_owned())
-                    })
-                    .collect();
+                let mut entries: Vec<DVector<f64>> = alone.iter().map(|&j| own.column(j)).collect();
                 for (g, group) in groups.iter().enumerate() {
                     let mut sum = DVector::zeros(2 * own.lines());
                     for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
-                        if let Some(at) = own.place(j) {
-                            sum.axpy(*ratio, &own.entries.column(at), 1.0);
-                        }
+                        sum.axpy(*ratio, &own.column(j), 1.0);
                     }
                     columns.push(right + g);
                     entries.push(sum);
                 }
                 columns.push(right + groups.len());
-                let place = own.place(right);
-                entries.push(
-                    place.map_or_else(|| DVector::zeros(2 * own.lines()), |at| own.entries.column(at).into_owned()),
-                );
+                entries.push(own.column(right));
                 RowLines { columns, entries: DMatrix::from_columns(&entries), ..own.clone() }
             })
             .collect();
@@ -575,28 +494,15 @@ impl<'a> Pass<'a> {
     }
 
     /// The ratios that a row without an input shows, such that the mean coefficient of its leading acceleration is one.
-    fn ratios(&self, row: usize, lines: &RowLines) -> Result<Option<Vec<f64>>, EstimateError> {
-        let dims = self.rows.model.dims();
-        // Coefficient of the leading acceleration, parameter by parameter.
-        let mut best: Option<(f64, Vec<f64>)> = None;
-        for c in 0..dims.coordinates {
-            let own = self.rows.coefficients(&self.paths, row, c)?;
-            let size: f64 = own.iter().map(|a| a.abs()).fold(0.0, f64::max);
-            let preferred = if c == row { f64::INFINITY } else { size };
-            if size > 0.0 && best.as_ref().is_none_or(|(most, _)| preferred > *most) {
-                best = Some((preferred, own));
-            }
-        }
-        let Some((_, coefficients)) = best else { return Ok(None) };
+    /// `coefficients` are those of that acceleration, one for every parameter.
+    fn ratios(&self, row: usize, lines: &RowLines, coefficients: &[f64]) -> Option<Vec<f64>> {
         let present: Vec<usize> = self.kept.iter().copied().filter(|&j| lines.size(j) > 0.0).collect();
         let lead = present.iter().copied().max_by(|&a, &b| coefficients[a].abs().total_cmp(&coefficients[b].abs()));
-        let Some(lead) = lead.filter(|&lead| coefficients[lead] != 0.0) else { return Ok(None) };
-        let of = |j: usize| {
-            lines.place(j).map_or_else(|| DVector::zeros(2 * lines.lines()), |at| lines.entries.column(at).into_owned())
-        };
-        let leading = of(lead) / coefficients[lead];
+        let lead = lead.filter(|&lead| coefficients[lead] != 0.0)?;
+        let leading = lines.column(lead) / coefficients[lead];
         let others: Vec<usize> = present.iter().copied().filter(|&j| j != lead).collect();
-        let mut entries: Vec<DVector<f64>> = others.iter().map(|&j| of(j) - &leading * coefficients[j]).collect();
+        let mut entries: Vec<DVector<f64>> =
+            others.iter().map(|&j| lines.column(j) - &leading * coefficients[j]).collect();
         entries.push(-&leading);
         let right = self.right();
         let mut columns = others.clone();
@@ -604,10 +510,10 @@ impl<'a> Pass<'a> {
         let row_of = RowLines { columns, entries: DMatrix::from_columns(&entries), ..lines.clone() };
         let rows = [row_of];
         let values = Noise::first(&rows, false).found(&rows, &others, right, None, Some(&[self.views[row].used])).1;
-        let mut ratios = vec![0.0; dims.parameters];
+        let mut ratios = vec![0.0; coefficients.len()];
         others.iter().for_each(|&j| ratios[j] = values[j]);
         ratios[lead] = (1.0 - others.iter().map(|&j| coefficients[j] * values[j]).sum::<f64>()) / coefficients[lead];
-        Ok(Some(ratios))
+        Some(ratios)
     }
 
     /// Divides the columns of every term by the largest of its root mean squares.
@@ -631,16 +537,15 @@ impl<'a> Pass<'a> {
     }
 
     /// The noise that the sensors add to every line.
-    fn set_floors(&mut self) -> Result<(), EstimateError> {
+    fn set_floors(&mut self, felt: &Felt) {
         let h = self.paths.sample_time;
         for (j, row) in self.lines.iter_mut().enumerate() {
             let view = self.views[j];
             for (floor, f) in row.floor.iter_mut().zip(&row.frequency) {
                 let w = 2.0 * std::f64::consts::PI * f;
-                *floor = self.felt.noise(j, &self.paths.measured, w, h) * view.low_pass.response(w).powi(2);
+                *floor = felt.noise(j, &self.paths.measured, w, h) * view.low_pass.response(w).powi(2);
             }
         }
-        Ok(())
     }
 
     /// Values, deviations and missing terms.
@@ -654,7 +559,7 @@ impl<'a> Pass<'a> {
         let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_late(i)).map(|i| p + i).collect();
         let all: Vec<usize> = fixed.iter().chain(&terms).copied().collect();
         let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
-        let ratios = (0..dims.rows).any(|row| self.homogeneous(row));
+        let ratios = self.leading.iter().any(Option::is_some);
         // With all candidates a misfit is not taken for noise at first; where they are too many for the record, the model alone tells.
         let independent: f64 = self.lines.iter().map(|row| 2.0 * row.lines() as f64 / row.correlation).sum();
         let many = independent < LEAST_EQUATIONS * all.len() as f64;
@@ -662,12 +567,10 @@ impl<'a> Pass<'a> {
         let mut noise = Noise::first(&self.lines, true).found(&self.lines, first, right, None, None).0;
         let passes = PASSES + if ratios { MORE_PASSES } else { 0 };
         for _ in 0..passes {
-            let factor = triangle(&self.lines, &noise.variance, &all, right);
-            let split = Split::new(&factor, fixed.len(), terms.len());
+            let split = Split::new(&triangle(&self.lines, &noise.variance, &all, right), fixed.len());
             let products = Products::of(&split.candidates, &split.target);
             let found = Components::found(&products, threshold);
-            let active: Vec<usize> = (0..terms.len()).filter(|&i| found.variance[i] > 0.0).map(|i| terms[i]).collect();
-            let columns: Vec<usize> = fixed.iter().chain(&active).copied().collect();
+            let columns: Vec<usize> = fixed.iter().copied().chain(found.active().map(|i| terms[i])).collect();
             let (next, values) = noise.found(&self.lines, &columns, right, Some(NOISE_STEPS), None);
             let change = next.variance.iter().flatten().zip(noise.variance.iter().flatten());
             let change = change.map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
@@ -676,8 +579,8 @@ impl<'a> Pass<'a> {
                 self.kept.iter().for_each(|&j| self.theta[j] = values[j]);
                 let missing: Vec<f64> = (0..self.terms.len()).map(|i| values[p + i]).collect();
                 for row in 0..dims.rows {
-                    if self.homogeneous(row)
-                        && let Some(lines) = self.row(row, self.views[row], &missing)?
+                    if self.leading[row].is_some()
+                        && let Some(lines) = self.row(row, &missing)?
                     {
                         self.lines[row] = RowLines { floor: self.lines[row].floor.clone(), ..lines };
                     }
@@ -687,8 +590,7 @@ impl<'a> Pass<'a> {
                 break;
             }
         }
-        let factor = triangle(&self.lines, &noise.variance, &all, right);
-        let split = Split::new(&factor, fixed.len(), terms.len());
+        let split = Split::new(&triangle(&self.lines, &noise.variance, &all, right), fixed.len());
         let products = Products::of(&split.candidates, &split.target);
         let found = Components::found(&products, threshold);
         let common = found.common(&split.candidates, &split.target, &split.counts);
@@ -699,7 +601,7 @@ impl<'a> Pass<'a> {
             .map(|(own, counts)| own + if *counts { common } else { 0.0 })
             .collect();
         let solved = split.solve(&variance).ok_or(EstimateError::NoSignal)?;
-        let active: Vec<usize> = (0..terms.len()).filter(|&i| found.variance[i] > 0.0).collect();
+        let active: Vec<usize> = found.active().collect();
         let by_lines =
             self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
         // The larger of what the noise says and what the residuals line by line say, parameter by parameter.
@@ -751,7 +653,7 @@ impl<'a> Pass<'a> {
         let with_terms = self.lines.iter().map(|row| left(row, (p, right), &values, &missing)).collect();
         let felt: Vec<f64> = (0..p)
             .map(|j| {
-                let of = |row: &RowLines| (row.size(j) / (2.0 * mean(&row.power)).max(f64::MIN_POSITIVE)).sqrt();
+                let of = |row: &RowLines| (row.size(j) / row.force().max(f64::MIN_POSITIVE)).sqrt();
                 self.lines.iter().map(of).fold(0.0, f64::max)
             })
             .collect();
@@ -784,15 +686,10 @@ impl<'a> Pass<'a> {
             lines: self.lines.iter().map(RowLines::lines).collect(),
             kept: self.lines.iter().map(|row| row.kept).collect(),
             noise: self.paths.measured.iter().map(|own| own.spectrum.noise).collect(),
-            sensor_share: self.sensor_shares(&noise, &fixed),
+            sensor_share: self.sensor_shares(&noise, &fixed, &split.parameters),
             row_residuals,
             with_terms,
-            samples: self
-                .record
-                .stretches
-                .iter()
-                .map(|stretch| stretch.coordinates.first().map_or(0, |own| own.len()))
-                .sum(),
+            samples: self.record.stretches.iter().map(Stretch::samples).sum(),
             rate_gains: self.motion.rate_gains.clone(),
         };
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
@@ -814,16 +711,14 @@ impl<'a> Pass<'a> {
 
     /// Root mean square of what a column makes, as a share of the force of the row where it makes most.
     fn share(&self, column: usize, value: f64) -> f64 {
-        let of = |row: &RowLines| {
-            (value * value * row.size(column) / (2.0 * mean(&row.power)).max(f64::MIN_POSITIVE)).sqrt()
-        };
+        let of = |row: &RowLines| value.abs() * (row.size(column) / row.force().max(f64::MIN_POSITIVE)).sqrt();
         self.lines.iter().map(of).fold(0.0, f64::max)
     }
 
     /// Share that a column takes of the sum of squares that the row, in which it makes most, would leave without it.
     fn gain(&self, column: usize, value: f64, (values, missing): (&[f64], &[f64])) -> f64 {
         let (p, right) = (self.rows.model.dims().parameters, self.right());
-        let of = |row: &RowLines| row.size(column) / mean(&row.power).max(f64::MIN_POSITIVE);
+        let of = |row: &RowLines| row.size(column) / row.force().max(f64::MIN_POSITIVE);
         let Some(row) = self.lines.iter().max_by(|a, b| of(a).total_cmp(&of(b))) else { return 0.0 };
         let (Some(with), Some(at)) = (unexplained(row, (p, right), values, missing), row.place(column)) else {
             return 0.0;
@@ -833,35 +728,24 @@ impl<'a> Pass<'a> {
     }
 
     /// Share of the information that the noise of the sensors limits, row by row: floors over variances, by leverages.
-    fn sensor_shares(&self, noise: &Noise, columns: &[usize]) -> Vec<f64> {
-        let factor = triangle(&self.lines, &noise.variance, columns, self.right());
+    /// `factor` is the triangle of these columns.
+    fn sensor_shares(&self, noise: &Noise, columns: &[usize], factor: &DMatrix<f64>) -> Vec<f64> {
         let n = columns.len();
-        let factor = factor.view((0, 0), (n, n)).into_owned();
         let mut inverse = DMatrix::identity(n, n);
         if !factor.solve_upper_triangular_mut(&mut inverse) {
             return vec![0.0; self.lines.len()];
         }
-        self.lines
-            .iter()
-            .zip(&noise.variance)
-            .map(|(row, variance)| {
-                let (mut whole, mut own) = (0.0, 0.0);
-                for part in 0..2 * row.lines() {
-                    let l = part % row.lines();
-                    let mut through = DVector::<f64>::zeros(n);
-                    for (a, &column) in columns.iter().enumerate() {
-                        if let Some(at) = row.place(column) {
-                            let x = row.entries[(part, at)];
-                            through.axpy(x, &inverse.row(a).transpose(), 1.0);
-                        }
-                    }
-                    let leverage = through.norm_squared() / variance[l];
-                    whole += leverage;
-                    own += leverage * row.floor[l] / variance[l];
-                }
-                if whole > 0.0 { own / whole } else { 0.0 }
-            })
-            .collect()
+        let of = |(row, variance): (&RowLines, &Vec<f64>)| {
+            let (at, matrix) = row.weighted(columns, &weights(variance));
+            let through = matrix * inverse.select_rows(&at);
+            let floors = row.floor.iter().zip(variance).map(|(floor, variance)| floor / variance).collect::<Vec<f64>>();
+            let leverages = through.row_iter().map(|row| row.norm_squared());
+            let (whole, own) = leverages
+                .enumerate()
+                .fold((0.0, 0.0), |(whole, own), (part, h)| (whole + h, own + h * floors[part % floors.len()]));
+            if whole > 0.0 { own / whole } else { 0.0 }
+        };
+        self.lines.iter().zip(&noise.variance).map(of).collect()
     }
 
     /// Variances from what is left of every line (a sandwich with leverages, of which real and imaginary part share one), of the fixed
@@ -875,21 +759,15 @@ impl<'a> Pass<'a> {
         let mut target = DVector::<f64>::zeros(parts);
         let mut from = 0;
         for (row, variance) in self.lines.iter().zip(&noise.variance) {
-            let count = 2 * row.lines();
-            let weights: Vec<f64> = (0..count).map(|part| 1.0 / variance[part % row.lines()].sqrt()).collect();
-            for (a, &column) in columns.iter().enumerate() {
-                if let Some(at) = row.place(column) {
-                    for part in 0..count {
-                        matrix[(from + part, a)] = row.entries[(part, at)] * weights[part];
-                    }
-                }
+            let weights = weights(variance);
+            let (at, own) = row.weighted(&columns, &weights);
+            for (from_own, to) in at.into_iter().enumerate() {
+                matrix.view_mut((from, to), (weights.len(), 1)).copy_from(&own.column(from_own));
             }
-            if let Some(at) = row.place(right) {
-                for part in 0..count {
-                    target[from + part] = row.entries[(part, at)] * weights[part];
-                }
-            }
-            from += count;
+            target
+                .rows_mut(from, weights.len())
+                .copy_from(&row.column(right).component_mul(&DVector::from_vec(weights)));
+            from += 2 * row.lines();
         }
         let (matrix, scale) = unit_columns(matrix);
         let mut gram = matrix.tr_mul(&matrix);
@@ -937,25 +815,18 @@ impl<'a> Pass<'a> {
         let rights: Vec<Vec<Vec<f64>>> = (self.paths.paths.iter().zip(&inputs))
             .map(|(path, inputs)| self.rows.right(path, inputs))
             .collect::<Result<_, _>>()?;
-        let shape = (dims.coordinates, dims.motion_len());
         for (row, own) in lines.iter_mut().enumerate().filter(|(row, _)| !self.homogeneous(*row)) {
-            let of = |stretch: usize| {
-                let mut target = rights[stretch][row].clone();
-                let along = &self.along[stretch];
-                for (at, (of, entry)) in along.entries.iter().enumerate() {
-                    if let Entry::Parameter(j) = *entry
-                        && *of == row
-                        && !self.kept.contains(&j)
-                    {
-                        target.iter_mut().zip(along.column(at)).for_each(|(sum, x)| *sum -= self.theta[j] * x);
-                    }
-                }
-                vec![(0, target)]
-            };
+            let signals: Vec<Signals> = (rights.iter().zip(&self.along))
+                .map(|(rights, along)| {
+                    let mut target = rights[row].clone();
+                    self.without_held(along.parameters(row), &mut target);
+                    vec![(0, target)]
+                })
+                .collect();
             if let (Some(found), Some(at)) =
-                (row_lines(&self.paths.paths, self.views[row], shape, &of, &[0]), own.place(self.right()))
+                (row_lines(&self.paths.paths, self.views[row], &signals), own.place(self.right()))
             {
-                own.entries.column_mut(at).copy_from(&found.entries.column(0));
+                own.entries.set_column(at, &found.entries.column(0));
             }
         }
         // Both holds are judged by the model alone, fitted anew, whatever it lacks.
@@ -985,12 +856,16 @@ fn unexplained(row: &RowLines, (p, right): (usize, usize), values: &[f64], missi
 /// What they leave of a row, as a share of its force.
 fn left(row: &RowLines, of: (usize, usize), values: &[f64], missing: &[f64]) -> f64 {
     let left = unexplained(row, of, values, missing).map_or(0.0, |left| left.norm_squared());
-    let force = 2.0 * row.power.iter().sum::<f64>();
+    let force = row.force() * row.lines() as f64;
     if force > 0.0 { (left / force).sqrt() } else { 0.0 }
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+/// The coordinate whose acceleration leads a row, given the coefficients of all of them: the row's own, or the one of the largest.
+fn leading(row: usize, coefficients: &[Vec<f64>]) -> Option<usize> {
+    let size = |c: usize| coefficients[c].iter().map(|a| a.abs()).fold(0.0, f64::max);
+    let own = (row < coefficients.len() && size(row) > 0.0).then_some(row);
+    let largest = || (0..coefficients.len()).filter(|&c| size(c) > 0.0).max_by(|&a, &b| size(a).total_cmp(&size(b)));
+    own.or_else(largest)
 }
 
 /// The triangle of the weighted equations, parameters first and candidates behind them.
@@ -1019,8 +894,9 @@ struct Solved {
 }
 
 impl Split {
-    fn new(factor: &DMatrix<f64>, p: usize, terms: usize) -> Self {
-        let last = p + terms;
+    fn new(factor: &DMatrix<f64>, p: usize) -> Self {
+        let last = factor.ncols() - 1;
+        let terms = last - p;
         let mixed = factor.view((0, p), (p, terms)).into_owned();
         let mut candidates = factor.view((p, p), (terms, terms)).into_owned();
         let counts: Vec<bool> = (0..terms)

@@ -117,17 +117,12 @@ pub(super) struct Scales {
     duration: f64,
     /// The rows in which an input acts.
     driven: Vec<bool>,
-    slots: usize,
-    coordinates: usize,
 }
 
 impl Scales {
     pub(super) fn of(rows: Rows<'_>, paths: &[Path], along: &[Along], rate_deviation: Vec<f64>) -> Self {
         let dims = rows.model.dims();
-        let slots = dims.motion_len();
-        let series = |c: usize, d: usize| {
-            paths.iter().flat_map(move |path| path.series(dims.coordinates, slots, c, d).into_iter())
-        };
+        let series = |c: usize, d: usize| paths.iter().flat_map(move |path| path.series(c, d));
         let right = |row: usize| {
             let own = along.iter().filter_map(|along| Some(along.column(along.place(row, Entry::Right)?)));
             root_mean_square(own.flatten())
@@ -144,8 +139,6 @@ impl Scales {
             force: (0..dims.rows).map(right).collect(),
             duration: paths.iter().map(|path| path.points as f64 * path.apart).sum(),
             driven: (0..dims.rows).map(driven).collect(),
-            slots,
-            coordinates: dims.coordinates,
         }
     }
 
@@ -156,7 +149,7 @@ impl Scales {
 
     /// The column of a term along a path that begins at `from` seconds of the record.
     pub(super) fn columns(&self, term: Term, path: &Path, along: &Along, from: f64) -> Columns {
-        let series = |c: usize, d: usize| path.series(self.coordinates, self.slots, c, d);
+        let series = |c: usize, d: usize| path.series(c, d);
         if term.kind == TermKind::Delay {
             let entries = along.entries.iter().enumerate().filter(|(_, (_, entry))| *entry == Entry::Rate(term.of));
             return entries.map(|(at, (row, _))| (*row, along.column(at))).collect();
@@ -215,7 +208,7 @@ impl Scales {
     /// A force between two coordinates acts on both rows, with opposite signs; an inertia that couples them on each by the other's
     /// acceleration.
     fn between(&self, kind: TermKind, (a, b): (usize, usize), path: &Path) -> Columns {
-        let series = |c: usize, d: usize| path.series(self.coordinates, self.slots, c, d);
+        let series = |c: usize, d: usize| path.series(c, d);
         if kind == TermKind::PairInertia {
             return vec![(a, series(b, 2)), (b, series(a, 2))];
         }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::ops::Range;
 use tpm_numerics::fourier::forward;
-use tpm_numerics::{DMatrix, root_mean_square};
+use tpm_numerics::{DMatrix, DVector, root_mean_square};
 
 /// Share of a stretch over which the window rises and falls.
 const TAPER: f64 = 0.1;
@@ -68,14 +68,39 @@ impl RowLines {
         self.columns.binary_search(&column).ok()
     }
 
+    /// The lines of a column; zeros where the row does not have it.
+    pub(super) fn column(&self, column: usize) -> DVector<f64> {
+        self.place(column).map_or_else(|| DVector::zeros(2 * self.lines()), |at| self.entries.column(at).into_owned())
+    }
+
+    /// Mean power of the forces of a line.
+    pub(super) fn force(&self) -> f64 {
+        2.0 * self.power.iter().sum::<f64>() / self.lines().max(1) as f64
+    }
+
+    /// These columns, those that the row has, with every part of a line multiplied by its weight; beside them their places in the list.
+    pub(super) fn weighted(&self, columns: &[usize], weights: &[f64]) -> (Vec<usize>, DMatrix<f64>) {
+        let all = columns.iter().enumerate();
+        let (at, places): (Vec<usize>, Vec<usize>) =
+            all.filter_map(|(at, &column)| Some((at, self.place(column)?))).unzip();
+        let matrix =
+            DMatrix::from_fn(weights.len(), places.len(), |part, i| self.entries[(part, places[i])] * weights[part]);
+        (at, matrix)
+    }
+
     /// Mean power per line of a column.
     pub(super) fn size(&self, column: usize) -> f64 {
         self.place(column).map_or(0.0, |at| self.entries.column(at).norm_squared() / self.lines().max(1) as f64)
     }
 
-    /// Sets the power of the forces: that of a column of lines, three lines wide.
-    pub(super) fn set_power(&mut self, real: &[f64], imaginary: &[f64]) {
-        let own: Vec<f64> = real.iter().zip(imaginary).map(|(a, b)| a * a + b * b).collect();
+    /// Takes the power of the forces from a column of lines, three lines wide; from the largest of the row's own columns where it is nothing.
+    pub(super) fn take_power(&mut self, column: DVector<f64>) {
+        let nothing = column.iter().all(|x| *x == 0.0);
+        let own = self.entries.columns(0, self.columns.len().saturating_sub(1));
+        let largest = own.column_iter().max_by(|a, b| a.norm().total_cmp(&b.norm()));
+        let column = largest.filter(|_| nothing).map_or(column, |largest| largest.into_owned());
+        let lines = self.lines();
+        let own: Vec<f64> = (0..lines).map(|l| column[l].powi(2) + column[lines + l].powi(2)).collect();
         self.power = vec![0.0; own.len()];
         for range in &self.stretches {
             let part = &own[range.clone()];
@@ -118,7 +143,7 @@ struct Window {
 }
 
 impl View {
-    fn window(&self, path: &Path, coordinates: usize, slots: usize) -> Option<Window> {
+    fn window(&self, path: &Path) -> Option<Window> {
         let valid = path.valid(self.lost);
         let n = valid.len();
         if n < 2 * BAND_LINES {
@@ -129,7 +154,7 @@ impl View {
             let near = (k as f64 + 0.5).min(n as f64 - k as f64 - 0.5);
             if near < edge { 0.5 - 0.5 * (PI * near / edge).cos() } else { 1.0 }
         };
-        let notch = self.coordinate.map(|c| self.notch(path, &valid, (c, coordinates, slots)));
+        let notch = self.coordinate.map(|c| self.notch(path, &valid, c));
         let of = |k: usize| taper(k) * notch.as_ref().map_or(1.0, |notch| notch[k]);
         let weights: Vec<f64> = (0..n).map(of).collect();
         let mean = |power: i32| weights.iter().map(|w| w.powi(power)).sum::<f64>() / n as f64;
@@ -140,10 +165,10 @@ impl View {
     }
 
     /// One, and nothing around the times at which the velocity of a coordinate is small.
-    fn notch(&self, path: &Path, valid: &Range<usize>, (c, coordinates, slots): (usize, usize, usize)) -> Vec<f64> {
+    fn notch(&self, path: &Path, valid: &Range<usize>, c: usize) -> Vec<f64> {
         let n = valid.len();
-        let v = path.series(coordinates, slots, c, 1);
-        let a = root_mean_square(path.series(coordinates, slots, c, 2));
+        let v = path.series(c, 1);
+        let a = root_mean_square(path.series(c, 2));
         let width = self.low_pass.cut_off / (2.0 * PI);
         let slow = (SIGN_UNKNOWN * self.rate_deviation).max(a / (2.0 * PI * self.followed));
         let mut weights = vec![1.0; n];
@@ -229,25 +254,28 @@ fn rounded(marks: &[bool], reach: usize, circular: bool) -> Vec<f64> {
     weights
 }
 
-/// Lines of some columns of a row, from all stretches; nothing where all stretches are too short.
-///
-/// `columns` gives the signals of a stretch by ascending numbers, the right-hand side last.
-pub(super) fn row_lines(
-    paths: &[Path],
-    view: View,
-    (coordinates, slots): (usize, usize),
-    columns: &dyn Fn(usize) -> Vec<(usize, Vec<f64>)>,
-    numbers: &[usize],
-) -> Option<RowLines> {
+/// Weights of both parts of every line, given its variance.
+pub(super) fn weights(variance: &[f64]) -> Vec<f64> {
+    let one: Vec<f64> = variance.iter().map(|variance| 1.0 / variance.sqrt()).collect();
+    one.repeat(2)
+}
+
+/// The signals of a stretch, by their numbers.
+pub(super) type Signals = Vec<(usize, Vec<f64>)>;
+
+/// Lines of the signals of a row, from all stretches; nothing where all stretches are too short.
+pub(super) fn row_lines(paths: &[Path], view: View, signals: &[Signals]) -> Option<RowLines> {
+    let mut numbers: Vec<usize> = signals.iter().flatten().map(|(number, _)| *number).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
     let mut parts: Vec<(Vec<f64>, DMatrix<f64>)> = Vec::new();
     let (mut correlation, mut kept, mut weight) = (0.0_f64, 0.0, 0.0);
-    for (stretch, path) in paths.iter().enumerate() {
-        let Some(window) = view.window(path, coordinates, slots) else { continue };
+    for (path, signals) in paths.iter().zip(signals) {
+        let Some(window) = view.window(path) else { continue };
         let n = window.range.len();
         let spacing = 1.0 / (n as f64 * path.apart);
         let lines = ((view.used / spacing) as usize + 1).min(n / 2).max(2);
         let scale = path.apart.sqrt();
-        let signals = columns(stretch);
         let transformed: Vec<Vec<f64>> = signals
             .par_iter()
             .map(|(_, signal)| {
@@ -287,7 +315,7 @@ pub(super) fn row_lines(
         stretches.push(from..from + lines);
     }
     Some(RowLines {
-        columns: numbers.to_vec(),
+        columns: numbers,
         band: bands(&frequency),
         power: vec![0.0; total],
         floor: vec![0.0; total],

@@ -12,6 +12,7 @@
 //! of it, which is less than its variance by the leverages.
 
 use crate::likelihood::lines::RowLines;
+use tpm_numerics::singular::unit_columns;
 use tpm_numerics::{Cholesky, DMatrix, DVector, Iteration};
 
 /// Steps, and the largest change of the logarithm of a variance after which they end.
@@ -159,24 +160,13 @@ impl Weighted {
             .zip(variance)
             .enumerate()
             .map(|(j, (row, variance))| {
-                let present: Vec<(usize, usize)> =
-                    columns.iter().enumerate().filter_map(|(at, &column)| Some((at, row.place(column)?))).collect();
-                let lines = row.lines();
-                let weight = |part: usize| {
-                    let l = part % lines;
-                    let out = highest.is_some_and(|highest| row.frequency[l] > highest[j]);
-                    if out { 0.0 } else { 1.0 / variance[l].sqrt() }
-                };
-                let weights: Vec<f64> = (0..2 * lines).map(weight).collect();
-                let mut matrix = DMatrix::zeros(2 * lines, present.len());
-                for (to, (_, from)) in present.iter().enumerate() {
-                    let own = row.entries.column(*from);
-                    matrix.column_mut(to).iter_mut().zip(own.iter()).zip(&weights).for_each(|((x, y), w)| *x = y * w);
-                }
-                let place = row.place(right);
-                let own = |part: usize| place.map_or(0.0, |at| row.entries[(part, at)] * weights[part]);
-                let right = DVector::from_fn(2 * lines, |part, _| own(part));
-                (present.into_iter().map(|(at, _)| at).collect(), matrix, right)
+                let counts = |l: usize| highest.is_none_or(|highest| row.frequency[l] <= highest[j]);
+                let weight = |(l, variance): (usize, &f64)| if counts(l) { 1.0 / variance.sqrt() } else { 0.0 };
+                let mut weights: Vec<f64> = variance.iter().enumerate().map(weight).collect();
+                weights.extend_from_within(..);
+                let (at, matrix) = row.weighted(columns, &weights);
+                let right = row.column(right).component_mul(&DVector::from_vec(weights));
+                (at, matrix, right)
             })
             .collect();
         let mut gram = DMatrix::<f64>::zeros(n, n);
@@ -218,23 +208,16 @@ impl Weighted {
 /// Weighted equations condensed to a triangle, the given columns and the right-hand side last. Lines that a window correlates count as fewer.
 pub(super) fn triangle(rows: &[RowLines], variance: &[Vec<f64>], columns: &[usize], right: usize) -> DMatrix<f64> {
     let n = columns.len();
+    let all: Vec<usize> = columns.iter().copied().chain([right]).collect();
     let mut stacked = DMatrix::<f64>::zeros(0, n + 1);
     for (row, variance) in rows.iter().zip(variance) {
-        let all = columns.iter().copied().chain([right]).enumerate();
-        let present: Vec<(usize, usize)> = all.filter_map(|(at, column)| Some((at, row.place(column)?))).collect();
-        let lines = row.lines();
-        let mut own = DMatrix::zeros(2 * lines, present.len());
-        for (to, (_, from)) in present.iter().enumerate() {
-            let entries = row.entries.column(*from);
-            own.column_mut(to)
-                .iter_mut()
-                .enumerate()
-                .for_each(|(part, x)| *x = entries[part] / (row.correlation * variance[part % lines]).sqrt());
-        }
+        let mut weights: Vec<f64> = variance.iter().map(|variance| 1.0 / (row.correlation * variance).sqrt()).collect();
+        weights.extend_from_within(..);
+        let (at, own) = row.weighted(&all, &weights);
         let own = if own.nrows() > own.ncols() { own.qr().unpack_r() } else { own };
         let above = stacked.nrows();
         stacked = stacked.resize_vertically(above + own.nrows(), 0.0);
-        for (from, (to, _)) in present.iter().enumerate() {
+        for (from, to) in at.iter().enumerate() {
             stacked.view_mut((above, *to), (own.nrows(), 1)).copy_from(&own.column(from));
         }
     }
@@ -242,11 +225,7 @@ pub(super) fn triangle(rows: &[RowLines], variance: &[Vec<f64>], columns: &[usiz
         stacked = stacked.resize_vertically(n + 1, 0.0);
     }
     // Columns of one length lose no digits to each other.
-    let scale: Vec<f64> =
-        stacked.column_iter().map(|column| column.norm()).map(|norm| if norm > 0.0 { norm } else { 1.0 }).collect();
-    for (mut column, scale) in stacked.column_iter_mut().zip(&scale) {
-        column /= *scale;
-    }
+    let (stacked, scale) = unit_columns(stacked);
     let mut triangle = stacked.qr().unpack_r();
     for (mut column, scale) in triangle.column_iter_mut().zip(&scale) {
         column *= *scale;

@@ -71,6 +71,10 @@ impl Measured {
 
 /// A stretch on its grid.
 pub(super) struct Path {
+    /// Coordinates of the model.
+    coordinates: usize,
+    /// Slots of a motion: the coordinates and their derivatives, order by order.
+    slots: usize,
     /// Points of the grid.
     pub(super) points: usize,
     /// Time from one to the next, s.
@@ -175,14 +179,14 @@ impl Path {
     }
 
     /// Marks the points in whose cells a velocity, or one relative to another, changes its sign.
-    fn find_reversals(&mut self, coordinates: usize) {
-        let slots = self.motion.len() / self.points.max(1);
+    fn find_reversals(&mut self) {
+        let coordinates = self.coordinates;
         let mut reverses = vec![false; self.points];
-        if slots >= 2 * coordinates {
+        if self.slots >= 2 * coordinates {
             let pairs = if coordinates <= MOST_RELATIVE { coordinates } else { 0 };
             let relative = (0..pairs).flat_map(|a| (0..a).map(move |b| (a, Some(b))));
             for (a, b) in (0..coordinates).map(|a| (a, None)).chain(relative) {
-                let at = |k: usize, c: usize| self.motion[k * slots + coordinates + c];
+                let at = |k: usize, c: usize| self.instant(k)[coordinates + c];
                 let velocity = |k: usize| at(k, a) - b.map_or(0.0, |b| at(k, b));
                 let edge = |k: usize, ahead: f64| velocity(k) + velocity(self.beside(k, ahead));
                 for (k, mark) in reverses.iter_mut().enumerate() {
@@ -194,12 +198,17 @@ impl Path {
     }
 
     /// Derivative `d` of coordinate `c` at all points.
-    pub(super) fn series(&self, coordinates: usize, slots: usize, c: usize, d: usize) -> Vec<f64> {
-        let at = d * coordinates + c;
-        if at >= slots {
+    pub(super) fn series(&self, c: usize, d: usize) -> Vec<f64> {
+        let at = d * self.coordinates + c;
+        if at >= self.slots {
             return vec![0.0; self.points];
         }
-        self.motion.iter().skip(at).step_by(slots).copied().collect()
+        self.motion.iter().skip(at).step_by(self.slots).copied().collect()
+    }
+
+    /// The motion at a point.
+    fn instant(&self, k: usize) -> &[f64] {
+        &self.motion[k * self.slots..(k + 1) * self.slots]
     }
 }
 
@@ -255,6 +264,8 @@ fn on_grid(
     }
     let of = |i: usize, derivative: u32| force(record, moving, (i, record.hold, delays), points, fastest, derivative);
     let mut path = Path {
+        coordinates: dims.coordinates,
+        slots,
         points,
         apart: whole / points as f64,
         circular,
@@ -264,7 +275,7 @@ fn on_grid(
         input_rates: (0..dims.inputs).map(|i| of(i, 1)).collect(),
         reverses: Vec::new(),
     };
-    path.find_reversals(dims.coordinates);
+    path.find_reversals();
     path
 }
 
@@ -289,6 +300,15 @@ impl Along {
     /// The values of one entry.
     pub(super) fn column(&self, at: usize) -> Vec<f64> {
         self.values.iter().skip(at).step_by(self.entries.len()).copied().collect()
+    }
+
+    /// The columns of the parameters of a row.
+    pub(super) fn parameters(&self, row: usize) -> Vec<(usize, Vec<f64>)> {
+        let of = |(at, (own, entry)): (usize, &(usize, Entry))| match entry {
+            Entry::Parameter(j) if *own == row => Some((*j, self.column(at))),
+            _ => None,
+        };
+        self.entries.iter().enumerate().filter_map(of).collect()
     }
 
     /// Where an entry stands.
@@ -325,14 +345,13 @@ impl<'a> Rows<'a> {
         instant: &mut [f64],
         scratch: &mut Scratch,
     ) -> Result<(), EvalError> {
-        let slots = instant.len();
         let shift = |instant: &mut [f64]| {
             if let Some((slot, by)) = moved {
                 instant[slot] += by;
             }
         };
         if !path.reverses[k] {
-            instant.copy_from_slice(&path.motion[k * slots..(k + 1) * slots]);
+            instant.copy_from_slice(path.instant(k));
             shift(instant);
             return self.evaluate(instant, scratch);
         }
@@ -343,7 +362,7 @@ impl<'a> Rows<'a> {
             let ahead = (time as f64 + 0.5) * share - 0.5;
             let other = path.beside(k, ahead);
             for (slot, value) in instant.iter_mut().enumerate() {
-                let (own, beside) = (path.motion[k * slots + slot], path.motion[other * slots + slot]);
+                let (own, beside) = (path.instant(k)[slot], path.instant(other)[slot]);
                 *value = own + ahead.abs() * (beside - own);
             }
             shift(instant);
@@ -368,12 +387,23 @@ impl<'a> Rows<'a> {
     /// The value of one entry of a row.
     fn entry(self, scratch: &Scratch, (row, entry): (usize, Entry), path: &Path, k: usize) -> f64 {
         let dims = self.model.dims();
-        let factor = |i: usize| scratch.map[row * dims.inputs + i];
         match entry {
             Entry::Parameter(j) => scratch.regressor[row * dims.parameters + j],
-            Entry::Right => (0..dims.inputs).map(|i| factor(i) * path.inputs[i][k]).sum::<f64>() - scratch.known[row],
-            Entry::Rate(i) => factor(i) * path.input_rates[i][k],
+            Entry::Right => self.right_of(scratch, row, &|i| path.inputs[i][k]),
+            Entry::Rate(i) => scratch.map[row * dims.inputs + i] * path.input_rates[i][k],
         }
+    }
+
+    /// What a row does not owe to parameters: forces of inputs less known terms.
+    fn right_of(self, scratch: &Scratch, row: usize, inputs: &dyn Fn(usize) -> f64) -> f64 {
+        let count = self.model.dims().inputs;
+        (0..count).map(|i| scratch.map[row * count + i] * inputs(i)).sum::<f64>() - scratch.known[row]
+    }
+
+    /// What the parameters make in a row.
+    fn made(self, scratch: &Scratch, row: usize, theta: &[f64]) -> f64 {
+        let p = theta.len();
+        scratch.regressor[row * p..(row + 1) * p].iter().zip(theta).map(|(phi, theta)| phi * theta).sum()
     }
 
     /// All rows along a path.
@@ -394,7 +424,7 @@ impl<'a> Rows<'a> {
         let mut scratch = self.scratch();
         let step = (path.points / PROBES).max(1);
         for k in (0..path.points).step_by(step) {
-            self.evaluate(&path.motion[k * slots..(k + 1) * slots], &mut scratch)?;
+            self.evaluate(path.instant(k), &mut scratch)?;
             for (at, entry) in all.iter().enumerate() {
                 present[at] |= entry.1 == Entry::Right || self.entry(&scratch, *entry, path, k) != 0.0;
             }
@@ -451,14 +481,12 @@ impl<'a> Rows<'a> {
     /// [`EstimateError::Model`].
     pub(super) fn right(self, path: &Path, inputs: &[Vec<f64>]) -> Result<Vec<Vec<f64>>, EstimateError> {
         let dims = self.model.dims();
-        let slots = dims.motion_len();
         let mut scratch = self.scratch();
         let mut right = vec![Vec::with_capacity(path.points); dims.rows];
         for k in 0..path.points {
-            self.evaluate(&path.motion[k * slots..(k + 1) * slots], &mut scratch)?;
+            self.evaluate(path.instant(k), &mut scratch)?;
             for (row, right) in right.iter_mut().enumerate() {
-                let factor = |i: usize| scratch.map[row * dims.inputs + i];
-                right.push(inputs.iter().enumerate().map(|(i, u)| factor(i) * u[k]).sum::<f64>() - scratch.known[row]);
+                right.push(self.right_of(&scratch, row, &|i| inputs[i][k]));
             }
         }
         Ok(right)
@@ -472,14 +500,9 @@ impl<'a> Rows<'a> {
         inputs: &dyn Fn(usize) -> f64,
         scratch: &mut Scratch,
     ) -> Result<Vec<f64>, EvalError> {
-        let dims = self.model.dims();
         self.evaluate(instant, scratch)?;
-        let of = |row: usize| {
-            let own = &scratch.regressor[row * dims.parameters..(row + 1) * dims.parameters];
-            let force: f64 = (0..dims.inputs).map(|i| scratch.map[row * dims.inputs + i] * inputs(i)).sum();
-            own.iter().zip(theta).map(|(phi, theta)| phi * theta).sum::<f64>() + scratch.known[row] - force
-        };
-        Ok((0..dims.rows).map(of).collect())
+        let of = |row: usize| self.made(scratch, row, theta) - self.right_of(scratch, row, inputs);
+        Ok((0..self.model.dims().rows).map(of).collect())
     }
 }
 
@@ -510,7 +533,7 @@ impl Felt {
         for path in &paths.paths {
             let step = (total / DERIVATIVE_POINTS).max(1);
             for k in (0..path.points).step_by(step) {
-                let mut instant = path.motion[k * slots..(k + 1) * slots].to_vec();
+                let mut instant = path.instant(k).to_vec();
                 let inputs = |i: usize| path.inputs[i][k];
                 count += 1.0;
                 for slot in (0..slots).filter(|&slot| motion[slot] > 0.0) {
@@ -607,10 +630,7 @@ impl<'a> Rows<'a> {
         let mut scratch = self.scratch();
         let mut coefficients = Vec::with_capacity(path.points);
         let mut measured = Vec::with_capacity(path.points);
-        let dot = |scratch: &Scratch| -> f64 {
-            let own = &scratch.regressor[row * p..(row + 1) * p];
-            own.iter().zip(theta).map(|(phi, theta)| phi * theta).sum::<f64>() + scratch.known[row]
-        };
+        let dot = |scratch: &Scratch| self.made(scratch, row, theta) + scratch.known[row];
         let mut instant = vec![0.0; slots];
         for k in 0..path.points {
             self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
@@ -627,7 +647,7 @@ impl<'a> Rows<'a> {
         let mut found = Predicted { columns: Vec::new(), right: Vec::new(), factor: Vec::new(), leading: Vec::new() };
         for k in 0..path.points {
             let over = size / coefficients[k];
-            found.leading.push(coefficients[k].abs() * path.motion[k * slots + slot]);
+            found.leading.push(coefficients[k].abs() * path.instant(k)[slot]);
             let moved = Some((slot, -measured[k] / coefficients[k]));
             self.evaluate_at(path, k, moved, &mut instant, &mut scratch)?;
             for (j, column) in columns.iter_mut().enumerate() {
@@ -640,42 +660,34 @@ impl<'a> Rows<'a> {
         Ok(Some(found))
     }
 
-    /// Mean coefficient of the highest derivative of coordinate `c` in a row, parameter by parameter.
+    /// Mean coefficients of the highest derivatives in the rows: row by row and coordinate by coordinate, one for every parameter.
     ///
     /// # Errors
     /// [`EstimateError::Model`].
-    pub(super) fn coefficients(self, paths: &Paths<'_>, row: usize, c: usize) -> Result<Vec<f64>, EstimateError> {
+    pub(super) fn leading_coefficients(self, paths: &Paths<'_>) -> Result<Vec<Vec<Vec<f64>>>, EstimateError> {
         let dims = self.model.dims();
-        let (slots, p) = (dims.motion_len(), dims.parameters);
-        let slot = self.model.coordinate_order(c) * dims.coordinates + c;
+        let p = dims.parameters;
         let mut scratch = self.scratch();
-        let mut sums = vec![0.0; p];
+        let mut means = vec![vec![vec![0.0; p]; dims.coordinates]; dims.rows];
         let mut count: f64 = 0.0;
         for path in &paths.paths {
             for k in (0..path.points).step_by((path.points / DERIVATIVE_POINTS).max(1)) {
-                let mut instant = path.motion[k * slots..(k + 1) * slots].to_vec();
-                self.evaluate(&instant, &mut scratch)?;
-                let below: Vec<f64> = scratch.regressor[row * p..(row + 1) * p].to_vec();
-                instant[slot] += 1.0;
-                self.evaluate(&instant, &mut scratch)?;
-                let above = &scratch.regressor[row * p..(row + 1) * p];
-                sums.iter_mut().zip(above).zip(&below).for_each(|((sum, above), below)| *sum += above - below);
+                self.evaluate(path.instant(k), &mut scratch)?;
+                let below = scratch.regressor.clone();
                 count += 1.0;
+                for c in 0..dims.coordinates {
+                    let mut instant = path.instant(k).to_vec();
+                    instant[self.model.coordinate_order(c) * dims.coordinates + c] += 1.0;
+                    self.evaluate(&instant, &mut scratch)?;
+                    for (row, means) in means.iter_mut().enumerate() {
+                        let own = row * p..(row + 1) * p;
+                        let change = scratch.regressor[own.clone()].iter().zip(&below[own]);
+                        means[c].iter_mut().zip(change).for_each(|(sum, (above, below))| *sum += above - below);
+                    }
+                }
             }
         }
-        Ok(sums.iter().map(|sum| sum / count.max(1.0)).collect())
-    }
-
-    /// The coordinate whose highest derivative leads a row without an input: the row's own, or the one that it feels most.
-    pub(super) fn leads(self, felt: &Felt, row: usize) -> Option<usize> {
-        let dims = self.model.dims();
-        let feels = |c: usize| {
-            let slot = self.model.coordinate_order(c) * dims.coordinates + c;
-            felt.own(row)[slot] * felt.motion[slot]
-        };
-        if row < dims.coordinates && feels(row) > 0.0 {
-            return Some(row);
-        }
-        (0..dims.coordinates).filter(|&c| feels(c) > 0.0).max_by(|&a, &b| feels(a).total_cmp(&feels(b)))
+        means.iter_mut().flatten().flatten().for_each(|sum| *sum /= count.max(1.0));
+        Ok(means)
     }
 }
