@@ -1,6 +1,6 @@
 //! A log of any motion, identified in the time domain.
 
-use crate::excerpt::{Excerpt, blocks};
+use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, Way};
@@ -56,6 +56,15 @@ pub(super) const MOST_SAMPLES: usize = 1 << 20;
 /// Number of such blocks.
 pub(super) const BLOCKS: usize = 16;
 
+/// One warning for every measured rate that is not that of the measured position.
+pub(super) fn differing_rates(model: &dyn Model<f64>, gains: &[Option<f64>]) -> impl Iterator<Item = Warning> {
+    let differs = |(c, gain): (usize, &Option<f64>)| {
+        let gain = gain.filter(|gain| (gain - 1.0).abs() > RATE_DIFFERS)?;
+        Some(Warning::RateDiffers { coordinate: model.coordinate(c).name.into(), gain })
+    };
+    gains.iter().enumerate().filter_map(differs)
+}
+
 /// Identifies a model from all samples of the segments of a record, whatever the motion is.
 ///
 /// # Errors
@@ -71,15 +80,12 @@ pub(super) fn identify(
     let stretches = stretches(segments, dims.coordinates, &options.reading)?;
     let nothing = LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal };
     let first = segments.first().ok_or(nothing)?;
-    let samples: usize =
-        stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len())).sum();
-    let used =
-        if samples > MOST_SAMPLES { blocks(&stretches, BLOCKS, MOST_SAMPLES / BLOCKS) } else { stretches.clone() };
+    let samples = stretches.iter().map(Stretch::samples).sum();
     let record = TimeRecord {
         sample_time: first.sample_time,
         hold: options.reading.hold,
         actuators: &options.actuators,
-        stretches: used,
+        stretches: at_most(stretches.clone(), MOST_SAMPLES, BLOCKS),
     };
     let derivatives = machine.map(|machine| machine.derivatives);
     let found = estimate_time_domain(model, derivatives, &options.constants, &record, settings)
@@ -97,11 +103,7 @@ pub(super) fn identify(
     let restate = |values, covariance| found.restated(values, covariance, settings);
     let refined = refined(machine, start, Conditions::of_log(options), settings, &restate);
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
-    for (c, gain) in report.rate_gains.iter().enumerate() {
-        if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() > RATE_DIFFERS) {
-            warnings.push(Warning::RateDiffers { coordinate: model.coordinate(c).name.into(), gain });
-        }
-    }
+    warnings.extend(differing_rates(model, &report.rate_gains));
     let period = options.reading.period.map(|period| Warning::PeriodNotUsed { period, stretches: segments.len() });
     warnings.extend(period);
     warnings.extend(refined.warnings);

@@ -89,7 +89,7 @@ impl<'a> Excerpt<'a> {
 
     /// The stretches of a record one behind the other; of a long one, blocks that are evenly spread over them.
     pub(super) fn of_stretches(stretches: &[Stretch<'a>]) -> Self {
-        let whole: usize = stretches.iter().map(samples).sum();
+        let whole: usize = stretches.iter().map(Stretch::samples).sum();
         if whole <= MOST_WHOLE_SAMPLES {
             return Self::joined(stretches);
         }
@@ -100,7 +100,7 @@ impl<'a> Excerpt<'a> {
 
     /// Stretches one behind the other, however long they are together.
     pub(super) fn joined(parts: &[Stretch<'a>]) -> Self {
-        let whole: usize = parts.iter().map(samples).sum();
+        let whole: usize = parts.iter().map(Stretch::samples).sum();
         let channel = |of: &dyn Fn(&Stretch<'a>) -> &'a [f64]| match parts {
             [part] => Cow::Borrowed(of(part)),
             parts => Cow::Owned(parts.iter().flat_map(|part| of(part).iter()).copied().collect()),
@@ -117,7 +117,7 @@ impl<'a> Excerpt<'a> {
         let mut end = 0;
         for part in parts {
             joins.extend((end > 0).then_some(end));
-            end += samples(part);
+            end += part.samples();
         }
         let half = 0.5 * whole as f64;
         Excerpt { channels, rates, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
@@ -177,16 +177,17 @@ impl<'a> Excerpt<'a> {
     }
 }
 
-/// Samples of a stretch.
-pub(super) fn samples(stretch: &Stretch<'_>) -> usize {
-    stretch.coordinates.first().map_or(0, |signal| signal.len())
+/// Stretches; of those that are longer than so many samples together, so many blocks.
+pub(super) fn at_most(stretches: Vec<Stretch<'_>>, most: usize, count: usize) -> Vec<Stretch<'_>> {
+    let whole: usize = stretches.iter().map(Stretch::samples).sum();
+    if whole > most { blocks(&stretches, count, most / count) } else { stretches }
 }
 
 /// So many blocks of a length that are evenly spread over stretches, which together are longer; a block across a gap is two.
 pub(super) fn blocks<'a>(stretches: &[Stretch<'a>], count: usize, length: usize) -> Vec<Stretch<'a>> {
-    let whole: usize = stretches.iter().map(samples).sum();
+    let whole: usize = stretches.iter().map(Stretch::samples).sum();
     let starts = (0..count).map(|block| block * whole.saturating_sub(length) / (count - 1).max(1));
-    let parts = starts.flat_map(|start| within(stretches.iter().map(samples), start..start + length));
+    let parts = starts.flat_map(|start| within(stretches.iter().map(Stretch::samples), start..start + length));
     let part = |(s, range): (usize, std::ops::Range<usize>)| {
         let Stretch { coordinates, rates, inputs } = &stretches[s];
         let cut = |signal: &&'a [f64]| &signal[range.clone()];

@@ -70,6 +70,7 @@ mod spelling;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
+mod term_words;
 mod text;
 mod truth;
 mod validate;

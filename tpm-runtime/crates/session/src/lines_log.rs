@@ -1,7 +1,7 @@
 //! A log of any motion, identified by the lines of its rows.
 
-use crate::any_log::{BLOCKS, MOST_SAMPLES, stretches};
-use crate::excerpt::{Excerpt, blocks};
+use crate::any_log::{BLOCKS, MOST_SAMPLES, differing_rates, stretches};
+use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SpectralReport, Way};
@@ -9,6 +9,7 @@ use crate::options::LogOptions;
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
+use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
 use tpm_core::model::{Label, Model};
 use tpm_estimate::{
@@ -17,8 +18,6 @@ use tpm_estimate::{
 };
 use tpm_log::{Log, Periodic};
 
-/// A measured rate that differs from the rate of the measured position by more than this share is flagged.
-const RATE_DIFFERS: f64 = 0.05;
 /// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
 /// simulation: below it the smoothed motion says all that a joint estimate would.
 const LIMITED_BY_SENSORS: f64 = 0.3;
@@ -52,13 +51,9 @@ pub(super) fn identify(
     let whole = periodic.and_then(|periodic| whole_period(&first.channels[..dims.coordinates], periodic, stated));
     let (used, circular) = match (whole, periodic) {
         (Some(period), Some(periodic)) => (vec![whole_periods(first, dims.coordinates, (periodic.from, period))], true),
-        _ => {
-            let samples: usize = all.iter().map(|own| own.coordinates.first().map_or(0, |signal| signal.len())).sum();
-            let part = if samples > MOST_SAMPLES { blocks(&all, BLOCKS, MOST_SAMPLES / BLOCKS) } else { all.clone() };
-            (part, false)
-        }
+        _ => (at_most(all.clone(), MOST_SAMPLES, BLOCKS), false),
     };
-    let samples = used.iter().map(|own| own.coordinates.first().map_or(0, |signal| signal.len())).sum();
+    let samples = used.iter().map(Stretch::samples).sum();
     let record = TimeRecord {
         sample_time: first.sample_time,
         hold: options.reading.hold,
@@ -69,7 +64,8 @@ pub(super) fn identify(
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
-    let refined = if found.sensor_share() > LIMITED_BY_SENSORS || !found.lacking.is_empty() {
+    let lacks = !found.lacking.is_empty();
+    let refined = if found.sensor_share() > LIMITED_BY_SENSORS || lacks {
         let start = Start {
             estimate: &found.estimate,
             excerpt: Excerpt::of_stretches(&all),
@@ -95,15 +91,11 @@ pub(super) fn identify(
         report.used && report.missing.len() <= usize::from(limited)
     };
     let refined = match &refined.report {
-        Some(report) if !found.lacking.is_empty() && !explains(report) => unrefined(&found),
+        Some(report) if lacks && !explains(report) => unrefined(&found),
         _ => refined,
     };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
-    for (c, gain) in report.rate_gains.iter().enumerate() {
-        if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() > RATE_DIFFERS) {
-            warnings.push(Warning::RateDiffers { coordinate: model.coordinate(c).name.into(), gain });
-        }
-    }
+    warnings.extend(differing_rates(model, &report.rate_gains));
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
     if !settled {
@@ -199,17 +191,15 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         ),
         None => (q(), v()),
     };
-    let (term, meaning) = match own.kind {
-        TermKind::Offset => ("1".into(), "a constant force, or an offset of a sensor or an input".into()),
-        TermKind::Friction => (format!("sign({})", v()), "dry (Coulomb) friction".into()),
-        TermKind::Stribeck => {
-            (format!("sign({0})*exp(-({0}/vs)^2)", v()), "friction that is larger at low speed (Stribeck)".into())
-        }
+    let (term, meaning): Words = match own.kind {
+        TermKind::Offset => term_words::offset(),
+        TermKind::Friction => term_words::friction(&q()),
+        TermKind::Stribeck => term_words::stribeck(&q()),
         TermKind::RatePower(1) => (v(), "viscous damping".into()),
-        TermKind::RatePower(exponent) => (power(v(), exponent), "a force that is not linear in the velocity".into()),
-        TermKind::Drag => (format!("{0}*abs({0})", v()), "drag that grows with the square of the velocity".into()),
+        TermKind::RatePower(exponent) => term_words::rate_power(&q(), exponent),
+        TermKind::Drag => term_words::drag(&q()),
         TermKind::Power(1) => (q(), "a spring".into()),
-        TermKind::Power(exponent) => (power(q(), exponent), "a force that is not linear in the position".into()),
+        TermKind::Power(exponent) => term_words::power(&q(), exponent),
         TermKind::PositionFriction(exponent) => {
             (format!("{}*sign({})", power(q(), exponent), v()), "dry friction that depends on the position".into())
         }
@@ -242,7 +232,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         TermKind::Delay => {
             let input = name(model.input(own.of));
             let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
-            (format!("rate of {input}"), meaning)
+            (format!("rate of {input}"), meaning.into())
         }
         TermKind::PairPower(1) => (apart().0, "a spring between the coordinates".into()),
         TermKind::PairPower(exponent) => {
@@ -262,7 +252,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
             let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
             (format!("ddot({other}) and ddot({})", q()), "an inertia that couples the coordinates".into())
         }
-        _ => ("a term".into(), String::new()),
+        _ => ("a term".into(), "".into()),
     };
     MissingTerm {
         term,
@@ -270,7 +260,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         value: lacking.value,
         std: lacking.std,
         gain: lacking.gain,
-        meaning,
+        meaning: meaning.into_owned(),
     }
 }
 

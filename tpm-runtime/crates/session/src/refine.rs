@@ -3,8 +3,8 @@
 use crate::excerpt::Excerpt;
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
+use crate::term_words::{self, Words};
 use crate::warning::Warning;
-use std::borrow::Cow;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Label, Model};
 use tpm_estimate::{
@@ -200,27 +200,16 @@ fn refine(
 fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
     let name = |label: Label<'_>| label.name.to_string();
     let q = |c: usize| name(model.coordinate(c));
-    let (term, meaning): (String, Cow<'static, str>) = match candidate.term {
-        CandidateKind::Offset => ("1".into(), "a constant force, or an offset of a sensor or an input".into()),
-        CandidateKind::Power { coordinate, exponent } => {
-            (format!("{}^{exponent}", q(coordinate)), "a force that is not linear in the position".into())
-        }
+    let (term, meaning): Words = match candidate.term {
+        CandidateKind::Offset => term_words::offset(),
+        CandidateKind::Power { coordinate, exponent } => term_words::power(&q(coordinate), exponent),
         CandidateKind::Product { coordinate, other } => {
             (format!("{}*{}", q(coordinate), q(other)), "a coupling of two coordinates".into())
         }
-        CandidateKind::RatePower { coordinate, exponent } => {
-            (format!("dot({})^{exponent}", q(coordinate)), "a force that is not linear in the velocity".into())
-        }
-        CandidateKind::Drag { coordinate } => {
-            (format!("dot({0})*abs(dot({0}))", q(coordinate)), "drag that grows with the square of the velocity".into())
-        }
-        CandidateKind::Friction { coordinate } => {
-            (format!("sign(dot({}))", q(coordinate)), "dry (Coulomb) friction".into())
-        }
-        CandidateKind::Stribeck { coordinate } => (
-            format!("sign(dot({0}))*exp(-(dot({0})/vs)^2)", q(coordinate)),
-            "friction that is larger at low speed (Stribeck)".into(),
-        ),
+        CandidateKind::RatePower { coordinate, exponent } => term_words::rate_power(&q(coordinate), exponent),
+        CandidateKind::Drag { coordinate } => term_words::drag(&q(coordinate)),
+        CandidateKind::Friction { coordinate } => term_words::friction(&q(coordinate)),
+        CandidateKind::Stribeck { coordinate } => term_words::stribeck(&q(coordinate)),
         CandidateKind::Drift { parameter } => {
             let name = name(model.parameter(parameter));
             let meaning = format!("{name} changes over the record (drift)");

@@ -6,7 +6,7 @@
 //! about the last solution, until z has converged. The refinement at the end has theta and z together.
 
 use crate::any_log::{BLOCKS, MOST_SAMPLES, stretches};
-use crate::excerpt::blocks;
+use crate::excerpt::at_most;
 use crate::identification::Identification;
 use crate::identify::identify_from;
 use crate::log_fault::LogFault;
@@ -16,7 +16,7 @@ use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use tpm_core::model::{EvalError, Model};
 use tpm_estimate::{
-    Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status, Stretch, TimeRecord,
+    Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status, TimeRecord,
 };
 use tpm_interpret::{InterpretedDerivatives, Separable};
 use tpm_log::Log;
@@ -64,9 +64,7 @@ pub(super) fn identify(
     let options = &LogOptions { domain: Some(options.domain.unwrap_or(Domain::Time)), ..options.clone() };
     let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
     let whole = stretches(segments, model.dims().coordinates, &options.reading)?;
-    let samples: usize = whole.iter().map(|stretch| stretch.inputs.first().map_or(0, |signal| signal.len())).sum();
-    let used: Vec<Stretch<'_>> =
-        if samples > MOST_SAMPLES { blocks(&whole, BLOCKS, MOST_SAMPLES / BLOCKS) } else { whole };
+    let used = at_most(whole, MOST_SAMPLES, BLOCKS);
     let record = TimeRecord {
         sample_time: segments.first().map_or(0.0, |log| log.sample_time),
         hold: options.reading.hold,

@@ -9,7 +9,7 @@
 //!   them. Where it leaves the log, it has no fit: the time is told.
 
 use crate::any_log::stretches;
-use crate::excerpt::{Excerpt, blocks, samples};
+use crate::excerpt::{Excerpt, at_most};
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::whiteness::{CorrelationTest, FALSE_ALARM, independence, whiteness};
@@ -175,10 +175,10 @@ pub(super) fn simulate(
     if !options.actuators.iter().all(Dynamics::is_ideal) {
         return Ok(Err("the known dynamics of the inputs are not simulated".into()));
     }
-    let of: usize = stretches.iter().map(samples).sum();
+    let of: usize = stretches.iter().map(Stretch::samples).sum();
     let states: usize = (0..dims.coordinates).map(|c| model.coordinate_order(c)).sum();
     let most = MOST_SAMPLES.min(MOST_NUMBERS / (states * (states + dims.inputs)).max(1));
-    let parts = if of > most { blocks(&stretches, BLOCKS, most / BLOCKS) } else { stretches };
+    let parts = at_most(stretches, most, BLOCKS);
     let sample_time = segments.first().map_or(0.0, |log| log.sample_time);
     match of_parts(machine, &parts, sample_time, options, parameters) {
         Ok(simulation) => Ok(Ok(Simulation { of, ..simulation })),

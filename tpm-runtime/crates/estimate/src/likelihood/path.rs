@@ -378,8 +378,13 @@ impl<'a> Rows<'a> {
     }
 
     fn evaluate(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
-        let Scratch { work, regressor, known, map } = scratch;
-        self.model.regressor(instant, self.constants, work, regressor)?;
+        self.model.regressor(instant, self.constants, &mut scratch.work, &mut scratch.regressor)?;
+        self.sides(instant, scratch)
+    }
+
+    /// The rows without their regressor: known terms and factors of the inputs.
+    fn sides(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        let Scratch { work, known, map, .. } = scratch;
         self.model.known(instant, self.constants, work, known)?;
         self.model.input_map(instant, self.constants, work, map)
     }
@@ -480,11 +485,10 @@ impl<'a> Rows<'a> {
     /// # Errors
     /// [`EstimateError::Model`].
     pub(super) fn right(self, path: &Path, inputs: &[Vec<f64>]) -> Result<Vec<Vec<f64>>, EstimateError> {
-        let dims = self.model.dims();
         let mut scratch = self.scratch();
-        let mut right = vec![Vec::with_capacity(path.points); dims.rows];
-        for k in 0..path.points {
-            self.evaluate(path.instant(k), &mut scratch)?;
+        let mut right = vec![Vec::with_capacity(path.points); self.model.dims().rows];
+        for (k, instant) in path.motion.chunks_exact(path.slots).enumerate() {
+            self.sides(instant, &mut scratch)?;
             for (row, right) in right.iter_mut().enumerate() {
                 right.push(self.right_of(&scratch, row, &|i| inputs[i][k]));
             }

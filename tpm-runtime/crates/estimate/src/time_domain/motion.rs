@@ -26,7 +26,9 @@ pub struct Stretch<'a> {
 }
 
 impl Stretch<'_> {
-    pub(crate) fn samples(&self) -> usize {
+    /// Number of samples.
+    #[must_use]
+    pub fn samples(&self) -> usize {
         self.coordinates.first().map_or(0, |signal| signal.len())
     }
 }

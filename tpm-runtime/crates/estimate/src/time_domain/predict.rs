@@ -4,7 +4,7 @@ use crate::error::EstimateError;
 use crate::time_domain::band::{cut_offs, reach};
 use crate::time_domain::equations::{Equations, Machine, RowEquations};
 use crate::time_domain::low_pass::LowPass;
-use crate::time_domain::motion::{Motion, TimeRecord};
+use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use std::f64::consts::PI;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::Model;
@@ -101,7 +101,7 @@ pub fn predict_in_band(
         return Err(EstimateError::NoSignal);
     }
     let width = dims.parameters + 1;
-    let lengths = record.stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len()));
+    let lengths = record.stretches.iter().map(Stretch::samples);
     let kept: f64 = lengths.map(|samples| (samples as f64 * record.sample_time - 2.0 * lost).max(0.0)).sum();
     let apart = kept / equations.instants() as f64;
     let missed = |row: &RowEquations| {
