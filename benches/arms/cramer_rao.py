@@ -28,11 +28,10 @@ def motion(times, rng):
     """Positions, rates and accelerations of a series that is the same for every seed of noise."""
     w = 2 * np.pi * FUNDAMENTAL * np.arange(1, HARMONICS + 1)
     a, b = rng.normal(size=(2, HARMONICS, 6)) / np.arange(1, HARMONICS + 1)[:, None]
-    size = 1.2 / np.abs(a).sum(0).clip(1)
+    size = 2 * w[0] * 1.2 / np.abs(a).sum(0).clip(1)
+    a, b = a * size, b * size
     s, c = np.sin(np.outer(times, w)), np.cos(np.outer(times, w))
-    q = (s / w) @ (a * w[0] * 2) * size + (c / w) @ (b * w[0] * 2) * size
-    v = c @ (a * w[0] * 2) * size - s @ (b * w[0] * 2) * size
-    return q, v, -(s * w) @ (a * w[0] * 2) * size - (c * w) @ (b * w[0] * 2) * size
+    return (s / w) @ a + (c / w) @ b, c @ a - s @ b, -(s * w) @ a - (c * w) @ b
 
 
 def truth_of(name, values):
