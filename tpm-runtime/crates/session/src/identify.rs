@@ -156,14 +156,19 @@ fn found(
         },
     };
     // What a simulation does not follow to the noise of the sensors is told by the lines of the rows, which know what the model may lack, and
-    // which scales no row shows. A single coordinate is told by them where nothing else explains it, and they show no less.
-    let asked = if several {
-        !follows(&found)
-    } else {
+    // which scales no row shows; but a simulation that settles finds the ratios of a row without an input better. A single coordinate is
+    // told by the lines where nothing else explains it, and they show no less.
+    let asked = if !several {
         found.estimate.residual > LARGE_RESIDUAL && other_hold(options.reading.hold, found.hold_residuals).is_none()
+    } else if dims.inputs < dims.rows {
+        found.refinement.as_ref().is_none_or(|report| !report.used)
+    } else {
+        !follows(&found)
     };
     let better = |other: &Found| {
-        other.estimate.residual <= LARGE_RESIDUAL && (several || other.estimate.rank >= found.estimate.rank)
+        other.estimate.residual <= LARGE_RESIDUAL
+            && !other.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. }))
+            && (several || other.estimate.rank >= found.estimate.rank)
     };
     let other = (asked && may_be_lines()).then(by_lines).and_then(Result::ok).filter(better);
     Ok(other.unwrap_or(found))

@@ -99,6 +99,7 @@ pub(super) fn identify(
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
     if !settled {
+        warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual }));
         warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
     }
     warnings.extend(refined.warnings);

@@ -41,6 +41,9 @@ const DELAY_PASSES: usize = 4;
 const DELAY_SETTLED: f64 = 2e-5;
 /// Longest delay that is looked for, s.
 const LONGEST_DELAY: f64 = 0.05;
+/// Largest share of the force of a row without an input, in which no force is recorded with noise, that may be left when the terms that the
+/// model lacks are there: beyond it the structure is another one, or the ratios of the row were not found.
+const MOST_LEFT_FREE: f64 = 0.01;
 /// Known terms above this share of a row's force fix the scale of a row without an input.
 const KNOWN_SHARE: f64 = 1e-3;
 
@@ -78,6 +81,9 @@ pub struct LineReport {
     pub row_residuals: Vec<f64>,
     /// What the model leaves of every row when the terms that it lacks are there, as a share of its force.
     pub with_terms: Vec<f64>,
+    /// Largest of these shares in a row without an input that is too large for one: the structure of the model is another one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub free_row_left: Option<f64>,
     /// Samples that were used.
     pub samples: usize,
     /// Measured rate over the rate of the measured position, by coordinate; nothing where the rate was not measured.
@@ -650,7 +656,10 @@ impl<'a> Pass<'a> {
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
         let none = vec![0.0; missing.len()];
         let row_residuals: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &none)).collect();
-        let with_terms = self.lines.iter().map(|row| left(row, (p, right), &values, &missing)).collect();
+        let with_terms: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &missing)).collect();
+        let of_free_rows =
+            with_terms.iter().enumerate().filter(|(row, _)| self.leading[*row].is_some()).map(|(_, left)| *left);
+        let free_row_left = of_free_rows.filter(|left| *left > MOST_LEFT_FREE).max_by(f64::total_cmp);
         let felt: Vec<f64> = (0..p)
             .map(|j| {
                 let of = |row: &RowLines| (row.size(j) / row.force().max(f64::MIN_POSITIVE)).sqrt();
@@ -689,6 +698,7 @@ impl<'a> Pass<'a> {
             sensor_share: self.sensor_shares(&noise, &fixed, &split.parameters),
             row_residuals,
             with_terms,
+            free_row_left,
             samples: self.record.stretches.iter().map(Stretch::samples).sum(),
             rate_gains: self.motion.rate_gains.clone(),
         };
