@@ -5,10 +5,10 @@ use std::fmt;
 /// What there is to say of physical parameters that were found behind lumped ones.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhysicalRemark {
-    /// The lumped parameters do not determine a physical one.
+    /// The lumped parameters do not determine these physical ones.
     NotDetermined {
-        /// The physical parameter.
-        parameter: String,
+        /// The physical parameters, in the model's order.
+        parameters: Vec<String>,
     },
     /// A physical parameter is held at a bound, beyond which the lumped ones ask for it.
     AtBound {
@@ -17,10 +17,10 @@ pub enum PhysicalRemark {
         /// Its value, the bound, in its unit.
         value: f64,
     },
-    /// The deviation of a physical parameter is of the size of its value.
+    /// The deviations of these physical parameters are of the size of their values.
     PoorlyDetermined {
-        /// The physical parameter.
-        parameter: String,
+        /// The physical parameters, in the model's order.
+        parameters: Vec<String>,
     },
     /// The search for the physical parameters did not end.
     NotConverged,
@@ -36,14 +36,15 @@ pub enum PhysicalRemark {
 }
 
 impl PhysicalRemark {
-    /// The physical parameter that it is about; nothing for a remark about all of them.
+    /// The physical parameters that it is about; none for a remark about all of them.
     #[must_use]
-    pub fn parameter(&self) -> Option<&String> {
+    pub fn parameters(&self) -> &[String] {
         match self {
-            PhysicalRemark::NotDetermined { parameter }
-            | PhysicalRemark::AtBound { parameter, .. }
-            | PhysicalRemark::PoorlyDetermined { parameter } => Some(parameter),
-            PhysicalRemark::NotConverged | PhysicalRemark::Nowhere | PhysicalRemark::Inconsistent { .. } => None,
+            PhysicalRemark::NotDetermined { parameters } | PhysicalRemark::PoorlyDetermined { parameters } => {
+                parameters
+            }
+            PhysicalRemark::AtBound { parameter, .. } => std::slice::from_ref(parameter),
+            PhysicalRemark::NotConverged | PhysicalRemark::Nowhere | PhysicalRemark::Inconsistent { .. } => &[],
         }
     }
 }
@@ -51,14 +52,17 @@ impl PhysicalRemark {
 impl fmt::Display for PhysicalRemark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            PhysicalRemark::NotDetermined { parameter } => {
-                write!(f, "the lumped parameters do not determine {parameter}")
+            PhysicalRemark::NotDetermined { parameters } => {
+                write!(f, "the lumped parameters do not determine {}", parameters.join(", "))
             }
             PhysicalRemark::AtBound { parameter, value } => write!(
                 f,
                 "{parameter} is held at its bound {value}: the lumped parameters ask for a value beyond it, which no such machine has"
             ),
-            PhysicalRemark::PoorlyDetermined { parameter } => write!(f, "{parameter} is poorly determined"),
+            PhysicalRemark::PoorlyDetermined { parameters } => {
+                let are = if parameters.len() == 1 { "is" } else { "are" };
+                write!(f, "{} {are} poorly determined", parameters.join(", "))
+            }
             PhysicalRemark::NotConverged => f.write_str("the search for the physical parameters did not converge"),
             PhysicalRemark::Nowhere => {
                 f.write_str("the physical parameters came to a place where the lumped ones have no value")

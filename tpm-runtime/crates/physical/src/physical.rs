@@ -600,20 +600,17 @@ impl Fixed {
             };
             !with.is_empty() && with.iter().all(all)
         };
+        let (mut hidden, mut poor) = (Vec::new(), Vec::new());
         let parameters: Vec<ParameterReport> = (0..count)
             .map(|i| {
                 let (name, value) = (map.name(map.parameters()[i]), solution.values[i]);
                 match status[i] {
                     Status::Identified | Status::Frozen | Status::Untrusted => {}
-                    Status::Unobservable => {
-                        remarks.push(PhysicalRemark::NotDetermined { parameter: name.to_string() });
-                    }
+                    Status::Unobservable => hidden.push(name.to_string()),
                     Status::PoorlyDetermined if solution.held[i] => {
                         remarks.push(PhysicalRemark::AtBound { parameter: name.to_string(), value });
                     }
-                    Status::PoorlyDetermined => {
-                        remarks.push(PhysicalRemark::PoorlyDetermined { parameter: name.to_string() });
-                    }
+                    Status::PoorlyDetermined => poor.push(name.to_string()),
                 }
                 let seen = status[i] != Status::Unobservable;
                 ParameterReport {
@@ -629,6 +626,12 @@ impl Fixed {
                 }
             })
             .collect();
+        if !hidden.is_empty() {
+            remarks.push(PhysicalRemark::NotDetermined { parameters: hidden });
+        }
+        if !poor.is_empty() {
+            remarks.push(PhysicalRemark::PoorlyDetermined { parameters: poor });
+        }
         // The consistency test.
         let freedom = weighted.rows.nrows().saturating_sub(rank);
         if !solution.converged {

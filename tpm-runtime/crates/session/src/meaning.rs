@@ -98,7 +98,7 @@ impl Warning {
             Warning::NotVisible { parameter, .. } => (Remark, Parameters, Concern::one(parameter)),
             Warning::PoorlyDetermined { parameter, .. } => (Remark, Parameters, Concern::one(parameter)),
             Warning::OnlyInCombinations { parameters, .. } => (Remark, Parameters, Concern::Parameters(parameters)),
-            Warning::Physical { remark } => (Remark, Parameters, remark.parameter().map_or(Nothing, Concern::one)),
+            Warning::Physical { remark } => (Remark, Parameters, Concern::Parameters(remark.parameters())),
             Warning::NegativeInertia { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
             Warning::FarFromLinear { .. } => (Distrust, Estimation, All),
             Warning::EndOfInterval { .. } => (Distrust, Estimation, All),

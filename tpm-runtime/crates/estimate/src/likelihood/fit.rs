@@ -5,7 +5,7 @@ use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
 use crate::likelihood::components::{Components, Products};
 use crate::likelihood::library::{Columns, Scales, Term, TermKind};
-use crate::likelihood::lines::{RowLines, Signals, View, row_lines, weights};
+use crate::likelihood::lines::{RowLines, Signals, View, is_enough, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::path::{Along, Entry, Felt, Paths, Rows, band, lost};
 use crate::result::{Estimate, ResidualOf};
@@ -28,6 +28,16 @@ const SETTLED: f64 = 0.05;
 const NOISE_STEPS: usize = 6;
 /// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it.
 const SPANNED: f64 = 0.1;
+/// Highest frequency up to which a motion may be taken, over the one at which it stands out of its noise: beyond, its forces have next to
+/// nothing. Below it frequencies are tried in steps of this ratio.
+const WIDEST: f64 = 4.0;
+const FINER: f64 = 1.1;
+/// A motion is taken up to where its sensor's noise makes this share of the noise of the forces.
+const HIDDEN: f64 = 0.05;
+/// Highest frequency of a motion that is taken, in units of the sampling rate: eight points an oscillation.
+const HIGHEST: f64 = 0.125;
+/// What is left around reversals counts as no larger than elsewhere up to so many standard deviations of its mean square.
+const ALIKE: f64 = 1.0;
 /// A named term makes at least this share of the force of its row.
 const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
@@ -144,22 +154,44 @@ pub fn estimate_any_motion(
     let motion = Motion::new(record)?;
     let rows = Rows { model, constants };
     let known = (record, &motion, circular);
-    let mut delays = vec![0.0; model.dims().inputs];
-    let mut late = vec![false; delays.len()];
+    let mut look = Look::first(model);
     let mut moved: f64 = f64::INFINITY;
     for _ in 0..DELAY_PASSES {
-        let fitted = Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?;
-        let beyond = |(term, value): &(Term, f64)| (delays[term.of] + value).abs() > LONGEST_DELAY;
+        let mut pass = Pass::new(rows, known, &look, &free, settings)?;
+        if let Some(taken) = pass.wider()? {
+            look.taken = taken;
+            pass = Pass::new(rows, known, &look, &free, settings)?;
+        }
+        let fitted = pass.fit(&free, &look.late)?;
+        let beyond = |(term, value): &(Term, f64)| (look.delays[term.of] + value).abs() > LONGEST_DELAY;
         if fitted.delays.is_empty() || moved < DELAY_SETTLED || fitted.delays.iter().any(beyond) {
             return Ok(fitted.result);
         }
         moved = fitted.delays.iter().map(|(_, value)| value.abs()).fold(0.0, f64::max);
         for (term, value) in &fitted.delays {
-            delays[term.of] += value;
-            late[term.of] = true;
+            look.delays[term.of] += value;
+            look.late[term.of] = true;
         }
     }
-    Ok(Pass::new(rows, known, &delays, &free, settings)?.fit(&free, &late)?.result)
+    Ok(Pass::new(rows, known, &look, &free, settings)?.fit(&free, &look.late)?.result)
+}
+
+/// How a record is looked at, as far as it is found on the way.
+struct Look {
+    /// Delay of every input beyond the known ones, s.
+    delays: Vec<f64>,
+    /// Whether it is a parameter.
+    late: Vec<bool>,
+    /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
+    taken: Vec<f64>,
+}
+
+impl Look {
+    fn first(model: &dyn Model<f64>) -> Self {
+        let dims = model.dims();
+        let inputs = dims.inputs;
+        Look { delays: vec![0.0; inputs], late: vec![false; inputs], taken: vec![0.0; dims.coordinates] }
+    }
 }
 
 /// A record as lines, before the noise is found.
@@ -168,6 +200,7 @@ struct Pass<'a> {
     record: &'a TimeRecord<'a>,
     motion: &'a Motion,
     delays: Vec<f64>,
+    taken: Vec<f64>,
     paths: Paths<'a>,
     along: Vec<Along>,
     scales: Scales,
@@ -185,6 +218,54 @@ struct Pass<'a> {
     /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
     leading: Vec<Option<usize>>,
     lines: Vec<RowLines>,
+    /// How the rows feel the motion; nothing before first values are known.
+    felt: Option<Felt>,
+}
+
+/// Columns that are asked for.
+struct Asked {
+    /// Parameters that are estimated, and delays that were applied.
+    fixed: Vec<usize>,
+    /// Terms that the model may lack.
+    terms: Vec<usize>,
+    /// Both.
+    all: Vec<usize>,
+    /// Square of a standardised coefficient from which a term enters.
+    threshold: f64,
+}
+
+/// What noise and components leave of them.
+struct Weighed {
+    noise: Noise,
+    /// Variance of the coefficient of every term.
+    variance: Vec<f64>,
+    /// Terms that take part.
+    active: Vec<usize>,
+    solved: Solved,
+    split: Split,
+}
+
+/// Sums over the times of a row.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    /// Squares of what is left.
+    squares: f64,
+    /// Squares that the uncertainty of the parameters makes of it.
+    spread: f64,
+    points: f64,
+    /// Independent equations.
+    equations: f64,
+}
+
+impl Sums {
+    fn and(self, other: Self) -> Self {
+        Sums {
+            squares: self.squares + other.squares,
+            spread: self.spread + other.spread,
+            points: self.points + other.points,
+            equations: self.equations + other.equations,
+        }
+    }
 }
 
 /// What a fit gives.
@@ -198,12 +279,12 @@ impl<'a> Pass<'a> {
     fn new(
         rows: Rows<'a>,
         (record, motion, circular): (&'a TimeRecord<'a>, &'a Motion, bool),
-        delays: &[f64],
+        look: &Look,
         free: &Free,
         settings: &Settings,
     ) -> Result<Self, EstimateError> {
         let dims = rows.model.dims();
-        let paths = Paths::new(rows, record, motion, circular, delays);
+        let paths = Paths::new(rows, record, motion, circular, (&look.delays, &look.taken));
         let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
         let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
         let scales = Scales::of(rows, &paths.paths, &along, deviations);
@@ -214,7 +295,8 @@ impl<'a> Pass<'a> {
             rows,
             record,
             motion,
-            delays: delays.to_vec(),
+            delays: look.delays.clone(),
+            taken: look.taken.clone(),
             paths,
             along,
             scales,
@@ -227,6 +309,7 @@ impl<'a> Pass<'a> {
             views: Vec::new(),
             leading: vec![None; dims.rows],
             lines: Vec::new(),
+            felt: None,
         };
         pass.first(free, settings)?;
         Ok(pass)
@@ -256,15 +339,17 @@ impl<'a> Pass<'a> {
                     coordinate: own,
                     rate_deviation: self.paths.measured[of].rate_deviation,
                     followed: self.paths.measured[of].spectrum.followed,
+                    notch: 1.0,
                 }
             })
             .collect()
     }
 
-    /// The lines of one row, about the present values where it has a leading acceleration; `missing` are the coefficients of the terms.
-    fn row(&self, row: usize, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
+    /// The signals of one row, stretch by stretch, about the present values where it has a leading acceleration, and the force of this
+    /// acceleration; `missing` are the coefficients of the terms.
+    fn signals(&self, row: usize, missing: &[f64]) -> Result<(Vec<Signals>, Vec<Signals>), EstimateError> {
         let dims = self.rows.model.dims();
-        let (right, view) = (self.right(), self.views[row]);
+        let right = self.right();
         let mut signals: Vec<Signals> = Vec::with_capacity(self.paths.paths.len());
         let mut forces: Vec<Signals> = Vec::new();
         for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
@@ -310,6 +395,13 @@ impl<'a> Pass<'a> {
             own.push((right, target));
             signals.push(own);
         }
+        Ok((signals, forces))
+    }
+
+    /// The lines of one row.
+    fn row(&self, row: usize, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
+        let (right, view) = (self.right(), self.views[row]);
+        let (signals, forces) = self.signals(row, missing)?;
         let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
         // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
         let leading = if forces.len() == signals.len() { row_lines(&self.paths.paths, view, &forces) } else { None };
@@ -365,6 +457,7 @@ impl<'a> Pass<'a> {
         self.scale_terms();
         self.lines = self.all_rows(&[])?;
         self.set_floors(&felt);
+        self.felt = Some(felt);
         Ok(())
     }
 
@@ -554,29 +647,108 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// Values, deviations and missing terms.
-    fn fit(mut self, free: &Free, late: &[bool]) -> Result<Outcome, EstimateError> {
-        let dims = self.rows.model.dims();
-        let (p, right) = (dims.parameters, self.right());
-        // A delay that was applied is a parameter.
-        let is_late = |i: usize| self.terms[i].kind == TermKind::Delay && late[self.terms[i].of];
-        let fixed: Vec<usize> =
-            self.kept.iter().copied().chain((0..self.terms.len()).filter(|&i| is_late(i)).map(|i| p + i)).collect();
-        let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_late(i)).map(|i| p + i).collect();
-        let all: Vec<usize> = fixed.iter().chain(&terms).copied().collect();
-        let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
+    /// Frequencies up to which the coordinates are taken, Hz, where the noise of the forces allows more than their own noise, and zero for
+    /// others: nothing where it does so for none, or where more is taken already.
+    fn wider(&self) -> Result<Option<Vec<f64>>, EstimateError> {
+        let Some(felt) = self.felt.as_ref().filter(|_| self.taken.iter().all(|taken| *taken <= 0.0)) else {
+            return Ok(None);
+        };
+        let noise = Noise::first(&self.lines, true).found(&self.lines, &self.kept, self.right(), None, None).0;
+        let of_forces: Vec<f64> = (self.lines.iter().zip(&noise.variance))
+            .map(|(row, variance)| {
+                let last = row.bands().saturating_sub(1);
+                let own =
+                    row.band.iter().zip(variance).filter(|(band, _)| **band == last).map(|(_, variance)| *variance);
+                own.fold(f64::INFINITY, f64::min)
+            })
+            .collect();
+        let (h, measured) = (self.paths.sample_time, &self.paths.measured);
+        let of = |c: usize| {
+            let own = &measured[c].spectrum;
+            let rows: Vec<usize> = (0..of_forces.len()).filter(|&row| felt.feels(row, c)).collect();
+            let hidden = |f: &f64| {
+                let w = 2.0 * std::f64::consts::PI * f;
+                rows.iter().all(|&row| felt.noise_of(row, c, measured, w, h) < HIDDEN * of_forces[row])
+            };
+            let most = (WIDEST * own.followed).min(HIGHEST / h);
+            let tried = std::iter::successors(Some(most), |f| Some(f / FINER)).take_while(|f| *f > own.used);
+            tried.into_iter().find(hidden).unwrap_or(0.0)
+        };
+        let taken: Vec<f64> = (0..measured.len()).map(of).collect();
+        Ok(taken.iter().any(|taken| *taken > 0.0).then_some(taken))
+    }
+
+    /// Largest share of the full width that the notches of a row need: what is left of the row in the times that a narrower one would
+    /// leave, besides, is no larger there than elsewhere. `columns` are those of the covariance.
+    fn needed_notch(
+        &self,
+        row: usize,
+        (values, missing): (&[f64], &[f64]),
+        (columns, covariance): (&[usize], &DMatrix<f64>),
+    ) -> Result<f64, EstimateError> {
+        let view = self.views[row];
+        let (p, right) = (self.rows.model.dims().parameters, self.right());
+        let signals = self.signals(row, missing)?.0;
+        let Some(factor) = Cholesky::new(covariance.clone()) else { return Ok(view.notch) };
+        let lower = factor.l();
+        // Of every share: squares in the times that it adds to those of the full width, what parameters make of them, and their number.
+        let mut added: Vec<(f64, Sums)> = Vec::new();
+        let mut kept = Sums::default();
+        for (path, signals) in self.paths.paths.iter().zip(&signals) {
+            let Some((valid, masks)) = view.left_by_notches(path) else { return Ok(view.notch) };
+            let Some(widest) = masks.iter().rev().map(|(_, mask)| mask).find(|mask| is_enough(mask)) else { continue };
+            let mut left = vec![0.0; path.points];
+            let mut spread = DMatrix::<f64>::zeros(columns.len(), path.points);
+            for (number, signal) in signals {
+                let passed = view.passed(path, signal);
+                let factor = match *number {
+                    j if j == right => 1.0,
+                    j if j < p => -values[j],
+                    j => -missing[j - p],
+                };
+                left.iter_mut().zip(&passed).for_each(|(sum, x)| *sum += factor * x);
+                if let Some(at) = columns.iter().position(|column| column == number) {
+                    spread.row_mut(at).copy_from_slice(&passed);
+                }
+            }
+            let spread = lower.tr_mul(&spread);
+            let rate = 2.0 * path.apart * view.low_pass.cut_off / (2.0 * std::f64::consts::PI);
+            let at = |i: usize| {
+                let k = valid.start + i;
+                Sums { squares: left[k].powi(2), spread: spread.column(k).norm_squared(), points: 1.0, equations: rate }
+            };
+            let chosen = |mask: &dyn Fn(usize) -> bool| {
+                (0..valid.len()).filter(|&i| mask(i)).map(at).fold(Sums::default(), Sums::and)
+            };
+            kept = kept.and(chosen(&|i| widest[i]));
+            for (place, (share, mask)) in masks.iter().enumerate() {
+                let own = chosen(&|i| mask[i] && !widest[i]);
+                match added.get_mut(place) {
+                    Some((_, sums)) => *sums = sums.and(own),
+                    None => added.push((*share, own)),
+                }
+            }
+        }
+        let noise = (kept.squares + kept.spread) / kept.points.max(1.0);
+        let alike = |(_, own): &&(f64, Sums)| {
+            let expected = own.points * noise + own.spread;
+            let chance = (2.0 / own.equations.max(1.0) + 2.0 / kept.equations.max(1.0)).sqrt();
+            own.squares <= (1.0 + ALIKE * chance) * expected
+        };
+        Ok(added.iter().find(alike).map_or(view.notch, |(share, _)| *share))
+    }
+
+    /// Noise and components in turn, from a noise on.
+    fn weigh(&mut self, asked: &Asked, mut noise: Noise) -> Result<Weighed, EstimateError> {
+        let (p, right) = (self.rows.model.dims().parameters, self.right());
         let ratios = self.leading.iter().any(Option::is_some);
-        // With all candidates a misfit is not taken for noise at first; where they are too many for the record, the model alone tells.
-        let independent: f64 = self.lines.iter().map(|row| 2.0 * row.lines() as f64 / row.correlation).sum();
-        let many = independent < LEAST_EQUATIONS * all.len() as f64;
-        let first = if many { &fixed } else { &all };
-        let mut noise = Noise::first(&self.lines, true).found(&self.lines, first, right, None, None).0;
         let passes = PASSES + if ratios { MORE_PASSES } else { 0 };
         for _ in 0..passes {
-            let split = Split::new(&triangle(&self.lines, &noise.variance, &all, right), fixed.len());
+            let split = Split::new(&triangle(&self.lines, &noise.variance, &asked.all, right), asked.fixed.len());
             let products = Products::of(&split.candidates, &split.target);
-            let found = Components::found(&products, threshold);
-            let columns: Vec<usize> = fixed.iter().copied().chain(found.active().map(|i| terms[i])).collect();
+            let found = Components::found(&products, asked.threshold);
+            let columns: Vec<usize> =
+                asked.fixed.iter().copied().chain(found.active().map(|i| asked.terms[i])).collect();
             let (next, values) = noise.found(&self.lines, &columns, right, Some(NOISE_STEPS), None);
             let change = next.variance.iter().flatten().zip(noise.variance.iter().flatten());
             let change = change.map(|(a, b)| (a / b).ln().abs()).fold(0.0, f64::max);
@@ -584,30 +756,90 @@ impl<'a> Pass<'a> {
             if ratios {
                 self.kept.iter().for_each(|&j| self.theta[j] = values[j]);
                 let missing: Vec<f64> = (0..self.terms.len()).map(|i| values[p + i]).collect();
-                for row in 0..dims.rows {
-                    if self.leading[row].is_some()
-                        && let Some(lines) = self.row(row, &missing)?
-                    {
-                        self.lines[row] = RowLines { floor: self.lines[row].floor.clone(), ..lines };
-                    }
-                }
+                let linearised: Vec<usize> =
+                    (0..self.leading.len()).filter(|&row| self.leading[row].is_some()).collect();
+                self.rows_anew(&linearised, &missing)?;
             }
             if change < SETTLED {
                 break;
             }
         }
-        let split = Split::new(&triangle(&self.lines, &noise.variance, &all, right), fixed.len());
+        let split = Split::new(&triangle(&self.lines, &noise.variance, &asked.all, right), asked.fixed.len());
         let products = Products::of(&split.candidates, &split.target);
-        let found = Components::found(&products, threshold);
+        let found = Components::found(&products, asked.threshold);
         let common = found.common(&split.candidates, &split.target, &split.counts);
-        let variance: Vec<f64> = found
-            .variance
-            .iter()
-            .zip(&split.counts)
-            .map(|(own, counts)| own + if *counts { common } else { 0.0 })
-            .collect();
+        let whole = |(own, counts): (&f64, &bool)| own + if *counts { common } else { 0.0 };
+        let variance: Vec<f64> = found.variance.iter().zip(&split.counts).map(whole).collect();
         let solved = split.solve(&variance).ok_or(EstimateError::NoSignal)?;
-        let active: Vec<usize> = found.active().collect();
+        let active = found.active().collect();
+        Ok(Weighed { noise, variance, active, solved, split })
+    }
+
+    /// The lines of some rows, which keep their floors.
+    fn rows_anew(&mut self, rows: &[usize], missing: &[f64]) -> Result<(), EstimateError> {
+        for &row in rows {
+            if let Some(lines) = self.row(row, missing)? {
+                self.lines[row] = RowLines { floor: self.lines[row].floor.clone(), ..lines };
+            }
+        }
+        Ok(())
+    }
+
+    /// Values of all parameters, and of all terms.
+    fn values(&self, asked: &Asked, solved: &Solved) -> (Vec<f64>, Vec<f64>) {
+        let (p, kept) = (self.rows.model.dims().parameters, self.kept.len());
+        let mut values = self.theta.clone();
+        self.kept.iter().zip(solved.values.iter()).for_each(|(&j, value)| values[j] = *value);
+        let mut missing = vec![0.0; self.terms.len()];
+        asked.terms.iter().zip(solved.missing.iter()).for_each(|(&column, value)| missing[column - p] = *value);
+        let late = asked.fixed.iter().zip(solved.values.iter()).skip(kept);
+        late.for_each(|(&column, value)| missing[column - p] = *value);
+        (values, missing)
+    }
+
+    /// What is asked of the lines; a delay that was applied is a parameter.
+    fn asked(&self, late: &[bool]) -> Asked {
+        let p = self.rows.model.dims().parameters;
+        let is_late = |i: usize| self.terms[i].kind == TermKind::Delay && late[self.terms[i].of];
+        let own = (0..self.terms.len()).filter(|&i| is_late(i)).map(|i| p + i);
+        let fixed: Vec<usize> = self.kept.iter().copied().chain(own).collect();
+        let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_late(i)).map(|i| p + i).collect();
+        let all = fixed.iter().chain(&terms).copied().collect();
+        let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
+        Asked { fixed, terms, all, threshold }
+    }
+
+    /// Values, deviations and missing terms.
+    fn fit(mut self, free: &Free, late: &[bool]) -> Result<Outcome, EstimateError> {
+        let dims = self.rows.model.dims();
+        let (p, right) = (dims.parameters, self.right());
+        let asked = self.asked(late);
+        // With all candidates a misfit is not taken for noise at first; where they are too many for the record, the model alone tells.
+        let independent: f64 = self.lines.iter().map(|row| 2.0 * row.lines() as f64 / row.correlation).sum();
+        let many = independent < LEAST_EQUATIONS * asked.all.len() as f64;
+        let first = if many { &asked.fixed } else { &asked.all };
+        let noise = Noise::first(&self.lines, true).found(&self.lines, first, right, None, None).0;
+        let mut weighed = self.weigh(&asked, noise)?;
+        let (values, missing) = self.values(&asked, &weighed.solved);
+        let of_parameters = (asked.fixed.as_slice(), &weighed.solved.covariance);
+        let narrower: Vec<usize> = (0..dims.rows)
+            .map(|row| Ok((row, self.needed_notch(row, (&values, &missing), of_parameters)?)))
+            .collect::<Result<Vec<_>, EstimateError>>()?
+            .into_iter()
+            .filter_map(|(row, notch)| {
+                (notch < self.views[row].notch).then(|| {
+                    self.views[row].notch = notch;
+                    row
+                })
+            })
+            .collect();
+        if !narrower.is_empty() {
+            self.rows_anew(&narrower, &missing)?;
+            weighed = self.weigh(&asked, weighed.noise)?;
+        }
+        let (values, missing) = self.values(&asked, &weighed.solved);
+        let Weighed { noise, variance, active, solved, split } = weighed;
+        let Asked { fixed, terms, threshold, .. } = asked;
         let by_lines =
             self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
         // The larger of what the noise says and what the residuals line by line say, parameter by parameter.
@@ -617,17 +849,12 @@ impl<'a> Pass<'a> {
         let covariance =
             DMatrix::from_fn(fixed.len(), fixed.len(), |a, b| solved.covariance[(a, b)] * factor_of[a] * factor_of[b]);
         let kept = self.kept.len();
-        let mut values = self.theta.clone();
-        self.kept.iter().zip(solved.values.iter()).for_each(|(&j, value)| values[j] = *value);
         let mut whole = DMatrix::zeros(p, p);
         for (a, &i) in self.kept.iter().enumerate() {
             for (b, &j) in self.kept.iter().enumerate() {
                 whole[(i, j)] = covariance[(a, b)];
             }
         }
-        let mut missing = vec![0.0; self.terms.len()];
-        terms.iter().zip(solved.missing.iter()).for_each(|(&column, value)| missing[column - p] = *value);
-        fixed.iter().zip(solved.values.iter()).skip(kept).for_each(|(&column, value)| missing[column - p] = *value);
         let named = |column: usize, (value, std): (f64, f64)| {
             let (term, size) = (self.terms[column - p], self.sizes[column - p]);
             let gain = self.gain(column, value, (&values, &missing));

@@ -132,6 +132,8 @@ pub(super) struct View {
     pub(super) rate_deviation: f64,
     /// Highest frequency at which the coordinate is followed, Hz.
     pub(super) followed: f64,
+    /// Largest share of the full width that the notches around reversals may have.
+    pub(super) notch: f64,
 }
 
 /// The window of a row over a stretch, of unit sum of squares.
@@ -172,7 +174,7 @@ impl View {
         let width = self.low_pass.cut_off / (2.0 * PI);
         let slow = (SIGN_UNKNOWN * self.rate_deviation).max(a / (2.0 * PI * self.followed));
         let mut weights = vec![1.0; n];
-        for share in NOTCH_SHARES {
+        for share in NOTCH_SHARES.into_iter().filter(|share| *share <= self.notch) {
             let reach = (share * NOTCH / width / path.apart) as usize;
             let rise = (NOTCH_RISE / width / path.apart) as usize + 1;
             let bad: Vec<bool> = valid.clone().map(|k| v[k].abs() < share * slow).collect();
@@ -183,6 +185,31 @@ impl View {
         }
         weights
     }
+
+    /// The points of a stretch that are used, and for every share of the width of a notch, the narrowest first, which of them its notches
+    /// leave.
+    pub(super) fn left_by_notches(&self, path: &Path) -> Option<(Range<usize>, Vec<(f64, Vec<bool>)>)> {
+        let coordinate = self.coordinate?;
+        let valid = path.valid(self.lost);
+        let shares = NOTCH_SHARES.into_iter().rev().filter(|share| *share <= self.notch);
+        let of = |share: f64| {
+            let weights = View { notch: share, ..*self }.notch(path, &valid, coordinate);
+            (share, weights.iter().map(|weight| *weight > 0.5).collect())
+        };
+        let all = shares.map(of).collect();
+        Some((valid, all))
+    }
+
+    /// A signal behind the low pass of the row, along the whole stretch.
+    pub(super) fn passed(&self, path: &Path, signal: &[f64]) -> Vec<f64> {
+        let transform = Transform::new(signal, path.points, path.apart);
+        transform.filtered(path.points, |w| self.low_pass.response(w).into())
+    }
+}
+
+/// Whether a mask leaves enough of a record.
+pub(super) fn is_enough(mask: &[bool]) -> bool {
+    mask.iter().filter(|left| **left).count() as f64 > LEAST_LEFT * mask.len() as f64
 }
 
 /// Marks all that is within `reach` of a mark.
@@ -279,8 +306,7 @@ pub(super) fn row_lines(paths: &[Path], view: View, signals: &[Signals]) -> Opti
         let transformed: Vec<Vec<f64>> = signals
             .par_iter()
             .map(|(_, signal)| {
-                let transform = Transform::new(signal, path.points, path.apart);
-                let passed = transform.filtered(path.points, |w| view.low_pass.response(w).into());
+                let passed = view.passed(path, signal);
                 let mut windowed: Vec<f64> =
                     window.weights.iter().zip(&passed[window.range.clone()]).map(|(w, x)| w * x).collect();
                 let plan = forward(n);

@@ -15,9 +15,11 @@ use tpm_core::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
 use tpm_numerics::root_mean_square;
 
-/// Points of the grid in one oscillation at the highest frequency that is followed: products of a few coordinates alias nothing into the
-/// lines, and a sign jumps to a thirtieth of an oscillation.
+/// Points of the grid in one oscillation at the highest frequency at which a motion stands out of its noise: products of a few coordinates
+/// alias nothing into the lines, and a sign jumps to a thirtieth of an oscillation.
 const POINTS_PER_OSCILLATION: f64 = 32.0;
+/// Fewest points in one oscillation at the highest frequency that is taken: the low pass on the motion ends at four times this frequency.
+const LEAST_POINTS: f64 = 8.0;
 /// Cut-off of the low pass on motion and inputs, in units of the highest frequency that is followed: a linear term is treated exactly as the
 /// inputs are.
 const MOTION_CUT_OFF: f64 = 2.0;
@@ -51,6 +53,8 @@ pub(super) struct Rows<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub(super) spectrum: Spectrum,
+    /// Highest frequency at which the motion stands out of its noise, Hz; more may be taken where the forces' noise is larger.
+    pub(super) narrow: f64,
     /// Deviation of the noise of the measured rate; nothing where it is not measured.
     rate_noise: Option<f64>,
     /// Deviation of the smoothed rate, unit of the coordinate per s.
@@ -102,13 +106,14 @@ pub(super) struct Paths<'a> {
 }
 
 impl<'a> Paths<'a> {
-    /// Smooths the motion of a record; every input comes later by its delay, s.
+    /// Smooths the motion of a record; every input comes later by its delay, s, and every coordinate is taken up to a frequency, Hz, or
+    /// where this is zero as far as it stands out of its noise.
     pub(super) fn new(
         rows: Rows<'a>,
         record: &TimeRecord<'_>,
         motion: &Motion,
         circular: bool,
-        delays: &[f64],
+        (delays, taken): (&[f64], &[f64]),
     ) -> Self {
         let dims = rows.model.dims();
         let h = record.sample_time;
@@ -125,10 +130,15 @@ impl<'a> Paths<'a> {
                     spectrum.followed = spectrum.followed.max(own.followed);
                     spectrum.used = spectrum.used.max(own.used);
                 }
+                let narrow = spectrum.followed;
+                if taken[c] > 0.0 {
+                    spectrum.followed = spectrum.followed.max(taken[c]);
+                    spectrum.used = taken[c];
+                }
                 let rate_noise = rate.map(|rates| Sensor::of(&rates).noise);
                 let by_position = rate_deviation(spectrum.noise, spectrum.followed, h);
                 let rate_deviation = rate_noise.map_or(by_position, |noise| noise.min(by_position));
-                Measured { spectrum, rate_noise, rate_deviation }
+                Measured { spectrum, narrow, rate_noise, rate_deviation }
             })
             .collect();
         let stretch = |moving: &Moving| on_grid(rows.model, record, &measured, moving, circular, delays);
@@ -245,7 +255,8 @@ fn on_grid(
     let dims = model.dims();
     let fastest = measured.iter().map(|own| own.spectrum.followed).fold(0.0, f64::max);
     let whole = moving.points as f64 * record.sample_time;
-    let wanted = whole * POINTS_PER_OSCILLATION * fastest;
+    let narrow = measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
+    let wanted = whole * f64::max(POINTS_PER_OSCILLATION * narrow, LEAST_POINTS * fastest);
     let points = quick(wanted.ceil() as usize).min(moving.points);
     let wide = wide(fastest);
     let slots = dims.motion_len();
@@ -573,13 +584,20 @@ impl Felt {
         (0..self.coordinates).filter(|&c| powers[c] > FELT * FELT * whole).collect()
     }
 
+    /// Whether a row feels a coordinate.
+    pub(super) fn feels(&self, row: usize, c: usize) -> bool {
+        self.coordinates(row).contains(&c)
+    }
+
+    /// Variance of one part of a line of a row from the noise of one sensor, given its angular frequency.
+    pub(super) fn noise_of(&self, row: usize, c: usize, measured: &[Measured], w: f64, h: f64) -> f64 {
+        let slots = (c..self.slots).step_by(self.coordinates).enumerate();
+        0.5 * measured[c].noise(w, h) * slots.map(|(d, slot)| self.own(row)[slot] * w.powi(2 * d as i32)).sum::<f64>()
+    }
+
     /// Variance of one part of a line of a row from the sensors' noise, given its angular frequency.
     pub(super) fn noise(&self, row: usize, measured: &[Measured], w: f64, h: f64) -> f64 {
-        let of = |(slot, square): (usize, &f64)| {
-            let (c, d) = (slot % self.coordinates, slot / self.coordinates);
-            0.5 * measured[c].noise(w, h) * square * w.powi(2 * d as i32)
-        };
-        self.own(row).iter().enumerate().map(of).sum()
+        (0..self.coordinates).map(|c| self.noise_of(row, c, measured, w, h)).sum()
     }
 }
 
