@@ -2,23 +2,23 @@
 
 use crate::error::EstimateError;
 use crate::free::Free;
-use crate::information::{beside, beside_known, set_apart};
 use crate::likelihood::components::{Components, Products};
-use crate::likelihood::library::{Columns, Scales, Term, TermKind};
-use crate::likelihood::lines::{RowLines, Signals, View, is_enough, row_lines, weights};
+use crate::likelihood::library::{Term, TermKind};
+use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
-use crate::likelihood::path::{Along, Entry, Felt, Paths, Rows, band, lost};
+use crate::likelihood::pass::{Look, Pass};
+use crate::likelihood::path::Rows;
+use crate::likelihood::split::{Solved, Split};
+use crate::likelihood::start::RANK;
 use crate::result::{Estimate, ResidualOf};
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use crate::verdict::Verdict;
 use serde::Serialize;
 use tpm_core::model::Model;
-use tpm_numerics::singular::{Singular, unit_columns};
+use tpm_numerics::singular::unit_columns;
 use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, root_mean_square};
 
-/// A direction of scaled parameters whose singular value is below this share of the largest is not shown.
-const RANK: f64 = 1e-8;
 /// Passes in which noise and components are found in turn; more where a row without an input is linearised anew.
 const PASSES: usize = 3;
 const MORE_PASSES: usize = 3;
@@ -26,18 +26,6 @@ const MORE_PASSES: usize = 3;
 const SETTLED: f64 = 0.05;
 /// Steps of the noise in a pass.
 const NOISE_STEPS: usize = 6;
-/// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it.
-const SPANNED: f64 = 0.1;
-/// Highest frequency up to which a motion may be taken, over the one at which it stands out of its noise: beyond, its forces have next to
-/// nothing. Below it frequencies are tried in steps of this ratio.
-const WIDEST: f64 = 4.0;
-const FINER: f64 = 1.1;
-/// A motion is taken up to where its sensor's noise makes this share of the noise of the forces.
-const HIDDEN: f64 = 0.05;
-/// Highest frequency of a motion that is taken, in units of the sampling rate: eight points an oscillation.
-const HIGHEST: f64 = 0.125;
-/// What is left around reversals counts as no larger than elsewhere up to so many standard deviations of its mean square.
-const ALIKE: f64 = 1.0;
 /// A named term makes at least this share of the force of its row.
 const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
@@ -54,8 +42,6 @@ const LONGEST_DELAY: f64 = 0.05;
 /// Largest share of the force of a row without an input, in which no force is recorded with noise, that may be left when the terms that the
 /// model lacks are there: beyond it the structure is another one, or the ratios of the row were not found.
 const MOST_LEFT_FREE: f64 = 0.01;
-/// Known terms above this share of a row's force fix the scale of a row without an input.
-const KNOWN_SHARE: f64 = 1e-3;
 
 /// A term that the record shows the model to lack.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -176,52 +162,6 @@ pub fn estimate_any_motion(
     Ok(Pass::new(rows, known, &look, &free, settings)?.fit(&free, &look.late)?.result)
 }
 
-/// How a record is looked at, as far as it is found on the way.
-struct Look {
-    /// Delay of every input beyond the known ones, s.
-    delays: Vec<f64>,
-    /// Whether it is a parameter.
-    late: Vec<bool>,
-    /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
-    taken: Vec<f64>,
-}
-
-impl Look {
-    fn first(model: &dyn Model<f64>) -> Self {
-        let dims = model.dims();
-        let inputs = dims.inputs;
-        Look { delays: vec![0.0; inputs], late: vec![false; inputs], taken: vec![0.0; dims.coordinates] }
-    }
-}
-
-/// A record as lines, before the noise is found.
-struct Pass<'a> {
-    rows: Rows<'a>,
-    record: &'a TimeRecord<'a>,
-    motion: &'a Motion,
-    delays: Vec<f64>,
-    taken: Vec<f64>,
-    paths: Paths<'a>,
-    along: Vec<Along>,
-    scales: Scales,
-    terms: Vec<Term>,
-    /// Columns of every term, scaled to a root mean square of one, stretch by stretch.
-    columns: Vec<Vec<Columns>>,
-    /// What the columns of a term were divided by.
-    sizes: Vec<f64>,
-    /// Values of all parameters from which the rows are linear.
-    theta: Vec<f64>,
-    /// Parameters that are estimated: all but those that are held and one for every direction that is not shown.
-    kept: Vec<usize>,
-    hidden: Vec<Vec<f64>>,
-    views: Vec<View>,
-    /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
-    leading: Vec<Option<usize>>,
-    lines: Vec<RowLines>,
-    /// How the rows feel the motion; nothing before first values are known.
-    felt: Option<Felt>,
-}
-
 /// Columns that are asked for.
 struct Asked {
     /// Parameters that are estimated, and delays that were applied.
@@ -245,29 +185,6 @@ struct Weighed {
     split: Split,
 }
 
-/// Sums over the times of a row.
-#[derive(Clone, Copy, Default)]
-struct Sums {
-    /// Squares of what is left.
-    squares: f64,
-    /// Squares that the uncertainty of the parameters makes of it.
-    spread: f64,
-    points: f64,
-    /// Independent equations.
-    equations: f64,
-}
-
-impl Sums {
-    fn and(self, other: Self) -> Self {
-        Sums {
-            squares: self.squares + other.squares,
-            spread: self.spread + other.spread,
-            points: self.points + other.points,
-            equations: self.equations + other.equations,
-        }
-    }
-}
-
 /// What a fit gives.
 struct Outcome {
     result: OfAnyMotion,
@@ -275,469 +192,7 @@ struct Outcome {
     delays: Vec<(Term, f64)>,
 }
 
-impl<'a> Pass<'a> {
-    fn new(
-        rows: Rows<'a>,
-        (record, motion, circular): (&'a TimeRecord<'a>, &'a Motion, bool),
-        look: &Look,
-        free: &Free,
-        settings: &Settings,
-    ) -> Result<Self, EstimateError> {
-        let dims = rows.model.dims();
-        let paths = Paths::new(rows, record, motion, circular, (&look.delays, &look.taken));
-        let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
-        let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
-        let scales = Scales::of(rows, &paths.paths, &along, deviations);
-        let mut theta = settings.prior.clone();
-        theta.resize(dims.parameters, 0.0);
-        settings.hold(&mut theta);
-        let mut pass = Pass {
-            rows,
-            record,
-            motion,
-            delays: look.delays.clone(),
-            taken: look.taken.clone(),
-            paths,
-            along,
-            scales,
-            terms: Vec::new(),
-            columns: Vec::new(),
-            sizes: Vec::new(),
-            theta,
-            kept: free.indices.clone(),
-            hidden: Vec::new(),
-            views: Vec::new(),
-            leading: vec![None; dims.rows],
-            lines: Vec::new(),
-            felt: None,
-        };
-        pass.first(free, settings)?;
-        Ok(pass)
-    }
-
-    fn right(&self) -> usize {
-        self.rows.model.dims().parameters + self.terms.len()
-    }
-
-    /// Whether no input acts in a row.
-    fn homogeneous(&self, row: usize) -> bool {
-        !self.scales.driven(row)
-    }
-
-    /// How the rows are looked at, given the coordinates that each of them feels.
-    fn views(&self, coordinates: &dyn Fn(usize) -> Vec<usize>) -> Vec<View> {
-        let dims = self.rows.model.dims();
-        (0..dims.rows)
-            .map(|row| {
-                let (low_pass, used) = band(&coordinates(row), &self.paths.measured);
-                let own = (row < dims.coordinates).then_some(row);
-                let of = own.unwrap_or(0);
-                View {
-                    low_pass,
-                    used,
-                    lost: lost(low_pass, self.paths.fastest()),
-                    coordinate: own,
-                    rate_deviation: self.paths.measured[of].rate_deviation,
-                    followed: self.paths.measured[of].spectrum.followed,
-                    notch: 1.0,
-                }
-            })
-            .collect()
-    }
-
-    /// The signals of one row, stretch by stretch, about the present values where it has a leading acceleration, and the force of this
-    /// acceleration; `missing` are the coefficients of the terms.
-    fn signals(&self, row: usize, missing: &[f64]) -> Result<(Vec<Signals>, Vec<Signals>), EstimateError> {
-        let dims = self.rows.model.dims();
-        let right = self.right();
-        let mut signals: Vec<Signals> = Vec::with_capacity(self.paths.paths.len());
-        let mut forces: Vec<Signals> = Vec::new();
-        for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
-            let of_terms = || {
-                let own = self.columns.get(stretch).into_iter().flatten().enumerate();
-                own.flat_map(|(i, columns)| {
-                    columns.iter().filter(|(at, _)| *at == row).map(move |(_, values)| (i, values))
-                })
-            };
-            let predicted = match self.leading[row] {
-                Some(c) => {
-                    let mut others = vec![0.0; path.points];
-                    for (i, values) in of_terms() {
-                        let value = missing.get(i).copied().unwrap_or(0.0);
-                        if value != 0.0 {
-                            others.iter_mut().zip(values).for_each(|(sum, x)| *sum += value * x);
-                        }
-                    }
-                    self.rows.predicted(path, (row, c), &self.theta, &others)?
-                }
-                None => None,
-            };
-            let (columns, mut target, factor) = match predicted {
-                Some(found) => {
-                    forces.push(vec![(0, found.leading)]);
-                    let present = |(_, column): &(usize, Vec<f64>)| column.iter().any(|x| *x != 0.0);
-                    let columns = found.columns.into_iter().enumerate().filter(present).collect();
-                    (columns, found.right, Some(found.factor))
-                }
-                None => {
-                    let target = along.place(row, Entry::Right).map(|at| along.column(at));
-                    (along.parameters(row), target.unwrap_or_else(|| vec![0.0; path.points]), None)
-                }
-            };
-            let mut own: Signals = self.without_held(columns, &mut target);
-            for (i, values) in of_terms() {
-                let values = match &factor {
-                    Some(factor) => values.iter().zip(factor).map(|(x, f)| x * f).collect(),
-                    None => values.clone(),
-                };
-                own.push((dims.parameters + i, values));
-            }
-            own.push((right, target));
-            signals.push(own);
-        }
-        Ok((signals, forces))
-    }
-
-    /// The lines of one row.
-    fn row(&self, row: usize, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
-        let (right, view) = (self.right(), self.views[row]);
-        let (signals, forces) = self.signals(row, missing)?;
-        let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
-        // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
-        let leading = if forces.len() == signals.len() { row_lines(&self.paths.paths, view, &forces) } else { None };
-        let power = leading.map_or_else(|| lines.column(right), |leading| leading.column(0));
-        lines.take_power(power);
-        Ok(Some(lines))
-    }
-
-    /// The columns of the parameters that are estimated; what the others make is taken from the right-hand side.
-    fn without_held(&self, columns: Signals, target: &mut [f64]) -> Signals {
-        let (kept, held): (Signals, Signals) = columns.into_iter().partition(|(j, _)| self.kept.contains(j));
-        for (j, column) in held.iter().filter(|(j, _)| self.theta[*j] != 0.0) {
-            target.iter_mut().zip(column).for_each(|(sum, x)| *sum -= self.theta[*j] * x);
-        }
-        kept
-    }
-
-    /// The lines of all rows.
-    ///
-    /// # Errors
-    /// [`EstimateError::NoSignal`] when the stretches are too short for a row.
-    fn all_rows(&self, missing: &[f64]) -> Result<Vec<RowLines>, EstimateError> {
-        let rows = self.rows.model.dims().rows;
-        (0..rows).map(|row| self.row(row, missing)?.ok_or(EstimateError::NoSignal)).collect()
-    }
-
-    /// First values, what is not shown, which coordinates a row feels, and the floors; then the lines with all terms.
-    fn first(&mut self, free: &Free, settings: &Settings) -> Result<(), EstimateError> {
-        let dims = self.rows.model.dims();
-        self.views = self.views(&|row| if row < dims.coordinates { vec![row] } else { Vec::new() });
-        // A row without an input as it stands: nothing on the other side.
-        let mut lines = self.all_rows(&[])?;
-        self.rank(&lines, free, settings)?;
-        for row in &mut lines {
-            self.hold(row);
-        }
-        let coefficients = self.rows.leading_coefficients(&self.paths)?;
-        self.start(&lines, &coefficients)?;
-        let felt = Felt::of(&self.paths, &self.theta)?;
-        self.views = self.views(&|row| felt.coordinates(row));
-        let leads = |row: usize| if self.homogeneous(row) { leading(row, &coefficients[row]) } else { None };
-        self.leading = (0..dims.rows).map(leads).collect();
-        if self.leading.iter().any(Option::is_some) {
-            self.scale_free(free)?;
-        }
-        let coupled = |row: usize, c: usize| coefficients[row][c].iter().any(|a| *a != 0.0);
-        self.terms = self.scales.terms(self.rows.model, &coupled);
-        let mut from = 0.0;
-        for (path, along) in self.paths.paths.iter().zip(&self.along) {
-            self.columns.push(self.terms.iter().map(|term| self.scales.columns(*term, path, along, from)).collect());
-            from += path.points as f64 * path.apart;
-        }
-        self.scale_terms();
-        self.lines = self.all_rows(&[])?;
-        self.set_floors(&felt);
-        self.felt = Some(felt);
-        Ok(())
-    }
-
-    /// Takes what parameters that are no longer estimated make from the right-hand side of a row.
-    fn hold(&self, row: &mut RowLines) {
-        let right = self.right();
-        let made = row.columns.iter().copied().filter(|column| *column != right && !self.kept.contains(column));
-        let held: Vec<usize> = made.filter(|&j| self.theta[j] != 0.0).collect();
-        let mut target = row.column(right);
-        for &j in &held {
-            target.axpy(-self.theta[j], &row.column(j), 1.0);
-        }
-        if let Some(at) = row.place(right).filter(|_| !held.is_empty()) {
-            row.entries.set_column(at, &target);
-            row.take_power(target);
-        }
-    }
-
-    /// What the lines do not show, and which parameters are estimated.
-    fn rank(&mut self, lines: &[RowLines], free: &Free, settings: &Settings) -> Result<(), EstimateError> {
-        let noise = Noise::first(lines, false);
-        let factor = triangle(lines, &noise.variance, &free.indices, self.right());
-        let n = free.indices.len();
-        let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
-        let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
-        let shown_by_some = beside(&known, &scale);
-        let known = if shown_by_some.is_some() { known } else { Vec::new() };
-        let (narrow, whole) = match &shown_by_some {
-            Some(basis) => (&factor * basis, Some(basis)),
-            None => (factor, None),
-        };
-        let singular = Singular::new(&narrow, RANK);
-        if singular.rank() == 0 {
-            return Err(EstimateError::NoSignal);
-        }
-        let null = singular.null();
-        let null = whole.map_or_else(|| null.clone(), |basis| basis * &null);
-        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
-        let lost = beside_known(&known, lost, &scale);
-        self.hidden = known.into_iter().chain(lost).collect();
-        let apart = set_apart(self.hidden.clone());
-        self.kept = (0..n).filter(|at| apart.iter().all(|(own, _)| own != at)).map(|at| free.indices[at]).collect();
-        Ok(())
-    }
-
-    /// Scales that nothing shows: parameters of rows without an input that no other row shares show in ratios alone.
-    fn scale_free(&mut self, free: &Free) -> Result<(), EstimateError> {
-        let lines = self.all_rows(&[])?;
-        let noise = Noise::first(&lines, false);
-        let n = self.kept.len();
-        let factor = triangle(&lines, &noise.variance, &self.kept, self.right());
-        let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
-        let null = Singular::new(&factor, RANK).null();
-        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
-        let lost = beside_known(&[], lost, &scale);
-        let apart: Vec<usize> = set_apart(lost.clone()).iter().map(|(own, _)| self.kept[*own]).collect();
-        for direction in lost {
-            let place = |j: &usize| self.kept.iter().position(|kept| kept == j);
-            let of = |j: &usize| place(j).map_or(0.0, |at| direction[at]);
-            self.hidden.push(free.indices.iter().map(of).collect());
-        }
-        self.kept.retain(|j| !apart.contains(j));
-        if self.kept.is_empty() { Err(EstimateError::NoSignal) } else { Ok(()) }
-    }
-
-    /// First values: by the lines far above the noise; in rows without an input ratios first, which the other rows give a scale.
-    fn start(&mut self, lines: &[RowLines], coefficients: &[Vec<Vec<f64>>]) -> Result<(), EstimateError> {
-        let right = self.right();
-        let highest: Vec<f64> = self.views.iter().map(|view| view.used).collect();
-        let of = |rows: &[RowLines], columns: &[usize], highest: &[f64]| {
-            let noise = Noise::first(rows, false);
-            noise.found(rows, columns, right, None, Some(highest)).1
-        };
-        let known = |row: &RowLines| row.size(right) > 0.5 * KNOWN_SHARE * KNOWN_SHARE * row.force();
-        let ratios: Vec<usize> = (0..lines.len()).filter(|&row| self.homogeneous(row) && !known(&lines[row])).collect();
-        if ratios.is_empty() {
-            let values = of(lines, &self.kept, &highest);
-            self.kept.iter().for_each(|&j| self.theta[j] = values[j]);
-            return Ok(());
-        }
-        let mut groups: Vec<Vec<f64>> = Vec::new();
-        for &row in &ratios {
-            groups.extend(
-                leading(row, &coefficients[row]).and_then(|c| self.ratios(row, &lines[row], &coefficients[row][c])),
-            );
-        }
-        let grouped = |j: usize| groups.iter().any(|group| group[j] != 0.0);
-        let alone: Vec<usize> = self.kept.iter().copied().filter(|&j| !grouped(j)).collect();
-        // The rows with inputs in terms of the scales of the groups and of the parameters that stand alone.
-        let driven: Vec<usize> = (0..lines.len()).filter(|row| !ratios.contains(row)).collect();
-        let condensed: Vec<RowLines> = driven
-            .iter()
-            .map(|&row| {
-                let own = &lines[row];
-                let mut columns = alone.clone();
-                let mut entries: Vec<DVector<f64>> = alone.iter().map(|&j| own.column(j)).collect();
-                for (g, group) in groups.iter().enumerate() {
-                    let mut sum = DVector::zeros(2 * own.lines());
-                    for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
-                        sum.axpy(*ratio, &own.column(j), 1.0);
-                    }
-                    columns.push(right + g);
-                    entries.push(sum);
-                }
-                columns.push(right + groups.len());
-                entries.push(own.column(right));
-                RowLines { columns, entries: DMatrix::from_columns(&entries), ..own.clone() }
-            })
-            .collect();
-        for &j in &self.kept {
-            self.theta[j] = 0.0;
-        }
-        let mut scales = vec![1.0; groups.len()];
-        if !condensed.is_empty() {
-            let columns: Vec<usize> = alone.iter().copied().chain((0..groups.len()).map(|g| right + g)).collect();
-            let own: Vec<f64> = driven.iter().map(|&row| highest[row]).collect();
-            let noise = Noise::first(&condensed, false);
-            let values = noise.found(&condensed, &columns, right + groups.len(), None, Some(&own)).1;
-            alone.iter().for_each(|&j| self.theta[j] = values[j]);
-            let shared = |g: usize| condensed.iter().any(|row| row.size(right + g) > 0.0);
-            for (g, scale) in scales.iter_mut().enumerate() {
-                if shared(g) && values[right + g] != 0.0 {
-                    *scale = values[right + g];
-                }
-            }
-        }
-        for (group, scale) in groups.iter().zip(&scales) {
-            for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
-                self.theta[j] += scale * ratio;
-            }
-        }
-        Ok(())
-    }
-
-    /// The ratios that a row without an input shows, such that the mean coefficient of its leading acceleration is one.
-    /// `coefficients` are those of that acceleration, one for every parameter.
-    fn ratios(&self, row: usize, lines: &RowLines, coefficients: &[f64]) -> Option<Vec<f64>> {
-        let present: Vec<usize> = self.kept.iter().copied().filter(|&j| lines.size(j) > 0.0).collect();
-        let lead = present.iter().copied().max_by(|&a, &b| coefficients[a].abs().total_cmp(&coefficients[b].abs()));
-        let lead = lead.filter(|&lead| coefficients[lead] != 0.0)?;
-        let leading = lines.column(lead) / coefficients[lead];
-        let others: Vec<usize> = present.iter().copied().filter(|&j| j != lead).collect();
-        let mut entries: Vec<DVector<f64>> =
-            others.iter().map(|&j| lines.column(j) - &leading * coefficients[j]).collect();
-        entries.push(-&leading);
-        let right = self.right();
-        let mut columns = others.clone();
-        columns.push(right);
-        let row_of = RowLines { columns, entries: DMatrix::from_columns(&entries), ..lines.clone() };
-        let rows = [row_of];
-        let values = Noise::first(&rows, false).found(&rows, &others, right, None, Some(&[self.views[row].used])).1;
-        let mut ratios = vec![0.0; coefficients.len()];
-        others.iter().for_each(|&j| ratios[j] = values[j]);
-        ratios[lead] = (1.0 - others.iter().map(|&j| coefficients[j] * values[j]).sum::<f64>()) / coefficients[lead];
-        Some(ratios)
-    }
-
-    /// Divides the columns of every term by the largest of its root mean squares.
-    fn scale_terms(&mut self) {
-        self.sizes = (0..self.terms.len())
-            .map(|i| {
-                let mut sums = vec![(0.0, 0usize); self.rows.model.dims().rows];
-                for (row, values) in self.columns.iter().flat_map(|columns| &columns[i]) {
-                    sums[*row].0 += values.iter().map(|x| x * x).sum::<f64>();
-                    sums[*row].1 += values.len();
-                }
-                let largest = sums.iter().map(|(sum, count)| sum / (*count).max(1) as f64).fold(0.0, f64::max).sqrt();
-                if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }
-            })
-            .collect();
-        for columns in &mut self.columns {
-            for (own, size) in columns.iter_mut().zip(&self.sizes) {
-                own.iter_mut().flat_map(|(_, values)| values).for_each(|x| *x /= size);
-            }
-        }
-    }
-
-    /// The noise that the sensors add to every line.
-    fn set_floors(&mut self, felt: &Felt) {
-        let h = self.paths.sample_time;
-        for (j, row) in self.lines.iter_mut().enumerate() {
-            let view = self.views[j];
-            for (floor, f) in row.floor.iter_mut().zip(&row.frequency) {
-                let w = 2.0 * std::f64::consts::PI * f;
-                *floor = felt.noise(j, &self.paths.measured, w, h) * view.low_pass.response(w).powi(2);
-            }
-        }
-    }
-
-    /// Frequencies up to which the coordinates are taken, Hz, where the noise of the forces allows more than their own noise, and zero for
-    /// others: nothing where it does so for none, or where more is taken already.
-    fn wider(&self) -> Result<Option<Vec<f64>>, EstimateError> {
-        let Some(felt) = self.felt.as_ref().filter(|_| self.taken.iter().all(|taken| *taken <= 0.0)) else {
-            return Ok(None);
-        };
-        let noise = Noise::first(&self.lines, true).found(&self.lines, &self.kept, self.right(), None, None).0;
-        let of_forces: Vec<f64> = (self.lines.iter().zip(&noise.variance))
-            .map(|(row, variance)| {
-                let last = row.bands().saturating_sub(1);
-                let own =
-                    row.band.iter().zip(variance).filter(|(band, _)| **band == last).map(|(_, variance)| *variance);
-                own.fold(f64::INFINITY, f64::min)
-            })
-            .collect();
-        let (h, measured) = (self.paths.sample_time, &self.paths.measured);
-        let of = |c: usize| {
-            let own = &measured[c].spectrum;
-            let rows: Vec<usize> = (0..of_forces.len()).filter(|&row| felt.feels(row, c)).collect();
-            let hidden = |f: &f64| {
-                let w = 2.0 * std::f64::consts::PI * f;
-                rows.iter().all(|&row| felt.noise_of(row, c, measured, w, h) < HIDDEN * of_forces[row])
-            };
-            let most = (WIDEST * own.followed).min(HIGHEST / h);
-            let tried = std::iter::successors(Some(most), |f| Some(f / FINER)).take_while(|f| *f > own.used);
-            tried.into_iter().find(hidden).unwrap_or(0.0)
-        };
-        let taken: Vec<f64> = (0..measured.len()).map(of).collect();
-        Ok(taken.iter().any(|taken| *taken > 0.0).then_some(taken))
-    }
-
-    /// Largest share of the full width that the notches of a row need: what is left of the row in the times that a narrower one would
-    /// leave, besides, is no larger there than elsewhere. `columns` are those of the covariance.
-    fn needed_notch(
-        &self,
-        row: usize,
-        (values, missing): (&[f64], &[f64]),
-        (columns, covariance): (&[usize], &DMatrix<f64>),
-    ) -> Result<f64, EstimateError> {
-        let view = self.views[row];
-        let (p, right) = (self.rows.model.dims().parameters, self.right());
-        let signals = self.signals(row, missing)?.0;
-        let Some(factor) = Cholesky::new(covariance.clone()) else { return Ok(view.notch) };
-        let lower = factor.l();
-        // Of every share: squares in the times that it adds to those of the full width, what parameters make of them, and their number.
-        let mut added: Vec<(f64, Sums)> = Vec::new();
-        let mut kept = Sums::default();
-        for (path, signals) in self.paths.paths.iter().zip(&signals) {
-            let Some((valid, masks)) = view.left_by_notches(path) else { return Ok(view.notch) };
-            let Some(widest) = masks.iter().rev().map(|(_, mask)| mask).find(|mask| is_enough(mask)) else { continue };
-            let mut left = vec![0.0; path.points];
-            let mut spread = DMatrix::<f64>::zeros(columns.len(), path.points);
-            for (number, signal) in signals {
-                let passed = view.passed(path, signal);
-                let factor = match *number {
-                    j if j == right => 1.0,
-                    j if j < p => -values[j],
-                    j => -missing[j - p],
-                };
-                left.iter_mut().zip(&passed).for_each(|(sum, x)| *sum += factor * x);
-                if let Some(at) = columns.iter().position(|column| column == number) {
-                    spread.row_mut(at).copy_from_slice(&passed);
-                }
-            }
-            let spread = lower.tr_mul(&spread);
-            let rate = 2.0 * path.apart * view.low_pass.cut_off / (2.0 * std::f64::consts::PI);
-            let at = |i: usize| {
-                let k = valid.start + i;
-                Sums { squares: left[k].powi(2), spread: spread.column(k).norm_squared(), points: 1.0, equations: rate }
-            };
-            let chosen = |mask: &dyn Fn(usize) -> bool| {
-                (0..valid.len()).filter(|&i| mask(i)).map(at).fold(Sums::default(), Sums::and)
-            };
-            kept = kept.and(chosen(&|i| widest[i]));
-            for (place, (share, mask)) in masks.iter().enumerate() {
-                let own = chosen(&|i| mask[i] && !widest[i]);
-                match added.get_mut(place) {
-                    Some((_, sums)) => *sums = sums.and(own),
-                    None => added.push((*share, own)),
-                }
-            }
-        }
-        let noise = (kept.squares + kept.spread) / kept.points.max(1.0);
-        let alike = |(_, own): &&(f64, Sums)| {
-            let expected = own.points * noise + own.spread;
-            let chance = (2.0 / own.equations.max(1.0) + 2.0 / kept.equations.max(1.0)).sqrt();
-            own.squares <= (1.0 + ALIKE * chance) * expected
-        };
-        Ok(added.iter().find(alike).map_or(view.notch, |(share, _)| *share))
-    }
-
+impl Pass<'_> {
     /// Noise and components in turn, from a noise on.
     fn weigh(&mut self, asked: &Asked, mut noise: Noise) -> Result<Weighed, EstimateError> {
         let (p, right) = (self.rows.model.dims().parameters, self.right());
@@ -773,16 +228,6 @@ impl<'a> Pass<'a> {
         let solved = split.solve(&variance).ok_or(EstimateError::NoSignal)?;
         let active = found.active().collect();
         Ok(Weighed { noise, variance, active, solved, split })
-    }
-
-    /// The lines of some rows, which keep their floors.
-    fn rows_anew(&mut self, rows: &[usize], missing: &[f64]) -> Result<(), EstimateError> {
-        for &row in rows {
-            if let Some(lines) = self.row(row, missing)? {
-                self.lines[row] = RowLines { floor: self.lines[row].floor.clone(), ..lines };
-            }
-        }
-        Ok(())
     }
 
     /// Values of all parameters, and of all terms.
@@ -822,17 +267,14 @@ impl<'a> Pass<'a> {
         let mut weighed = self.weigh(&asked, noise)?;
         let (values, missing) = self.values(&asked, &weighed.solved);
         let of_parameters = (asked.fixed.as_slice(), &weighed.solved.covariance);
-        let narrower: Vec<usize> = (0..dims.rows)
-            .map(|row| Ok((row, self.needed_notch(row, (&values, &missing), of_parameters)?)))
-            .collect::<Result<Vec<_>, EstimateError>>()?
-            .into_iter()
-            .filter_map(|(row, notch)| {
-                (notch < self.views[row].notch).then(|| {
-                    self.views[row].notch = notch;
-                    row
-                })
-            })
-            .collect();
+        let mut narrower = Vec::new();
+        for row in 0..dims.rows {
+            let notch = self.needed_notch(row, (&values, &missing), of_parameters)?;
+            if notch < self.views[row].notch {
+                narrower.push(row);
+                self.views[row].notch = notch;
+            }
+        }
         if !narrower.is_empty() {
             self.rows_anew(&narrower, &missing)?;
             weighed = self.weigh(&asked, weighed.noise)?;
@@ -1095,92 +537,4 @@ fn left(row: &RowLines, of: (usize, usize), values: &[f64], missing: &[f64]) -> 
     let left = unexplained(row, of, values, missing).map_or(0.0, |left| left.norm_squared());
     let force = row.force() * row.lines() as f64;
     if force > 0.0 { (left / force).sqrt() } else { 0.0 }
-}
-
-/// The coordinate whose acceleration leads a row, given the coefficients of all of them: the row's own, or the one of the largest.
-fn leading(row: usize, coefficients: &[Vec<f64>]) -> Option<usize> {
-    let size = |c: usize| coefficients[c].iter().map(|a| a.abs()).fold(0.0, f64::max);
-    let own = (row < coefficients.len() && size(row) > 0.0).then_some(row);
-    let largest = || (0..coefficients.len()).filter(|&c| size(c) > 0.0).max_by(|&a, &b| size(a).total_cmp(&size(b)));
-    own.or_else(largest)
-}
-
-/// The triangle of the weighted equations, parameters first and candidates behind them.
-struct Split {
-    /// R_Y.
-    parameters: DMatrix<f64>,
-    /// R_F.
-    mixed: DMatrix<f64>,
-    /// R2, with columns that others span set to zero.
-    candidates: DMatrix<f64>,
-    /// z1.
-    of_parameters: DVector<f64>,
-    /// z2.
-    target: DVector<f64>,
-    /// Which candidates say something of their own.
-    counts: Vec<bool>,
-}
-
-/// Values and covariance given the variances of the candidates.
-struct Solved {
-    values: DVector<f64>,
-    covariance: DMatrix<f64>,
-    missing: DVector<f64>,
-    /// Variance of every candidate's coefficient given the record.
-    of_terms: Vec<f64>,
-}
-
-impl Split {
-    fn new(factor: &DMatrix<f64>, p: usize) -> Self {
-        let last = factor.ncols() - 1;
-        let terms = last - p;
-        let mixed = factor.view((0, p), (p, terms)).into_owned();
-        let mut candidates = factor.view((p, p), (terms, terms)).into_owned();
-        let counts: Vec<bool> = (0..terms)
-            .map(|i| {
-                let own = candidates.column(i).norm();
-                let whole = own.hypot(mixed.column(i).norm());
-                own > SPANNED * whole && own > 0.0
-            })
-            .collect();
-        for (mut column, counts) in candidates.column_iter_mut().zip(&counts) {
-            if !counts {
-                column.fill(0.0);
-            }
-        }
-        Split {
-            parameters: factor.view((0, 0), (p, p)).into_owned(),
-            mixed,
-            candidates,
-            of_parameters: factor.view((0, last), (p, 1)).column(0).into_owned(),
-            target: factor.view((p, last), (terms, 1)).column(0).into_owned(),
-            counts,
-        }
-    }
-
-    fn solve(&self, variance: &[f64]) -> Option<Solved> {
-        let (p, n) = (self.parameters.ncols(), self.target.len());
-        let scaled = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c].sqrt());
-        let whole = DMatrix::identity(n, n) + &scaled * scaled.transpose();
-        let factor = Cholesky::new(whole)?;
-        // R2 Gamma.
-        let through = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c]);
-        let missing = through.tr_mul(&factor.solve(&self.target));
-        let of_terms =
-            DMatrix::from_diagonal(&DVector::from_column_slice(variance)) - through.tr_mul(&factor.solve(&through));
-        let mut values = &self.of_parameters - &self.mixed * &missing;
-        let mut inverse = DMatrix::identity(p, p);
-        let mut moved = self.mixed.clone();
-        let regular = self.parameters.solve_upper_triangular_mut(&mut values)
-            && self.parameters.solve_upper_triangular_mut(&mut inverse)
-            && self.parameters.solve_upper_triangular_mut(&mut moved);
-        let covariance = &inverse * inverse.transpose() + &moved * &of_terms * moved.transpose();
-        let finite = values.iter().chain(covariance.iter()).all(|x| x.is_finite());
-        (regular && finite).then(|| Solved {
-            values,
-            covariance,
-            missing,
-            of_terms: of_terms.diagonal().iter().map(|v| v.max(0.0)).collect(),
-        })
-    }
 }

@@ -186,9 +186,8 @@ impl View {
         weights
     }
 
-    /// The points of a stretch that are used, and for every share of the width of a notch, the narrowest first, which of them its notches
-    /// leave.
-    pub(super) fn left_by_notches(&self, path: &Path) -> Option<(Range<usize>, Vec<(f64, Vec<bool>)>)> {
+    /// What notches of every width leave of a stretch; nothing for a row without a coordinate of its own.
+    pub(super) fn left_by_notches(&self, path: &Path) -> Option<Masks> {
         let coordinate = self.coordinate?;
         let valid = path.valid(self.lost);
         let shares = NOTCH_SHARES.into_iter().rev().filter(|share| *share <= self.notch);
@@ -196,8 +195,8 @@ impl View {
             let weights = View { notch: share, ..*self }.notch(path, &valid, coordinate);
             (share, weights.iter().map(|weight| *weight > 0.5).collect())
         };
-        let all = shares.map(of).collect();
-        Some((valid, all))
+        let of_share = shares.map(of).collect();
+        Some(Masks { valid, of_share })
     }
 
     /// A signal behind the low pass of the row, along the whole stretch.
@@ -205,6 +204,14 @@ impl View {
         let transform = Transform::new(signal, path.points, path.apart);
         transform.filtered(path.points, |w| self.low_pass.response(w).into())
     }
+}
+
+/// What notches leave of a stretch.
+pub(super) struct Masks {
+    /// The points that are used.
+    pub(super) valid: Range<usize>,
+    /// For every share of the full width, the narrowest first, which of these points are left.
+    pub(super) of_share: Vec<(f64, Vec<bool>)>,
 }
 
 /// Whether a mask leaves enough of a record.

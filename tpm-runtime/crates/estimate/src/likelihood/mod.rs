@@ -19,7 +19,7 @@
 //! reported, and a simulation refines the values.
 //!
 //! ```text
-//! spectrum -> path (motion, rows along it) -> library, lines -> noise -> components -> fit
+//! spectrum -> path (motion, rows along it) -> library, lines -> pass, start -> noise, widening -> components, split -> fit
 //! ```
 
 mod components;
@@ -27,10 +27,14 @@ mod fit;
 mod library;
 mod lines;
 mod noise;
+mod pass;
 mod path;
 mod spectrum;
+mod split;
+mod start;
 #[cfg(test)]
 mod tests;
+mod widening;
 
 pub use fit::{Lacking, LineReport, OfAnyMotion, estimate_any_motion};
 pub use library::{Term, TermKind};

@@ -1,0 +1,179 @@
+//! A record as lines of its rows, looked at in one way.
+
+use crate::error::EstimateError;
+use crate::likelihood::library::{Columns, Scales, Term};
+use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
+use crate::likelihood::path::{Along, Entry, Felt, Paths, Rows, band, lost};
+use crate::time_domain::motion::{Motion, TimeRecord};
+use tpm_core::model::Model;
+
+/// How a record is looked at, as far as it is found on the way.
+pub(super) struct Look {
+    /// Delay of every input beyond the known ones, s.
+    pub(super) delays: Vec<f64>,
+    /// Whether it is a parameter.
+    pub(super) late: Vec<bool>,
+    /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
+    pub(super) taken: Vec<f64>,
+}
+
+impl Look {
+    pub(super) fn first(model: &dyn Model<f64>) -> Self {
+        let dims = model.dims();
+        let inputs = dims.inputs;
+        Look { delays: vec![0.0; inputs], late: vec![false; inputs], taken: vec![0.0; dims.coordinates] }
+    }
+}
+
+/// A record as lines, before the noise is found.
+pub(super) struct Pass<'a> {
+    pub(super) rows: Rows<'a>,
+    pub(super) record: &'a TimeRecord<'a>,
+    pub(super) motion: &'a Motion,
+    pub(super) delays: Vec<f64>,
+    pub(super) taken: Vec<f64>,
+    pub(super) paths: Paths<'a>,
+    pub(super) along: Vec<Along>,
+    pub(super) scales: Scales,
+    pub(super) terms: Vec<Term>,
+    /// Columns of every term, scaled to a root mean square of one, stretch by stretch.
+    pub(super) columns: Vec<Vec<Columns>>,
+    /// What the columns of a term were divided by.
+    pub(super) sizes: Vec<f64>,
+    /// Values of all parameters from which the rows are linear.
+    pub(super) theta: Vec<f64>,
+    /// Parameters that are estimated: all but those that are held and one for every direction that is not shown.
+    pub(super) kept: Vec<usize>,
+    pub(super) hidden: Vec<Vec<f64>>,
+    pub(super) views: Vec<View>,
+    /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
+    pub(super) leading: Vec<Option<usize>>,
+    pub(super) lines: Vec<RowLines>,
+    /// How the rows feel the motion; nothing before first values are known.
+    pub(super) felt: Option<Felt>,
+}
+
+impl Pass<'_> {
+    pub(super) fn right(&self) -> usize {
+        self.rows.model.dims().parameters + self.terms.len()
+    }
+
+    /// Whether no input acts in a row.
+    pub(super) fn homogeneous(&self, row: usize) -> bool {
+        !self.scales.driven(row)
+    }
+
+    /// How the rows are looked at, given the coordinates that each of them feels.
+    pub(super) fn views(&self, coordinates: &dyn Fn(usize) -> Vec<usize>) -> Vec<View> {
+        let dims = self.rows.model.dims();
+        (0..dims.rows)
+            .map(|row| {
+                let (low_pass, used) = band(&coordinates(row), &self.paths.measured);
+                let own = (row < dims.coordinates).then_some(row);
+                let of = own.unwrap_or(0);
+                View {
+                    low_pass,
+                    used,
+                    lost: lost(low_pass, self.paths.fastest()),
+                    coordinate: own,
+                    rate_deviation: self.paths.measured[of].rate_deviation,
+                    followed: self.paths.measured[of].spectrum.followed,
+                    notch: 1.0,
+                }
+            })
+            .collect()
+    }
+
+    /// The signals of one row, stretch by stretch, about the present values where it has a leading acceleration, and the force of this
+    /// acceleration; `missing` are the coefficients of the terms.
+    pub(super) fn signals(&self, row: usize, missing: &[f64]) -> Result<(Vec<Signals>, Vec<Signals>), EstimateError> {
+        let dims = self.rows.model.dims();
+        let right = self.right();
+        let mut signals: Vec<Signals> = Vec::with_capacity(self.paths.paths.len());
+        let mut forces: Vec<Signals> = Vec::new();
+        for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
+            let of_terms = || {
+                let own = self.columns.get(stretch).into_iter().flatten().enumerate();
+                own.flat_map(|(i, columns)| {
+                    columns.iter().filter(|(at, _)| *at == row).map(move |(_, values)| (i, values))
+                })
+            };
+            let predicted = match self.leading[row] {
+                Some(c) => {
+                    let mut others = vec![0.0; path.points];
+                    for (i, values) in of_terms() {
+                        let value = missing.get(i).copied().unwrap_or(0.0);
+                        if value != 0.0 {
+                            others.iter_mut().zip(values).for_each(|(sum, x)| *sum += value * x);
+                        }
+                    }
+                    self.rows.predicted(path, (row, c), &self.theta, &others)?
+                }
+                None => None,
+            };
+            let (columns, mut target, factor) = match predicted {
+                Some(found) => {
+                    forces.push(vec![(0, found.leading)]);
+                    let present = |(_, column): &(usize, Vec<f64>)| column.iter().any(|x| *x != 0.0);
+                    let columns = found.columns.into_iter().enumerate().filter(present).collect();
+                    (columns, found.right, Some(found.factor))
+                }
+                None => {
+                    let target = along.place(row, Entry::Right).map(|at| along.column(at));
+                    (along.parameters(row), target.unwrap_or_else(|| vec![0.0; path.points]), None)
+                }
+            };
+            let mut own: Signals = self.without_held(columns, &mut target);
+            for (i, values) in of_terms() {
+                let values = match &factor {
+                    Some(factor) => values.iter().zip(factor).map(|(x, f)| x * f).collect(),
+                    None => values.clone(),
+                };
+                own.push((dims.parameters + i, values));
+            }
+            own.push((right, target));
+            signals.push(own);
+        }
+        Ok((signals, forces))
+    }
+
+    /// The lines of one row.
+    pub(super) fn row(&self, row: usize, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
+        let (right, view) = (self.right(), self.views[row]);
+        let (signals, forces) = self.signals(row, missing)?;
+        let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
+        // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
+        let leading = if forces.len() == signals.len() { row_lines(&self.paths.paths, view, &forces) } else { None };
+        let power = leading.map_or_else(|| lines.column(right), |leading| leading.column(0));
+        lines.take_power(power);
+        Ok(Some(lines))
+    }
+
+    /// The columns of the parameters that are estimated; what the others make is taken from the right-hand side.
+    pub(super) fn without_held(&self, columns: Signals, target: &mut [f64]) -> Signals {
+        let (kept, held): (Signals, Signals) = columns.into_iter().partition(|(j, _)| self.kept.contains(j));
+        for (j, column) in held.iter().filter(|(j, _)| self.theta[*j] != 0.0) {
+            target.iter_mut().zip(column).for_each(|(sum, x)| *sum -= self.theta[*j] * x);
+        }
+        kept
+    }
+
+    /// The lines of all rows.
+    ///
+    /// # Errors
+    /// [`EstimateError::NoSignal`] when the stretches are too short for a row.
+    pub(super) fn all_rows(&self, missing: &[f64]) -> Result<Vec<RowLines>, EstimateError> {
+        let rows = self.rows.model.dims().rows;
+        (0..rows).map(|row| self.row(row, missing)?.ok_or(EstimateError::NoSignal)).collect()
+    }
+
+    /// The lines of some rows, which keep their floors.
+    pub(super) fn rows_anew(&mut self, rows: &[usize], missing: &[f64]) -> Result<(), EstimateError> {
+        for &row in rows {
+            if let Some(lines) = self.row(row, missing)? {
+                self.lines[row] = RowLines { floor: self.lines[row].floor.clone(), ..lines };
+            }
+        }
+        Ok(())
+    }
+}

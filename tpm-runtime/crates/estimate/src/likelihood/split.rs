@@ -1,0 +1,86 @@
+//! Parameters and candidates of weighted equations that were condensed to a triangle.
+
+use tpm_numerics::{Cholesky, DMatrix, DVector};
+
+/// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it.
+const SPANNED: f64 = 0.1;
+
+/// The triangle of the weighted equations, parameters first and candidates behind them.
+pub(super) struct Split {
+    /// R_Y.
+    pub(super) parameters: DMatrix<f64>,
+    /// R_F.
+    pub(super) mixed: DMatrix<f64>,
+    /// R2, with columns that others span set to zero.
+    pub(super) candidates: DMatrix<f64>,
+    /// z1.
+    pub(super) of_parameters: DVector<f64>,
+    /// z2.
+    pub(super) target: DVector<f64>,
+    /// Which candidates say something of their own.
+    pub(super) counts: Vec<bool>,
+}
+
+/// Values and covariance given the variances of the candidates.
+pub(super) struct Solved {
+    pub(super) values: DVector<f64>,
+    pub(super) covariance: DMatrix<f64>,
+    pub(super) missing: DVector<f64>,
+    /// Variance of every candidate's coefficient given the record.
+    pub(super) of_terms: Vec<f64>,
+}
+
+impl Split {
+    pub(super) fn new(factor: &DMatrix<f64>, p: usize) -> Self {
+        let last = factor.ncols() - 1;
+        let terms = last - p;
+        let mixed = factor.view((0, p), (p, terms)).into_owned();
+        let mut candidates = factor.view((p, p), (terms, terms)).into_owned();
+        let counts: Vec<bool> = (0..terms)
+            .map(|i| {
+                let own = candidates.column(i).norm();
+                let whole = own.hypot(mixed.column(i).norm());
+                own > SPANNED * whole && own > 0.0
+            })
+            .collect();
+        for (mut column, counts) in candidates.column_iter_mut().zip(&counts) {
+            if !counts {
+                column.fill(0.0);
+            }
+        }
+        Split {
+            parameters: factor.view((0, 0), (p, p)).into_owned(),
+            mixed,
+            candidates,
+            of_parameters: factor.view((0, last), (p, 1)).column(0).into_owned(),
+            target: factor.view((p, last), (terms, 1)).column(0).into_owned(),
+            counts,
+        }
+    }
+
+    pub(super) fn solve(&self, variance: &[f64]) -> Option<Solved> {
+        let (p, n) = (self.parameters.ncols(), self.target.len());
+        let scaled = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c].sqrt());
+        let whole = DMatrix::identity(n, n) + &scaled * scaled.transpose();
+        let factor = Cholesky::new(whole)?;
+        // R2 Gamma.
+        let through = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c]);
+        let missing = through.tr_mul(&factor.solve(&self.target));
+        let of_terms =
+            DMatrix::from_diagonal(&DVector::from_column_slice(variance)) - through.tr_mul(&factor.solve(&through));
+        let mut values = &self.of_parameters - &self.mixed * &missing;
+        let mut inverse = DMatrix::identity(p, p);
+        let mut moved = self.mixed.clone();
+        let regular = self.parameters.solve_upper_triangular_mut(&mut values)
+            && self.parameters.solve_upper_triangular_mut(&mut inverse)
+            && self.parameters.solve_upper_triangular_mut(&mut moved);
+        let covariance = &inverse * inverse.transpose() + &moved * &of_terms * moved.transpose();
+        let finite = values.iter().chain(covariance.iter()).all(|x| x.is_finite());
+        (regular && finite).then(|| Solved {
+            values,
+            covariance,
+            missing,
+            of_terms: of_terms.diagonal().iter().map(|v| v.max(0.0)).collect(),
+        })
+    }
+}

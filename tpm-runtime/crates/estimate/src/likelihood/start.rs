@@ -1,0 +1,287 @@
+//! First values: what the lines show, from which values rows without an input are linear, and how the rows feel the motion.
+
+use crate::error::EstimateError;
+use crate::free::Free;
+use crate::information::{beside, beside_known, set_apart};
+use crate::likelihood::library::Scales;
+use crate::likelihood::lines::RowLines;
+use crate::likelihood::noise::{Noise, triangle};
+use crate::likelihood::pass::{Look, Pass};
+use crate::likelihood::path::{Along, Felt, Paths, Rows};
+use crate::settings::Settings;
+use crate::time_domain::motion::{Motion, TimeRecord};
+use tpm_numerics::singular::{Singular, unit_columns};
+use tpm_numerics::{DMatrix, DVector};
+
+/// A direction of scaled parameters whose singular value is below this share of the largest is not shown.
+pub(super) const RANK: f64 = 1e-8;
+/// Known terms above this share of a row's force fix the scale of a row without an input.
+const KNOWN_SHARE: f64 = 1e-3;
+
+impl<'a> Pass<'a> {
+    pub(super) fn new(
+        rows: Rows<'a>,
+        (record, motion, circular): (&'a TimeRecord<'a>, &'a Motion, bool),
+        look: &Look,
+        free: &Free,
+        settings: &Settings,
+    ) -> Result<Self, EstimateError> {
+        let dims = rows.model.dims();
+        let paths = Paths::new(rows, record, motion, circular, (&look.delays, &look.taken));
+        let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
+        let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
+        let scales = Scales::of(rows, &paths.paths, &along, deviations);
+        let mut theta = settings.prior.clone();
+        theta.resize(dims.parameters, 0.0);
+        settings.hold(&mut theta);
+        let mut pass = Pass {
+            rows,
+            record,
+            motion,
+            delays: look.delays.clone(),
+            taken: look.taken.clone(),
+            paths,
+            along,
+            scales,
+            terms: Vec::new(),
+            columns: Vec::new(),
+            sizes: Vec::new(),
+            theta,
+            kept: free.indices.clone(),
+            hidden: Vec::new(),
+            views: Vec::new(),
+            leading: vec![None; dims.rows],
+            lines: Vec::new(),
+            felt: None,
+        };
+        pass.first(free, settings)?;
+        Ok(pass)
+    }
+
+    /// First values, what is not shown, which coordinates a row feels, and the floors; then the lines with all terms.
+    fn first(&mut self, free: &Free, settings: &Settings) -> Result<(), EstimateError> {
+        let dims = self.rows.model.dims();
+        self.views = self.views(&|row| if row < dims.coordinates { vec![row] } else { Vec::new() });
+        // A row without an input as it stands: nothing on the other side.
+        let mut lines = self.all_rows(&[])?;
+        self.rank(&lines, free, settings)?;
+        for row in &mut lines {
+            self.hold(row);
+        }
+        let coefficients = self.rows.leading_coefficients(&self.paths)?;
+        self.start(&lines, &coefficients)?;
+        let felt = Felt::of(&self.paths, &self.theta)?;
+        self.views = self.views(&|row| felt.coordinates(row));
+        let leads = |row: usize| if self.homogeneous(row) { leading(row, &coefficients[row]) } else { None };
+        self.leading = (0..dims.rows).map(leads).collect();
+        if self.leading.iter().any(Option::is_some) {
+            self.scale_free(free)?;
+        }
+        let coupled = |row: usize, c: usize| coefficients[row][c].iter().any(|a| *a != 0.0);
+        self.terms = self.scales.terms(self.rows.model, &coupled);
+        let mut from = 0.0;
+        for (path, along) in self.paths.paths.iter().zip(&self.along) {
+            self.columns.push(self.terms.iter().map(|term| self.scales.columns(*term, path, along, from)).collect());
+            from += path.points as f64 * path.apart;
+        }
+        self.scale_terms();
+        self.lines = self.all_rows(&[])?;
+        self.set_floors(&felt);
+        self.felt = Some(felt);
+        Ok(())
+    }
+
+    /// Takes what parameters that are no longer estimated make from the right-hand side of a row.
+    fn hold(&self, row: &mut RowLines) {
+        let right = self.right();
+        let made = row.columns.iter().copied().filter(|column| *column != right && !self.kept.contains(column));
+        let held: Vec<usize> = made.filter(|&j| self.theta[j] != 0.0).collect();
+        let mut target = row.column(right);
+        for &j in &held {
+            target.axpy(-self.theta[j], &row.column(j), 1.0);
+        }
+        if let Some(at) = row.place(right).filter(|_| !held.is_empty()) {
+            row.entries.set_column(at, &target);
+            row.take_power(target);
+        }
+    }
+
+    /// What the lines do not show, and which parameters are estimated.
+    fn rank(&mut self, lines: &[RowLines], free: &Free, settings: &Settings) -> Result<(), EstimateError> {
+        let noise = Noise::first(lines, false);
+        let factor = triangle(lines, &noise.variance, &free.indices, self.right());
+        let n = free.indices.len();
+        let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
+        let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
+        let shown_by_some = beside(&known, &scale);
+        let known = if shown_by_some.is_some() { known } else { Vec::new() };
+        let (narrow, whole) = match &shown_by_some {
+            Some(basis) => (&factor * basis, Some(basis)),
+            None => (factor, None),
+        };
+        let singular = Singular::new(&narrow, RANK);
+        if singular.rank() == 0 {
+            return Err(EstimateError::NoSignal);
+        }
+        let null = singular.null();
+        let null = whole.map_or_else(|| null.clone(), |basis| basis * &null);
+        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
+        let lost = beside_known(&known, lost, &scale);
+        self.hidden = known.into_iter().chain(lost).collect();
+        let apart = set_apart(self.hidden.clone());
+        self.kept = (0..n).filter(|at| apart.iter().all(|(own, _)| own != at)).map(|at| free.indices[at]).collect();
+        Ok(())
+    }
+
+    /// Scales that nothing shows: parameters of rows without an input that no other row shares show in ratios alone.
+    fn scale_free(&mut self, free: &Free) -> Result<(), EstimateError> {
+        let lines = self.all_rows(&[])?;
+        let noise = Noise::first(&lines, false);
+        let n = self.kept.len();
+        let factor = triangle(&lines, &noise.variance, &self.kept, self.right());
+        let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
+        let null = Singular::new(&factor, RANK).null();
+        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
+        let lost = beside_known(&[], lost, &scale);
+        let apart: Vec<usize> = set_apart(lost.clone()).iter().map(|(own, _)| self.kept[*own]).collect();
+        for direction in lost {
+            let place = |j: &usize| self.kept.iter().position(|kept| kept == j);
+            let of = |j: &usize| place(j).map_or(0.0, |at| direction[at]);
+            self.hidden.push(free.indices.iter().map(of).collect());
+        }
+        self.kept.retain(|j| !apart.contains(j));
+        if self.kept.is_empty() { Err(EstimateError::NoSignal) } else { Ok(()) }
+    }
+
+    /// First values: by the lines far above the noise; in rows without an input ratios first, which the other rows give a scale.
+    fn start(&mut self, lines: &[RowLines], coefficients: &[Vec<Vec<f64>>]) -> Result<(), EstimateError> {
+        let right = self.right();
+        let highest: Vec<f64> = self.views.iter().map(|view| view.used).collect();
+        let of = |rows: &[RowLines], columns: &[usize], highest: &[f64]| {
+            let noise = Noise::first(rows, false);
+            noise.found(rows, columns, right, None, Some(highest)).1
+        };
+        let known = |row: &RowLines| row.size(right) > 0.5 * KNOWN_SHARE * KNOWN_SHARE * row.force();
+        let ratios: Vec<usize> = (0..lines.len()).filter(|&row| self.homogeneous(row) && !known(&lines[row])).collect();
+        if ratios.is_empty() {
+            let values = of(lines, &self.kept, &highest);
+            self.kept.iter().for_each(|&j| self.theta[j] = values[j]);
+            return Ok(());
+        }
+        let mut groups: Vec<Vec<f64>> = Vec::new();
+        for &row in &ratios {
+            groups.extend(
+                leading(row, &coefficients[row]).and_then(|c| self.ratios(row, &lines[row], &coefficients[row][c])),
+            );
+        }
+        let grouped = |j: usize| groups.iter().any(|group| group[j] != 0.0);
+        let alone: Vec<usize> = self.kept.iter().copied().filter(|&j| !grouped(j)).collect();
+        // The rows with inputs in terms of the scales of the groups and of the parameters that stand alone.
+        let driven: Vec<usize> = (0..lines.len()).filter(|row| !ratios.contains(row)).collect();
+        let condensed: Vec<RowLines> = driven
+            .iter()
+            .map(|&row| {
+                let own = &lines[row];
+                let mut columns = alone.clone();
+                let mut entries: Vec<DVector<f64>> = alone.iter().map(|&j| own.column(j)).collect();
+                for (g, group) in groups.iter().enumerate() {
+                    let mut sum = DVector::zeros(2 * own.lines());
+                    for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
+                        sum.axpy(*ratio, &own.column(j), 1.0);
+                    }
+                    columns.push(right + g);
+                    entries.push(sum);
+                }
+                columns.push(right + groups.len());
+                entries.push(own.column(right));
+                RowLines { columns, entries: DMatrix::from_columns(&entries), ..own.clone() }
+            })
+            .collect();
+        for &j in &self.kept {
+            self.theta[j] = 0.0;
+        }
+        let mut scales = vec![1.0; groups.len()];
+        if !condensed.is_empty() {
+            let columns: Vec<usize> = alone.iter().copied().chain((0..groups.len()).map(|g| right + g)).collect();
+            let own: Vec<f64> = driven.iter().map(|&row| highest[row]).collect();
+            let noise = Noise::first(&condensed, false);
+            let values = noise.found(&condensed, &columns, right + groups.len(), None, Some(&own)).1;
+            alone.iter().for_each(|&j| self.theta[j] = values[j]);
+            let shared = |g: usize| condensed.iter().any(|row| row.size(right + g) > 0.0);
+            for (g, scale) in scales.iter_mut().enumerate() {
+                if shared(g) && values[right + g] != 0.0 {
+                    *scale = values[right + g];
+                }
+            }
+        }
+        for (group, scale) in groups.iter().zip(&scales) {
+            for (j, ratio) in group.iter().enumerate().filter(|(_, ratio)| **ratio != 0.0) {
+                self.theta[j] += scale * ratio;
+            }
+        }
+        Ok(())
+    }
+
+    /// The ratios that a row without an input shows, such that the mean coefficient of its leading acceleration is one.
+    /// `coefficients` are those of that acceleration, one for every parameter.
+    fn ratios(&self, row: usize, lines: &RowLines, coefficients: &[f64]) -> Option<Vec<f64>> {
+        let present: Vec<usize> = self.kept.iter().copied().filter(|&j| lines.size(j) > 0.0).collect();
+        let lead = present.iter().copied().max_by(|&a, &b| coefficients[a].abs().total_cmp(&coefficients[b].abs()));
+        let lead = lead.filter(|&lead| coefficients[lead] != 0.0)?;
+        let leading = lines.column(lead) / coefficients[lead];
+        let others: Vec<usize> = present.iter().copied().filter(|&j| j != lead).collect();
+        let mut entries: Vec<DVector<f64>> =
+            others.iter().map(|&j| lines.column(j) - &leading * coefficients[j]).collect();
+        entries.push(-&leading);
+        let right = self.right();
+        let mut columns = others.clone();
+        columns.push(right);
+        let row_of = RowLines { columns, entries: DMatrix::from_columns(&entries), ..lines.clone() };
+        let rows = [row_of];
+        let values = Noise::first(&rows, false).found(&rows, &others, right, None, Some(&[self.views[row].used])).1;
+        let mut ratios = vec![0.0; coefficients.len()];
+        others.iter().for_each(|&j| ratios[j] = values[j]);
+        ratios[lead] = (1.0 - others.iter().map(|&j| coefficients[j] * values[j]).sum::<f64>()) / coefficients[lead];
+        Some(ratios)
+    }
+
+    /// Divides the columns of every term by the largest of its root mean squares.
+    fn scale_terms(&mut self) {
+        self.sizes = (0..self.terms.len())
+            .map(|i| {
+                let mut sums = vec![(0.0, 0usize); self.rows.model.dims().rows];
+                for (row, values) in self.columns.iter().flat_map(|columns| &columns[i]) {
+                    sums[*row].0 += values.iter().map(|x| x * x).sum::<f64>();
+                    sums[*row].1 += values.len();
+                }
+                let largest = sums.iter().map(|(sum, count)| sum / (*count).max(1) as f64).fold(0.0, f64::max).sqrt();
+                if largest > 0.0 && largest.is_finite() { largest } else { 1.0 }
+            })
+            .collect();
+        for columns in &mut self.columns {
+            for (own, size) in columns.iter_mut().zip(&self.sizes) {
+                own.iter_mut().flat_map(|(_, values)| values).for_each(|x| *x /= size);
+            }
+        }
+    }
+
+    /// The noise that the sensors add to every line.
+    fn set_floors(&mut self, felt: &Felt) {
+        let h = self.paths.sample_time;
+        for (j, row) in self.lines.iter_mut().enumerate() {
+            let view = self.views[j];
+            for (floor, f) in row.floor.iter_mut().zip(&row.frequency) {
+                let w = 2.0 * std::f64::consts::PI * f;
+                *floor = felt.noise(j, &self.paths.measured, w, h) * view.low_pass.response(w).powi(2);
+            }
+        }
+    }
+}
+
+/// The coordinate whose acceleration leads a row, given the coefficients of all of them: the row's own, or the one of the largest.
+fn leading(row: usize, coefficients: &[Vec<f64>]) -> Option<usize> {
+    let size = |c: usize| coefficients[c].iter().map(|a| a.abs()).fold(0.0, f64::max);
+    let own = (row < coefficients.len() && size(row) > 0.0).then_some(row);
+    let largest = || (0..coefficients.len()).filter(|&c| size(c) > 0.0).max_by(|&a, &b| size(a).total_cmp(&size(b)));
+    own.or_else(largest)
+}
