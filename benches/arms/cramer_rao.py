@@ -43,64 +43,89 @@ def truth_of(name, values):
     return total
 
 
+LINKS = ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]
+
+
+class Machine:
+    """A UR10 with friction along a motion: regressors of Pinocchio, true parameters, torques, and their noise."""
+
+    def __init__(self, urdf, rate, periods):
+        model = pin.buildModelFromUrdf(urdf)
+        data, self.joints = model.createData(), list(model.names[1:])
+        links = dict(zip(self.joints, LINKS))
+        self.times = np.arange(int(periods / FUNDAMENTAL * rate)) / rate
+        self.q, self.v, a = motion(self.times, np.random.default_rng(1))
+        self.names = [f"{p}_{links[j]}" for j in self.joints for p in ORDER]
+        self.names += [f"{k}_{j}" for j in self.joints for k in ("fv", "fc", "Ia")]
+        theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]])
+        theta = np.concatenate([theta, np.ravel(np.column_stack([VISCOUS, COULOMB, ROTOR]))])
+        self.rows = np.zeros((len(self.times), 6, len(self.names)))
+        for k in range(len(self.times)):
+            self.rows[k, :, :60] = pin.computeJointTorqueRegressor(model, data, self.q[k], self.v[k], a[k])
+            for j in range(6):
+                self.rows[k, j, 60 + 3 * j : 63 + 3 * j] = self.v[k, j], np.sign(self.v[k, j]), a[k, j]
+        self.torque = self.rows @ theta
+        self.noise = TORQUE_NOISE * np.abs(self.torque).max(0)
+        self.values = dict(zip(self.names, theta))
+
+    def log(self, seed, file, torque=None, read=None):
+        """Writes readings and torques with noise."""
+        rng = np.random.default_rng(1000 + seed)
+        count = 2 * np.pi / COUNTS
+        read = np.round((self.q if read is None else read) / count) * count
+        force = (self.torque if torque is None else torque) + rng.normal(size=self.torque.shape) * self.noise
+        header = ",".join(["t_s", *self.joints, *(f"tau_{j}" for j in self.joints)])
+        np.savetxt(file, np.column_stack([self.times, read, force]), delimiter=",", header=header, comments="", fmt="%.10g")
+
+
+def imported(tpm, urdf, folder, losses="viscous,coulomb,rotor"):
+    """The description as a model."""
+    file = folder / "ur10.tpm"
+    text = subprocess.run([tpm, "import", urdf, "--output", file, "--losses", losses], capture_output=True, text=True)
+    if not file.exists():
+        sys.exit(text.stderr)
+    return file
+
+
+def identified(tpm, model, log):
+    """Exit code and result."""
+    run = subprocess.run([tpm, "identify", model, "--log", log, "--hold", "none", "--json"], capture_output=True, text=True)
+    return run.returncode, json.loads(run.stdout)
+
+
+def numbers(result):
+    """Values with a deviation, as parameters and as combinations: the terms of each, value and deviation."""
+    for own in result["parameters"] + result["combinations"]:
+        if own["value"] is not None:
+            yield own.get("terms") or {own["name"]: 1}, own["value"], own["std"]
+
+
 def main(tpm, urdf, seeds=50, rate=1000.0, periods=2.0):
     seeds, rate, periods = int(seeds), float(rate), float(periods)
-    model = pin.buildModelFromUrdf(urdf)
-    data = model.createData()
-    joints = list(model.names[1:])
-    times = np.arange(int(periods / FUNDAMENTAL * rate)) / rate
-    q, v, a = motion(times, np.random.default_rng(1))
-    links = dict(zip(joints, ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]))
-    names = [f"{p}_{links[j]}" for j in joints for p in ORDER] + [f"{k}_{j}" for j in joints for k in ("fv", "fc", "Ia")]
-    theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]])
-    theta = np.concatenate([theta, np.ravel(np.column_stack([VISCOUS, COULOMB, ROTOR]))])
-    rows = np.zeros((len(times), 6, len(names)))
-    for k in range(len(times)):
-        rows[k, :, :60] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
-        for j in range(6):
-            rows[k, j, 60 + 3 * j : 63 + 3 * j] = v[k, j], np.sign(v[k, j]), a[k, j]
-    torque = rows @ theta
-    noise = TORQUE_NOISE * np.abs(torque).max(0)
-    information = sum(rows[:, j].T @ rows[:, j] / noise[j] ** 2 for j in range(6))
+    machine = Machine(urdf, rate, periods)
+    information = sum(machine.rows[:, j].T @ machine.rows[:, j] / machine.noise[j] ** 2 for j in range(6))
     scale = np.sqrt(np.diag(information))
     scale[scale == 0] = 1
     bound = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
-    values = dict(zip(names, theta))
-    units = {name: np.eye(len(names))[i] for i, name in enumerate(names)}
+    units = {name: np.eye(len(machine.names))[i] for i, name in enumerate(machine.names)}
     folder = Path(tempfile.mkdtemp())
-    imported = folder / "ur10.tpm"
-    text = subprocess.run(
-        [tpm, "import", urdf, "--output", imported, "--losses", "viscous,coulomb,rotor"], capture_output=True, text=True
-    )
-    if not imported.exists():
-        sys.exit(text.stderr)
+    model, log = imported(tpm, urdf, folder), folder / "log.csv"
     errors, scores, seconds, codes, said = [], [], [], [], 0
     for seed in range(seeds):
-        rng = np.random.default_rng(1000 + seed)
-        count = 2 * np.pi / COUNTS
-        read = np.round(q / count) * count
-        force = torque + rng.normal(size=torque.shape) * noise
-        log = folder / "log.csv"
-        header = ",".join(["t_s", *joints, *(f"tau_{j}" for j in joints)])
-        np.savetxt(log, np.column_stack([times, read, force]), delimiter=",", header=header, comments="", fmt="%.10g")
+        machine.log(seed, log)
         started = time.time()
-        run = subprocess.run([tpm, "identify", imported, "--log", log, "--hold", "none", "--json"], capture_output=True, text=True)
+        code, result = identified(tpm, model, log)
         seconds.append(time.time() - started)
-        codes.append(run.returncode)
-        result = json.loads(run.stdout)
+        codes.append(code)
         said += sum(own["kind"] == "missing_term" for own in result["findings"])
-        for own in result["parameters"] + result["combinations"]:
-            if own["value"] is None:
-                continue
-            terms = own.get("terms") or {own["name"]: 1}
+        for terms, value, std in numbers(result):
             of = lambda by: sum(float(f) * truth_of(name, by) for name, f in terms.items())
-            true, row = of(values), of(units)
-            sigma = np.sqrt(row @ bound @ row)
-            errors.append((own["value"] - true) / sigma)
-            scores.append((own["value"] - true) / own["std"])
+            true, row = of(machine.values), of(units)
+            errors.append((value - true) / np.sqrt(row @ bound @ row))
+            scores.append((value - true) / std)
     errors, scores = np.array(errors), np.array(scores)
     per = errors.reshape(seeds, -1)
-    print(f"{seeds} seeds, {len(times)} samples at {rate:g} Hz, {per.shape[1]} values each")
+    print(f"{seeds} seeds, {len(machine.times)} samples at {rate:g} Hz, {per.shape[1]} values each")
     print(f"rms error / bound {np.sqrt(np.mean(errors**2)):.3f}, worst value {np.sqrt((per**2).mean(0)).max():.2f}")
     print(f"coverage of 95 % {100 * np.mean(np.abs(scores) < 1.96):.1f} %, largest {np.abs(scores).max():.1f} deviations")
     print(f"seconds {np.median(seconds):.2f}, exit codes {sorted(set(codes))}, terms said to be missing {said}")

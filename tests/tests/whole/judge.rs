@@ -7,8 +7,8 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
 use tpm_runtime::session::{
-    Data, DeclaredModel, Identification, LogRequest, LongSimulation, MissingTerm, NotRefined, Severity, Warning,
-    from_log, from_logs,
+    Data, DeclaredModel, Exchange, Identification, LogRequest, LongSimulation, MissingTerm, NotRefined, Severity,
+    Warning, from_log, from_logs,
 };
 
 const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg], c [N*s/m], k [N/m];
@@ -54,7 +54,11 @@ fn findings() -> Vec<Warning> {
     let x = || "x".to_owned();
     let all = vec![
         Warning::OtherHold { stated: Hold::None, left: 0.1, better: Hold::Zoh, left_by_better: 0.01 },
-        Warning::Exchanged { coordinate: x(), input: "u".into(), left: 0.5, left_by_exchange: 0.01 },
+        Warning::Exchanged {
+            exchange: Exchange::Columns { signals: vec![x(), "u".into()] },
+            left: 0.5,
+            left_by_exchange: 0.01,
+        },
         Warning::LongSimulation(LongSimulation { work: 1e12, most: 1e11 }),
         Warning::OnePeriod,
         Warning::PeriodNotUsed { period: 2.0, stretches: 2 },

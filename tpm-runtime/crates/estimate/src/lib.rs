@@ -53,7 +53,9 @@ pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use first_order::feed_forward_lines;
 pub use information::{Information, reduced};
-pub use likelihood::{Lacking, LineReport, OfAnyMotion, Term, TermKind, estimate_any_motion};
+pub use likelihood::{
+    Arranged, Arrangement, Lacking, LineReport, OfAnyMotion, Term, TermKind, best_arrangement, estimate_any_motion,
+};
 pub use measured_motion::{
     ASKED_ABOUT, Fitted, MeasuredMotion, Structure, Untested, estimate_measured_motion, estimate_structured,
     refine_last,

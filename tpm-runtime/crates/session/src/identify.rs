@@ -5,12 +5,12 @@ use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::options::LogOptions;
-use crate::warning::Warning;
+use crate::warning::{Exchange, Warning};
 use crate::{any_log, lines_log, periodic_log, summary};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Differentiable, Domain, EstimateError, LARGE_RESIDUAL};
+use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL};
 use tpm_log::{Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
 
@@ -24,6 +24,8 @@ const MOST_SIMULATED: usize = 2;
 const NOISE_FOLLOWED: f64 = 3.0;
 /// Columns are exchanged when the model then leaves less than this share of the residual.
 const FAR_BETTER: f64 = 0.1;
+/// What a regression alone must leave of what it leaves without an exchange, for the exchange to be tried in full.
+const LIKELY_BETTER: f64 = 0.5;
 
 /// Identifies the parameters in which a model is linear from one log.
 ///
@@ -52,7 +54,7 @@ pub(super) fn identify_segments(
     Ok(result)
 }
 
-/// Says that the model explains a record far better when a coordinate and an input are exchanged, given the result without the exchange.
+/// Says that the model explains a record far better when columns are exchanged, or with another sign, given the result without.
 fn exchanged(
     model: &dyn Model<f64>,
     segments: &[&Log],
@@ -64,28 +66,63 @@ fn exchanged(
     }
     // A refined residual is a share of the motion, which the exchanged record, that is not refined, cannot be compared with.
     let left = result.log.as_ref()?.hold_residuals.with(options.reading.hold)?;
-    let dims = model.dims();
-    let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
-    let of = |(c, i): (usize, usize)| {
-        let exchange = |log: &&Log| {
-            let mut log = (*log).clone();
-            log.channels.swap(c, dims.coordinates + i);
+    let found = lines_log::arrangement(model, segments, options)?;
+    if found.left > LIKELY_BETTER * found.as_recorded {
+        return None;
+    }
+    let logs: Vec<Log> =
+        segments.iter().map(|log| rearranged(log, model.dims().coordinates, found.arrangement)).collect();
+    let logs: Vec<&Log> = logs.iter().collect();
+    let left_by_exchange = identify_from(model, None, &logs, options).ok()?.residual;
+    let exchange = exchange(model, found.arrangement)?;
+    (left_by_exchange < FAR_BETTER * left).then_some(Warning::Exchanged { exchange, left, left_by_exchange })
+}
+
+/// A log whose columns are arranged in another way.
+fn rearranged(log: &Log, coordinates: usize, arrangement: Arrangement) -> Log {
+    let mut log = log.clone();
+    let negate = |values: &mut Vec<f64>| values.iter_mut().for_each(|x| *x = -*x);
+    match arrangement {
+        Arrangement::CoordinateAndInput(c, i) => {
+            log.channels.swap(c, coordinates + i);
             if let Some(rate) = log.rates.get_mut(c) {
                 *rate = None;
             }
-            log
-        };
-        let logs: Vec<Log> = segments.iter().map(exchange).collect();
-        let logs: Vec<&Log> = logs.iter().collect();
-        let result = identify_from(model, None, &logs, options).ok()?;
-        Some(((c, i), result.residual))
-    };
-    let ((c, i), left_by_exchange) = pairs.filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (left_by_exchange < FAR_BETTER * left).then(|| Warning::Exchanged {
-        coordinate: model.coordinate(c).name.into(),
-        input: model.input(i).name.into(),
-        left,
-        left_by_exchange,
+        }
+        Arrangement::Coordinates(a, b) | Arrangement::Both(a, b) => {
+            log.channels.swap(a, b);
+            if a.max(b) < log.rates.len() {
+                log.rates.swap(a, b);
+            }
+            if matches!(arrangement, Arrangement::Both(..)) {
+                log.channels.swap(coordinates + a, coordinates + b);
+            }
+        }
+        Arrangement::Inputs(a, b) => log.channels.swap(coordinates + a, coordinates + b),
+        Arrangement::CoordinateSign(c) => {
+            negate(&mut log.channels[c]);
+            log.rates.get_mut(c).and_then(Option::as_mut).into_iter().for_each(negate);
+        }
+        Arrangement::InputSign(i) => negate(&mut log.channels[coordinates + i]),
+        _ => {}
+    }
+    log
+}
+
+/// An arrangement by the names of the model; nothing for one that has no words.
+fn exchange(model: &dyn Model<f64>, arrangement: Arrangement) -> Option<Exchange> {
+    let coordinate = |c: usize| -> String { model.coordinate(c).name.into() };
+    let input = |i: usize| -> String { model.input(i).name.into() };
+    Some(match arrangement {
+        Arrangement::CoordinateAndInput(c, i) => Exchange::Columns { signals: vec![coordinate(c), input(i)] },
+        Arrangement::Coordinates(a, b) => Exchange::Columns { signals: vec![coordinate(a), coordinate(b)] },
+        Arrangement::Inputs(a, b) => Exchange::Columns { signals: vec![input(a), input(b)] },
+        Arrangement::Both(a, b) => {
+            Exchange::Joints { coordinates: [coordinate(a), coordinate(b)], inputs: [input(a), input(b)] }
+        }
+        Arrangement::CoordinateSign(c) => Exchange::Sign { signal: coordinate(c) },
+        Arrangement::InputSign(i) => Exchange::Sign { signal: input(i) },
+        _ => return None,
     })
 }
 

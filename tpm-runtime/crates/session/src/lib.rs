@@ -113,5 +113,5 @@ pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;
 pub use text::closed_loop;
 pub use validate::{RowCourse, RowPrediction, RowUnpredicted, Validation, validate, validate_log};
-pub use warning::{Data, Warning};
+pub use warning::{Data, Exchange, Warning};
 pub use whiteness::{CorrelationTest, FALSE_ALARM, LAGS};

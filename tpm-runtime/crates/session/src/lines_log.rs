@@ -13,8 +13,8 @@ use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
 use tpm_core::model::{Label, Model};
 use tpm_estimate::{
-    Course, Differentiable, EstimateError, Lacking, OfAnyMotion, Sensor, Stretch, TermKind, TimeRecord,
-    estimate_any_motion,
+    Arranged, Course, Differentiable, EstimateError, Lacking, OfAnyMotion, Sensor, Stretch, TermKind, TimeRecord,
+    best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 
@@ -30,6 +30,18 @@ const LEAST_COMPARED: usize = 8;
 /// Largest distance of the period from a whole number of samples: so many deviations, or so many samples.
 const VERTEX_DEVIATIONS: f64 = 4.0;
 const LEAST_VERTEX: f64 = 1e-3;
+
+/// The arrangement of the columns of a record by which a model explains it best; nothing where none can be evaluated.
+pub(super) fn arrangement(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions) -> Option<Arranged> {
+    let all = stretches(segments, model.dims().coordinates, &options.reading).ok()?;
+    let record = TimeRecord {
+        sample_time: segments.first()?.sample_time,
+        hold: options.reading.hold,
+        actuators: &options.actuators,
+        stretches: at_most(all, MOST_SAMPLES, BLOCKS),
+    };
+    best_arrangement(model, &options.constants, &record, &options.estimation).ok().flatten()
+}
 
 /// Identifies a model from all samples of the segments of a record, whatever the motion is; from whole periods where it repeats.
 ///

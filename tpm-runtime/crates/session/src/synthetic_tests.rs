@@ -3,7 +3,7 @@
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::reading::RecordSettings;
-use crate::{Identification, LogReport, PeriodicReport, Warning, identify_log};
+use crate::{Exchange, Identification, LogReport, PeriodicReport, Warning, identify_log};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -94,10 +94,10 @@ fn exchanged_columns_are_named_and_nothing_of_them_is_trusted() {
     let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
     let first = result.warnings.first().expect("warns");
     let named = match first {
-        Warning::Exchanged { coordinate, input, left, left_by_exchange } => {
+        Warning::Exchanged { exchange: Exchange::Columns { signals }, left, left_by_exchange } => {
             (left_by_exchange - sound.residual).abs() < 1e-3 * sound.residual
                 && (left - result.residual).abs() < 1e-12
-                && (coordinate.as_str(), input.as_str()) == ("x", "u")
+                && signals[..] == ["x", "u"]
         }
         _ => false,
     };

@@ -36,6 +36,29 @@ impl fmt::Display for Data {
     }
 }
 
+/// Readings that stand for others.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "of", rename_all = "snake_case")]
+pub enum Exchange {
+    /// Those of two signals: a coordinate and an input, two coordinates, or two inputs.
+    Columns {
+        /// Their names.
+        signals: Vec<String>,
+    },
+    /// Those of two joints, of the coordinates and of the inputs.
+    Joints {
+        /// Names of the coordinates.
+        coordinates: [String; 2],
+        /// Names of the inputs.
+        inputs: [String; 2],
+    },
+    /// Those of one signal have the other sign.
+    Sign {
+        /// Its name.
+        signal: String,
+    },
+}
+
 /// A warning of a result. Its text names no front end's options; [`remedy`](Self::remedy) says which setting would help.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
@@ -53,15 +76,13 @@ pub enum Warning {
         /// Share of the force that the better hold leaves unexplained.
         left_by_better: f64,
     },
-    /// The model explains the log with the readings of a coordinate and of an input exchanged, and not as they are.
+    /// The model explains the log with other columns, or with other signs, and not as they are.
     Exchanged {
-        /// The coordinate.
-        coordinate: String,
-        /// The input.
-        input: String,
+        /// What is exchanged.
+        exchange: Exchange,
         /// Share of the force that is left unexplained as the readings are.
         left: f64,
-        /// Share of the force that is left unexplained with both exchanged.
+        /// Share of the force that is left unexplained when this is undone.
         left_by_exchange: f64,
     },
     /// The estimates are not refined by a simulation, because that would take long.
@@ -310,14 +331,30 @@ impl Warning {
         match self {
             Warning::InLog { warning, .. } => warning.remedy(),
             Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
-            Warning::Exchanged { coordinate, input, .. } => {
-                Some(Remedy::MapColumns { signals: vec![coordinate.clone(), input.clone()] })
+            Warning::Exchanged { exchange: Exchange::Columns { signals }, .. } => {
+                Some(Remedy::MapColumns { signals: signals.clone() })
             }
             Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation(_) => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
             _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Exchange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Exchange::Columns { signals } => {
+                write!(f, "the readings of {} seem to be exchanged", signals.join(" and "))
+            }
+            Exchange::Joints { coordinates, inputs } => write!(
+                f,
+                "the readings of {} and {}, and of {} and {}, seem to be exchanged",
+                coordinates[0], coordinates[1], inputs[0], inputs[1]
+            ),
+            Exchange::Sign { signal } => write!(f, "the readings of {signal} seem to have the other sign"),
         }
     }
 }
@@ -331,10 +368,9 @@ impl fmt::Display for Warning {
                 100.0 * left_by_better,
                 100.0 * left
             ),
-            Warning::Exchanged { coordinate, input, left, left_by_exchange } => write!(
+            Warning::Exchanged { exchange, left, left_by_exchange } => write!(
                 f,
-                "the readings of {coordinate} and {input} seem to be exchanged: as they are the model leaves {:.3} % of the force \
-                 unexplained, and {:.3} % with both exchanged",
+                "{exchange}: as they are the model leaves {:.3} % of the force unexplained, and {:.3} % otherwise",
                 100.0 * left,
                 100.0 * left_by_exchange
             ),

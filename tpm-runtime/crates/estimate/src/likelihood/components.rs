@@ -54,7 +54,7 @@ impl Products {
 /// V^-1 by its active columns A: I - A (G^-1 + A'A)^-1 A', where all products are known.
 struct Inverse {
     active: Vec<usize>,
-    /// Of D^-1 (D A'A D + I) D^-1, D the roots of the variances.
+    /// Of D A'A D + I, D the roots of the variances.
     factor: Option<Cholesky<f64, Dyn>>,
     roots: Vec<f64>,
 }
@@ -93,6 +93,16 @@ struct Said {
 }
 
 impl Said {
+    fn nothing() -> Self {
+        Said { s: 1.0, shown: 0.0 }
+    }
+
+    /// From s and q of a column of length one, and the length that it has.
+    fn of(s: f64, q: f64, length: f64) -> Self {
+        let shown = if s > SPANNED { q * q / s } else { 0.0 };
+        Said { s: (s * length * length).max(f64::MIN_POSITIVE), shown }
+    }
+
     fn best(self) -> f64 {
         if self.shown > 1.0 { (self.shown - 1.0) / self.s } else { 0.0 }
     }
@@ -134,33 +144,33 @@ impl<'a> Components<'a> {
         inverse.logs() - inverse.through(&|i| self.products.target[i]).norm_squared()
     }
 
-    fn said(&self, variance: &[f64], i: usize, (inverse, of_target): (&Inverse, &DVector<f64>)) -> Said {
-        let Products { scale, gram, target } = self.products;
-        if gram[(i, i)] <= 0.0 {
-            return Said { s: 1.0, shown: 0.0 };
-        }
-        let own;
-        let (inverse, of_target) = if variance[i] > 0.0 {
-            // Without itself, and afresh: what is left of a difference would be rounding.
-            let mut without = variance.to_vec();
-            without[i] = 0.0;
-            let inverse = Inverse::of(self.products, &without);
-            let of_target = inverse.through(&|k| target[k]);
-            own = (inverse, of_target);
-            (&own.0, &own.1)
-        } else {
-            (inverse, of_target)
-        };
-        let through = inverse.through(&|k| gram[(k, i)]);
-        let (s, q) = (gram[(i, i)] - through.norm_squared(), target[i] - through.dot(of_target));
-        let shown = if s > SPANNED { q * q / s } else { 0.0 };
-        Said { s: (s * scale[i] * scale[i]).max(f64::MIN_POSITIVE), shown }
-    }
-
+    /// What every candidate says beside the others. Of an active one with the variance d^2, K = I + D A'A D gives what it says beside the
+    /// other active ones: s = (1/(K^-1)_ii - 1)/d^2, where nothing cancels that counts.
     fn all(&self, variance: &[f64]) -> Vec<Said> {
+        let Products { scale, gram, target } = self.products;
         let inverse = Inverse::of(self.products, variance);
-        let of_target = inverse.through(&|k| self.products.target[k]);
-        (0..variance.len()).map(|i| self.said(variance, i, (&inverse, &of_target))).collect()
+        let of_target = inverse.through(&|k| target[k]);
+        let mut said: Vec<Said> = (0..variance.len())
+            .map(|i| {
+                if gram[(i, i)] <= 0.0 || variance[i] > 0.0 {
+                    return Said::nothing();
+                }
+                let through = inverse.through(&|k| gram[(k, i)]);
+                let (s, q) = (gram[(i, i)] - through.norm_squared(), target[i] - through.dot(&of_target));
+                Said::of(s, q, scale[i])
+            })
+            .collect();
+        let Some(factor) = &inverse.factor else { return said };
+        let whole = factor.inverse();
+        let roots = &inverse.roots;
+        let weighted = DVector::from_fn(roots.len(), |a, _| roots[a] * target[inverse.active[a]]);
+        let means = &whole * weighted;
+        for (a, &i) in inverse.active.iter().enumerate() {
+            let own = whole[(a, a)];
+            let s = (1.0 / own - 1.0) / (roots[a] * roots[a]);
+            said[i] = Said::of(s, means[a] / (roots[a] * own), scale[i]);
+        }
+        said
     }
 
     fn climb(&mut self) {
@@ -243,6 +253,35 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use tpm_numerics::{DMatrix, DVector};
+
+    #[test]
+    fn what_a_candidate_says_is_what_is_left_without_it() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
+        let mut draw = || -> f64 { StandardNormal.sample(&mut rng) };
+        let n = 12;
+        let factor = DMatrix::from_fn(n, n, |r, c| if c >= r { draw() * 10_f64.powi(c as i32 % 4) } else { 0.0 });
+        let target = DVector::from_fn(n, |_, _| 100.0 * draw());
+        let variance: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 10_f64.powi(i as i32 - 4) } else { 0.0 }).collect();
+        let products = Products::of(&factor, &target);
+        let found = Components { products: &products, threshold: 9.0, variance: variance.clone() }.all(&variance);
+        for i in 0..n {
+            let mut whole = DMatrix::<f64>::identity(n, n);
+            for k in (0..n).filter(|&k| k != i) {
+                whole.ger(variance[k], &factor.column(k), &factor.column(k), 1.0);
+            }
+            let inverse = tpm_numerics::Cholesky::new(whole).expect("positive definite").inverse();
+            let column = factor.column(i);
+            let s = (inverse.clone() * column).dot(&column);
+            let q = (inverse * column).dot(&target);
+            let relative = s / column.norm_squared();
+            if relative > super::SPANNED {
+                assert!((found[i].s / s - 1.0).abs() < 1e-6, "{i}: {} {s}", found[i].s);
+                assert!((found[i].shown / (q * q / s) - 1.0).abs() < 1e-5, "{i}: {} {}", found[i].shown, q * q / s);
+            } else {
+                assert!(found[i].shown == 0.0);
+            }
+        }
+    }
 
     #[test]
     fn what_is_there_enters_and_what_is_not_stays_out() {

@@ -13,6 +13,8 @@ const DEAD_ZONE: f64 = 0.05;
 const SINE_RANGE: f64 = 0.5;
 /// Half waves over the range of a coordinate that ripples may have: fewer are powers, more are not followed.
 const RIPPLES: std::ops::RangeInclusive<u32> = 5..=30;
+/// A column that is made of the recorded force takes no part when it is that force to within this cosine.
+const ITSELF: f64 = 0.9;
 /// Most coordinates of a machine in which every pair is asked for forces between them.
 const MOST_PAIRED: usize = 3;
 
@@ -89,6 +91,13 @@ pub struct Term {
     pub of: usize,
     /// The other coordinate of a force between two.
     pub other: Option<usize>,
+}
+
+/// Cosine of the angle between two signals.
+fn likeness(a: &[f64], b: &[f64]) -> f64 {
+    let product: f64 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+    let size = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>().sqrt();
+    product / (size(a) * size(b)).max(f64::MIN_POSITIVE)
 }
 
 /// Columns of a term: the rows on which it acts, and what it does there.
@@ -194,7 +203,9 @@ impl Scales {
             TermKind::DriftingFriction => by(&|k| time(k) * sign(v[k], deviation(k))),
             TermKind::LoadFriction => {
                 let force = right();
-                by(&|k| force[k].abs() * sign(v[k], deviation(k)))
+                let values = by(&|k| force[k].abs() * sign(v[k], deviation(k)));
+                // A force that has the sign of the velocity throughout is this column itself, which explains nothing.
+                if likeness(&values, &force).abs() > ITSELF { Vec::new() } else { values }
             }
             TermKind::DeadZone => {
                 let force = right();
@@ -202,7 +213,7 @@ impl Scales {
             }
             _ => vec![0.0; path.points],
         };
-        vec![(row, values)]
+        if values.is_empty() { Vec::new() } else { vec![(row, values)] }
     }
 
     /// A force between two coordinates acts on both rows, with opposite signs; an inertia that couples them on each by the other's

@@ -22,6 +22,7 @@
 //! spectrum -> path (motion, rows along it) -> library, lines -> pass, start -> noise, widening -> components, split -> fit
 //! ```
 
+mod arrangement;
 mod components;
 mod fit;
 mod library;
@@ -36,5 +37,6 @@ mod start;
 mod tests;
 mod widening;
 
+pub use arrangement::{Arranged, Arrangement, best_arrangement};
 pub use fit::{Lacking, LineReport, OfAnyMotion, estimate_any_motion};
 pub use library::{Term, TermKind};

@@ -161,6 +161,20 @@ impl<'a> Paths<'a> {
         motion.stretches.iter().zip(&self.paths).map(of).collect()
     }
 
+    /// The same record with other coordinates, derivative by derivative, and other inputs.
+    pub(super) fn with(&self, of: impl Fn(&Path) -> (Vec<Vec<Vec<f64>>>, Vec<Vec<f64>>)) -> Self {
+        let own = |path: &Path| {
+            let (coordinates, inputs) = of(path);
+            path.replaced(&coordinates, inputs)
+        };
+        Paths {
+            rows: self.rows,
+            sample_time: self.sample_time,
+            measured: self.measured.clone(),
+            paths: self.paths.iter().map(own).collect(),
+        }
+    }
+
     /// Highest frequency of any coordinate that is followed, Hz.
     pub(super) fn fastest(&self) -> f64 {
         self.measured.iter().map(|own| own.spectrum.followed).fold(0.0, f64::max)
@@ -214,6 +228,34 @@ impl Path {
             return vec![0.0; self.points];
         }
         self.motion.iter().skip(at).step_by(self.slots).copied().collect()
+    }
+
+    /// The stretch with other coordinates, derivative by derivative, and other inputs.
+    fn replaced(&self, coordinates: &[Vec<Vec<f64>>], inputs: Vec<Vec<f64>>) -> Self {
+        let mut motion = vec![0.0; self.motion.len()];
+        for (c, derivatives) in coordinates.iter().enumerate() {
+            for (d, values) in derivatives.iter().enumerate().filter(|(d, _)| d * self.coordinates + c < self.slots) {
+                for (k, value) in values.iter().enumerate() {
+                    motion[k * self.slots + d * self.coordinates + c] = *value;
+                }
+            }
+        }
+        let input_rates = inputs.iter().map(|values| vec![0.0; values.len()]).collect();
+        Path { motion, inputs, input_rates, reverses: self.reverses.clone(), ..*self }
+    }
+
+    /// Every so many points of a range at which no velocity changes its sign.
+    pub(super) fn excerpt(&self, range: Range<usize>, step: usize) -> Self {
+        let places: Vec<usize> = range.step_by(step).filter(|&k| !self.reverses[k]).collect();
+        let pick = |values: &Vec<f64>| places.iter().map(|&k| values[k]).collect();
+        Path {
+            points: places.len(),
+            motion: places.iter().flat_map(|&k| self.instant(k).iter().copied()).collect(),
+            inputs: self.inputs.iter().map(pick).collect(),
+            input_rates: self.input_rates.iter().map(pick).collect(),
+            reverses: vec![false; places.len()],
+            ..*self
+        }
     }
 
     /// The motion at a point.
