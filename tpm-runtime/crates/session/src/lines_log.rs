@@ -247,6 +247,12 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
             let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
             (format!("rate of {input}"), meaning.into())
         }
+        TermKind::PositionOffset => {
+            let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));
+            let meaning =
+                format!("{} is by {:.3e}{unit} larger than it is recorded (offset of a sensor)", q(), lacking.value);
+            (format!("derivative by {}", q()), meaning.into())
+        }
         TermKind::PairPower(1) => (apart().0, "a spring between the coordinates".into()),
         TermKind::PairPower(exponent) => {
             (power(apart().0, exponent), "a force between the coordinates that is not linear in their distance".into())

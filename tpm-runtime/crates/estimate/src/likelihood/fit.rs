@@ -26,6 +26,10 @@ const MORE_PASSES: usize = 3;
 const SETTLED: f64 = 0.05;
 /// Steps of the noise in a pass.
 const NOISE_STEPS: usize = 6;
+/// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it. The offset of
+/// a joint is nearly another mass that is turned, and known as well as the parameters of the first fit are.
+const SPANNED: f64 = 0.1;
+const SPANNED_OFFSET: f64 = 0.02;
 /// A named term makes at least this share of the force of its row.
 const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
@@ -170,8 +174,16 @@ struct Asked {
     terms: Vec<usize>,
     /// Both.
     all: Vec<usize>,
+    /// Share of every term that the parameters must leave, for it to count.
+    spanned: Vec<f64>,
     /// Square of a standardised coefficient from which a term enters.
     threshold: f64,
+}
+
+impl Asked {
+    fn split(&self, factor: &DMatrix<f64>) -> Split {
+        Split::new(factor, self.fixed.len(), &self.spanned)
+    }
 }
 
 /// What noise and components leave of them.
@@ -199,7 +211,7 @@ impl Pass<'_> {
         let ratios = self.leading.iter().any(Option::is_some);
         let passes = PASSES + if ratios { MORE_PASSES } else { 0 };
         for _ in 0..passes {
-            let split = Split::new(&triangle(&self.lines, &noise.variance, &asked.all, right), asked.fixed.len());
+            let split = asked.split(&triangle(&self.lines, &noise.variance, &asked.all, right));
             let products = Products::of(&split.candidates, &split.target);
             let found = Components::found(&products, asked.threshold);
             let columns: Vec<usize> =
@@ -219,7 +231,7 @@ impl Pass<'_> {
                 break;
             }
         }
-        let split = Split::new(&triangle(&self.lines, &noise.variance, &asked.all, right), asked.fixed.len());
+        let split = asked.split(&triangle(&self.lines, &noise.variance, &asked.all, right));
         let products = Products::of(&split.candidates, &split.target);
         let found = Components::found(&products, asked.threshold);
         let common = found.common(&split.candidates, &split.target, &split.counts);
@@ -251,7 +263,12 @@ impl Pass<'_> {
         let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_late(i)).map(|i| p + i).collect();
         let all = fixed.iter().chain(&terms).copied().collect();
         let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
-        Asked { fixed, terms, all, threshold }
+        let of = |column: &usize| match self.terms[column - p].kind {
+            TermKind::PositionOffset => SPANNED_OFFSET,
+            _ => SPANNED,
+        };
+        let spanned = terms.iter().map(of).collect();
+        Asked { fixed, terms, all, spanned, threshold }
     }
 
     /// Values, deviations and missing terms.

@@ -63,6 +63,8 @@ pub enum TermKind {
     DeadZone,
     /// An input that acts later than it is recorded; the value is the delay, s.
     Delay,
+    /// A coordinate that is by a constant larger than it is recorded, unit of the coordinate.
+    PositionOffset,
     /// A power of the distance between two coordinates.
     PairPower(u32),
     /// A force that depends on the relative velocity, in the same way as a term of one coordinate.
@@ -286,6 +288,15 @@ impl Scales {
         }
         for input in 0..dims.inputs {
             terms.push(Term { kind: TermKind::Delay, row: None, of: input, other: None });
+        }
+        // Of one coordinate such an offset is one of the terms above.
+        if dims.coordinates > 1 {
+            terms.extend((0..dims.coordinates).map(|c| Term {
+                kind: TermKind::PositionOffset,
+                row: None,
+                of: c,
+                other: None,
+            }));
         }
         // Forces between coordinates that are measured in one unit: a distance means nothing between an angle and a length.
         let alike = |a: usize, b: usize| model.coordinate(a).unit == model.coordinate(b).unit;

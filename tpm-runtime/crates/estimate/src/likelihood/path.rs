@@ -464,6 +464,44 @@ impl<'a> Rows<'a> {
         scratch.regressor[row * p..(row + 1) * p].iter().zip(theta).map(|(phi, theta)| phi * theta).sum()
     }
 
+    /// Derivatives of all rows with respect to a coordinate along a path, at given parameters: those that change along it.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn by_position(
+        self,
+        path: &Path,
+        theta: &[f64],
+        c: usize,
+    ) -> Result<Vec<(usize, Vec<f64>)>, EstimateError> {
+        let rows = self.model.dims().rows;
+        let mut columns = vec![Vec::with_capacity(path.points); rows];
+        let mut scratch = self.scratch();
+        let step = POSITION_STEP * root_mean_square(path.motion.iter().skip(c).step_by(path.slots).copied());
+        if step <= 0.0 {
+            return Ok(Vec::new());
+        }
+        for k in 0..path.points {
+            let inputs = |i: usize| path.inputs[i][k];
+            let mut instant = path.instant(k).to_vec();
+            instant[c] += step;
+            let above = self.left(&instant, theta, &inputs, &mut scratch)?;
+            instant[c] -= 2.0 * step;
+            let below = self.left(&instant, theta, &inputs, &mut scratch)?;
+            for (row, column) in columns.iter_mut().enumerate() {
+                column.push((above[row] - below[row]) / (2.0 * step));
+            }
+        }
+        // A derivative that does not change along the path is that of a constant force.
+        let changes = |column: &Vec<f64>| {
+            let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
+            let spread = root_mean_square(column.iter().map(|x| x - mean));
+            spread > FELT * root_mean_square(column.iter().copied())
+        };
+        let any = columns.iter().any(changes);
+        Ok(if any { columns.into_iter().enumerate().collect() } else { Vec::new() })
+    }
+
     /// All rows along a path.
     ///
     /// # Errors

@@ -2,9 +2,6 @@
 
 use tpm_numerics::{Cholesky, DMatrix, DVector};
 
-/// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it.
-const SPANNED: f64 = 0.1;
-
 /// The triangle of the weighted equations, parameters first and candidates behind them.
 pub(super) struct Split {
     /// R_Y.
@@ -31,7 +28,8 @@ pub(super) struct Solved {
 }
 
 impl Split {
-    pub(super) fn new(factor: &DMatrix<f64>, p: usize) -> Self {
+    /// `spanned` is the share of every candidate that the parameters must leave, for it to count.
+    pub(super) fn new(factor: &DMatrix<f64>, p: usize, spanned: &[f64]) -> Self {
         let last = factor.ncols() - 1;
         let terms = last - p;
         let mixed = factor.view((0, p), (p, terms)).into_owned();
@@ -40,7 +38,7 @@ impl Split {
             .map(|i| {
                 let own = candidates.column(i).norm();
                 let whole = own.hypot(mixed.column(i).norm());
-                own > SPANNED * whole && own > 0.0
+                own > spanned[i] * whole && own > 0.0
             })
             .collect();
         for (mut column, counts) in candidates.column_iter_mut().zip(&counts) {

@@ -3,7 +3,7 @@
 use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
-use crate::likelihood::library::Scales;
+use crate::likelihood::library::{Columns, Scales, Term, TermKind};
 use crate::likelihood::lines::RowLines;
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
@@ -81,7 +81,12 @@ impl<'a> Pass<'a> {
         self.terms = self.scales.terms(self.rows.model, &coupled);
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
-            self.columns.push(self.terms.iter().map(|term| self.scales.columns(*term, path, along, from)).collect());
+            let of = |term: &Term| match term.kind {
+                TermKind::PositionOffset => self.rows.by_position(path, &self.theta, term.of),
+                _ => Ok(self.scales.columns(*term, path, along, from)),
+            };
+            let own = self.terms.iter().map(of).collect::<Result<Vec<Columns>, EstimateError>>()?;
+            self.columns.push(own);
             from += path.points as f64 * path.apart;
         }
         self.scale_terms();
