@@ -21,6 +21,7 @@ pub mod part;
 #[cfg(feature = "generate")]
 pub mod regulator;
 mod requested;
+mod run;
 pub mod rust;
 pub mod table;
 mod text;

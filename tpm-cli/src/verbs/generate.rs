@@ -49,17 +49,20 @@ enum Part {
     BaseRegressor,
     /// An estimator of the base parameters that takes in any motion sample by sample (square-root updates).
     Estimator,
+    /// An estimator of the declared parameters from the samples of one run, where all coordinates are measured.
+    Run,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    const ALL: [(Self, Requested); 6] = [
+    const ALL: [(Self, Requested); 7] = [
         (Self::Split, Requested::Split),
         (Self::Gravity, Requested::Gravity),
         (Self::MassMatrix, Requested::MassMatrix),
         (Self::ForwardDynamics, Requested::ForwardDynamics),
         (Self::BaseRegressor, Requested::BaseRegressor),
         (Self::Estimator, Requested::Estimator),
+        (Self::Run, Requested::Run),
     ];
 }
 

@@ -13,6 +13,9 @@ mod pattern;
 /// C99 of a regulator.
 pub mod regulator;
 mod requested;
+mod run;
+mod run_source;
+mod run_weights;
 mod solve;
 
 use super::estimator::{EmitError, EstimatorSource};
@@ -40,7 +43,8 @@ pub struct Files {
 /// members.
 pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files, EmitError> {
     let mut context = Context::new(estimator, options)?;
-    if let Some(lost) = estimator.numbers().find(|value| context.scalar.loses(value)) {
+    let declared = estimator.run.iter().flat_map(|run| run.numbers());
+    if let Some(lost) = estimator.numbers().chain(declared).find(|value| context.scalar.loses(value)) {
         return Err(EmitError::OutOfScalar(Scalar::display(lost)));
     }
     if let Some(identified) = options.identified {
@@ -60,6 +64,7 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
     requested::write(&mut context);
     filter::write(&mut context);
     pattern::write(&mut context);
+    run::write(&mut context);
     let about = header::header(estimator, options.command, &|role| context.function_name(role));
     let guard = context.constant("H_INCLUDED");
     let sizes = dynamics::sizes(&context);

@@ -43,6 +43,8 @@ pub struct EstimatorSource {
     pub(super) mechanism: Option<Mechanism>,
     /// Additional parts that were requested.
     pub(super) parts: Parts,
+    /// The equations as they were declared, without patterns, where the estimator of a run was requested.
+    pub(super) run: Option<Box<EstimatorSource>>,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
 }
@@ -149,7 +151,7 @@ impl EstimatorSource {
             plan = plan.with_recursion(&model, &form, mechanism);
         }
         let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs, mechanism.as_ref());
-        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), formulas }
+        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), run: None, formulas }
     }
 
     fn in_range(self) -> Result<Self, EmitError> {
@@ -168,11 +170,23 @@ impl EstimatorSource {
     pub fn with(mut self, parts: &[Part]) -> Result<Self, EmitError> {
         for part in parts {
             match part {
+                Part::Run => self.run = Some(Box::new(self.declared()?)),
                 Part::Split => self.plan.part_feed_forward(&self.model, &self.form).map_err(PartError::from)?,
                 part => self.parts.add(*part, &self.model, &self.form, &self.plan, self.mechanism.as_ref())?,
             }
         }
         self.in_range()
+    }
+
+    /// The equations as they were declared, no coordinate eliminated, without patterns: they are linear in the declared parameters.
+    fn declared(&self) -> Result<Self, EmitError> {
+        let mut model = self.model.clone();
+        model.patterns.clear();
+        if model.eliminations.is_empty() {
+            return Self::from_form(model, self.form.clone());
+        }
+        model.eliminations.clear();
+        Self::new(model)
     }
 
     /// Sentences on the parts of the patterns that this code lacks, and the reasons.
@@ -217,11 +231,13 @@ impl EstimatorSource {
     pub(super) fn calls(&self, wanted: Function) -> bool {
         let mut ops = self.plans().flat_map(|plan| &plan.ops);
         ops.any(|op| matches!(op, Op::Function(function, _) if *function == wanted))
+            || self.run.as_ref().is_some_and(|run| run.calls(wanted))
     }
 
     /// Whether a literal of the code would look like a mistyped irrational constant.
     pub(super) fn resembles_constant(&self) -> bool {
         self.numbers().any(|value| resembles_constant(rational::to_f64(value)))
+            || self.run.as_ref().is_some_and(|run| run.resembles_constant())
     }
 }
 

@@ -27,12 +27,21 @@ pub enum Part {
     BaseRegressor,
     /// A recursive estimator of the base parameters; it includes [`Self::BaseRegressor`].
     Estimator,
+    /// An estimator of the declared parameters from the samples of one run of a periodic motion.
+    Run,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    pub const ALL: [Self; 6] =
-        [Self::Split, Self::Gravity, Self::MassMatrix, Self::ForwardDynamics, Self::BaseRegressor, Self::Estimator];
+    pub const ALL: [Self; 7] = [
+        Self::Split,
+        Self::Gravity,
+        Self::MassMatrix,
+        Self::ForwardDynamics,
+        Self::BaseRegressor,
+        Self::Estimator,
+        Self::Run,
+    ];
 
     /// The name of the part in requests.
     #[must_use]
@@ -44,6 +53,7 @@ impl Part {
             Self::ForwardDynamics => "forward_dynamics",
             Self::BaseRegressor => "base_regressor",
             Self::Estimator => "estimator",
+            Self::Run => "run",
         }
     }
 
@@ -82,7 +92,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Makes the plans of a part other than [`Part::Split`], whose plans belong to those of every model.
+    /// Makes the plans of a part other than [`Part::Split`] and [`Part::Run`], whose plans belong to those of every model.
     pub(super) fn add(
         &mut self,
         part: Part,
@@ -93,7 +103,7 @@ impl Parts {
     ) -> Result<(), PartError> {
         let dynamics = || forces::dynamics(model, form, mechanism).ok_or(PartError::NoDynamics);
         match part {
-            Part::Split => {}
+            Part::Split | Part::Run => {}
             Part::Gravity => self.gravity = Some(forces::at_rest(model, form, mechanism)),
             Part::MassMatrix => self.mass_matrix = Some(dynamics()?.mass_matrix()),
             Part::ForwardDynamics => self.forward_dynamics = Some(dynamics()?),
