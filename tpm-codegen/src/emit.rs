@@ -8,6 +8,7 @@
 
 #[cfg(feature = "generate")]
 pub mod c;
+mod campaign;
 mod code;
 pub mod estimator;
 pub mod filter;

@@ -3,8 +3,9 @@
 /// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
 ///
 /// Each file imports its names from its parent module, which must re-export the names that `support` re-exports.
-pub const SUPPORT: [(&str, &str); 12] = [
+pub const SUPPORT: [(&str, &str); 13] = [
     ("accelerations", include_str!("support/accelerations.rs")),
+    ("campaign", include_str!("support/campaign.rs")),
     ("error", include_str!("support/error.rs")),
     ("hyperbolic", include_str!("support/hyperbolic.rs")),
     ("label", include_str!("support/label.rs")),

@@ -4,7 +4,7 @@
 //! non-vanishing double.
 
 use thiserror::Error;
-use tpm_symbolic::expr::graph::Function;
+use tpm_symbolic::expr::graph::{Coordinate, Function};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -16,7 +16,7 @@ use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::plan::table::TablePlan;
 use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical, structured_form_with};
-use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, Reconstruction, prepare};
 
 use super::filter::FilterError;
 use super::formulas::Formulas;
@@ -45,6 +45,8 @@ pub struct EstimatorSource {
     pub(super) parts: Parts,
     /// The equations as they were declared, without patterns, where the estimator of a run was requested.
     pub(super) run: Option<Box<EstimatorSource>>,
+    /// The coordinates that are eliminated, from the motion of the others, where a campaign was requested.
+    pub(super) campaign: Option<Vec<(Coordinate, Plan)>>,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
 }
@@ -151,7 +153,7 @@ impl EstimatorSource {
             plan = plan.with_recursion(&model, &form, mechanism);
         }
         let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs, mechanism.as_ref());
-        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), run: None, formulas }
+        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), run: None, campaign: None, formulas }
     }
 
     fn in_range(self) -> Result<Self, EmitError> {
@@ -171,6 +173,11 @@ impl EstimatorSource {
         for part in parts {
             match part {
                 Part::Run => self.run = Some(Box::new(self.declared()?)),
+                Part::Campaign => {
+                    let declared = self.declared()?;
+                    self.campaign = Some(self.reconstructions(&declared)?);
+                    self.run = Some(Box::new(declared));
+                }
                 Part::Split => self.plan.part_feed_forward(&self.model, &self.form).map_err(PartError::from)?,
                 part => self.parts.add(*part, &self.model, &self.form, &self.plan, self.mechanism.as_ref())?,
             }
@@ -187,6 +194,33 @@ impl EstimatorSource {
         }
         model.eliminations.clear();
         Self::new(model)
+    }
+
+    /// The coordinates that are eliminated, from the motion of the others, for a campaign over the declared equations.
+    fn reconstructions(&self, declared: &Self) -> Result<Vec<(Coordinate, Plan)>, EmitError> {
+        let none = |why: String| Err(EmitError::from(PartError::NoCampaign(why)));
+        if self.plan.feed_forward.is_none() {
+            return none("an input does not follow from one equation, so that there is no feed-forward".to_owned());
+        }
+        match self.plan.patterns.first() {
+            None => return none("the model has no pattern; declare one".to_owned()),
+            Some(pattern) => {
+                if let Err(gap) = &pattern.reference {
+                    return none(format!("there is no reference motion: {}", reason(gap)));
+                }
+            }
+        }
+        if self.model.eliminations.is_empty() {
+            return Ok(Vec::new());
+        }
+        if declared.plan.lumping.is_some() {
+            return none(
+                "products of parameters are estimated, from which the eliminated coordinates do not follow".to_owned(),
+            );
+        }
+        let prepared = prepare(self.model.clone())?;
+        let plan = |one: &Reconstruction| (one.coordinate, Plan::new(&prepared.model.graph, &[one.expr]));
+        Ok(prepared.reconstructions.iter().map(plan).collect())
     }
 
     /// Sentences on the parts of the patterns that this code lacks, and the reasons.

@@ -5,6 +5,7 @@
 //! literal, so that no path can panic. The same items serve the macro and the file; only the file has comments and is laid out
 //! for reading.
 
+mod campaign;
 mod context;
 mod dynamics;
 mod expression;
@@ -142,6 +143,7 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
             accelerations: estimator.parts.forward_dynamics.is_some(),
             square_root: estimator.parts.estimator,
             run: estimator.run.is_some(),
+            campaign: estimator.campaign.is_some(),
         }));
     }
     Ok(text)

@@ -4,6 +4,7 @@
 //! tests, so that its text may stand, unchanged, inside a generated file.
 
 mod accelerations;
+mod campaign;
 mod error;
 mod hyperbolic;
 mod label;
@@ -19,6 +20,7 @@ mod square_root;
 mod tests;
 
 pub use accelerations::{SingularMass, accelerations};
+pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, RunPool, passing};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;

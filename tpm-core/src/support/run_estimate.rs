@@ -37,6 +37,8 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub deviations: [Option<T>; P],
     /// Their covariance; zero for those that the run does not show.
     pub covariance: [[T; P]; P],
+    /// The weighted equations for the step from the prior, by which runs are pooled.
+    pub equations: SquareRoot<T, P>,
     /// The number of directions that the run shows.
     pub rank: usize,
     /// At least the condition number of what is shown, and at most the rank times that.
@@ -84,8 +86,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             shown = self.solve(&M::MOTION, (prior, &theta), w, true)?;
         }
         put(&mut theta, prior, &shown.0.solution);
-        let (found, rows) = shown;
-        let freedom = rows - T::from_f64(found.rank as f64);
+        let (found, equations) = shown;
+        let freedom = equations.rows() - T::from_f64(found.rank as f64);
         let chi_squared = if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO };
         let factor = chi_squared.max(T::ONE).sqrt();
         let mut values = [None; P];
@@ -97,6 +99,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             values,
             deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * factor)),
             covariance: found.covariance.map(|row| row.map(|entry| entry * factor * factor)),
+            equations,
             rank: found.rank,
             condition: found.condition,
             chi_squared,
@@ -104,8 +107,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         })
     }
 
-    /// Solves the equations for the step from the prior; `weighed` by the noise, otherwise rows by the size of their forces. The number of
-    /// real equations is returned too.
+    /// Solves the equations for the step from the prior; `weighed` by the noise, otherwise rows by the size of their forces. The
+    /// equations are returned too.
     fn solve(
         &self,
         slots: &[(usize, u32); S],
@@ -125,7 +128,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         if found.rank == 0 {
             return Err(RunFault::Still);
         }
-        Ok((found, factor.rows()))
+        Ok((found, factor))
     }
 
     /// Takes in the equations of all rows at a harmonic, made independent of each other.
@@ -196,8 +199,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
     }
 }
 
-/// A solution, and the number of real equations behind it.
-type Found<T, const P: usize> = (Shown<T, P>, T);
+/// A solution, and the equations behind it.
+type Found<T, const P: usize> = (Shown<T, P>, SquareRoot<T, P>);
 
 /// The prior with the steps of the parameters that the run shows.
 fn put<T: Real, const P: usize>(theta: &mut [T; P], prior: &[T; P], steps: &[Option<T>; P]) {

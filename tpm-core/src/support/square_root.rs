@@ -77,6 +77,26 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
         self.rows *= share;
     }
 
+    /// Takes in all rows of another factor.
+    pub fn pool(&mut self, other: &Self) {
+        let rows = self.rows + other.rows;
+        for (row, right) in other.factor.iter().zip(other.right) {
+            // A factor has finite entries only.
+            let _ = self.push(*row, right);
+        }
+        self.residual = hypotenuse(self.residual, other.residual);
+        self.rows = rows;
+    }
+
+    /// Makes the equations those of the unknowns less `by`.
+    pub fn move_by(&mut self, by: &[T; C]) {
+        for (row, right) in self.factor.iter().zip(&mut self.right) {
+            for (entry, by) in row.iter().zip(by) {
+                *right -= *entry * *by;
+            }
+        }
+    }
+
     /// The number of rows so far; past ones count less after a fading.
     #[must_use]
     pub fn rows(&self) -> T {

@@ -7,6 +7,7 @@ use tpm_symbolic::plan::leaf::Leaf;
 use super::super::code::Place;
 use super::super::run::{ESTIMATOR, PARAMETERS, RunPlan, SAMPLE};
 use super::super::text;
+use super::campaign;
 use super::context::Context;
 use super::expression::Writer;
 use super::names::{self, ident};
@@ -20,6 +21,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     let types = types(context, &plan, &names);
     let rows = rows(context, &plan);
     let estimator = estimator(context, &plan);
+    let campaign = campaign::items(context, &plan, &names);
     let runtime = match context.options.standalone {
         true => quote!(super::support),
         false => {
@@ -35,16 +37,25 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         quote!()
     };
     let about = doc(ESTIMATOR);
+    let mut names = vec!["Label", "Real", "RunEstimate", "RunLines", "RunModel", "RunWorkspace", "SquareRoot"];
+    let mut public = vec!["RunFault", "RunSampling"];
+    if context.estimator.campaign.is_some() {
+        names.extend(["CampaignOrder", "Play", "RunPool", "passing"]);
+        public.extend(["CampaignEnd", "CampaignPhase", "CampaignRules"]);
+    }
+    let idents = |names: Vec<&str>| names.into_iter().map(ident).collect::<Vec<Ident>>();
+    let (names, public) = (idents(names), idents(public));
     quote! {
         #about
         pub mod run {
             #constants
-            use #runtime::{Label, Real, RunEstimate, RunLines, RunModel, RunWorkspace};
-            pub use #runtime::{RunFault, RunSampling};
+            use #runtime::{#(#names),*};
+            pub use #runtime::{#(#public),*};
 
             #types
             #rows
             #estimator
+            #campaign
         }
     }
 }
@@ -230,6 +241,15 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                 Ok(Self { lines, workspace: RunWorkspace::default(), sampling, limits })
             }
 
+            /// Begins another run.
+            ///
+            /// # Errors
+            /// Those of [`Self::new`].
+            pub fn begin(&mut self, samples_per_period: u32, periods: u32) -> Result<(), RunFault> {
+                self.lines = RunLines::new(samples_per_period, periods)?;
+                Ok(())
+            }
+
             /// Takes in sample `number`, counted from 0 at the beginning of a period of a motion that has settled; says whether the run
             /// is whole.
             ///
@@ -268,6 +288,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     parameters: Parameters::from_array(found.values),
                     deviations: Parameters::from_array(found.deviations),
                     covariance: found.covariance,
+                    equations: found.equations,
                     rank: found.rank,
                     condition: found.condition,
                     chi_squared: found.chi_squared,
@@ -285,6 +306,8 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             pub deviations: Parameters<Option<T>>,
             /// Their covariance in the order of the fields; zero for those that the run does not show.
             pub covariance: [[T; #parameters]; #parameters],
+            /// The weighted equations of the run, for the step from the prior.
+            pub equations: SquareRoot<T, #parameters>,
             /// The number of directions that the run shows.
             pub rank: usize,
             /// At least the condition number of what is shown, and at most the rank times that.
