@@ -4,6 +4,8 @@
 //! the only part of the C library that is used. Every name that other translation units can see begins with the prefix,
 //! and every field gets its name from the model through one namer.
 
+mod campaign;
+mod campaign_source;
 mod context;
 mod dynamics;
 mod expression;

@@ -8,6 +8,7 @@ use super::super::name::Namer;
 use super::super::names::{Names, Style};
 use super::super::run::{ESTIMATOR, PARAMETERS, RunPlan, SAMPLE};
 use super::super::text;
+use super::campaign;
 use super::context::{Context, Parameter};
 use super::dynamics::{size_macro, stored};
 use super::expression::{Scalar, Writer};
@@ -42,7 +43,8 @@ pub(super) fn write(context: &mut Context<'_>) {
     for text in [along, noise, solver, equations] {
         context.source.push_str(&text);
     }
-    functions(context, &plan, &names);
+    functions(context, &names);
+    campaign::write(context, &plan, &names, &words);
 }
 
 /// The names of the declared equations.
@@ -214,7 +216,7 @@ fn rows(context: &mut Context<'_>, plan: &RunPlan<'_>) {
 }
 
 /// The functions that the caller names by the model's own names, and their declarations.
-fn functions(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) {
+fn functions(context: &mut Context<'_>, names: &Names<String>) {
     let (run, status) = (context.global("run"), context.global("run_status"));
     let declare = |context: &mut Context<'_>, about: &str, signature: &str| {
         context.header.push_str(&format!("\n{}{signature};\n", doc(0, about)));
@@ -235,7 +237,7 @@ fn functions(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String
     let stop = format!("void {}({run} *run)", context.global("run_stop"));
     declare(context, "Ends the run, which then gives no parameter: the machine stopped, or did something else.", &stop);
     push(context, names);
-    estimate(context, plan, names);
+    estimate(context, names);
 }
 
 /// The function that processes a sample.
@@ -272,7 +274,7 @@ fn push(context: &mut Context<'_>, names: &Names<String>) {
 }
 
 /// The structure of an estimate, and the function that gives it.
-fn estimate(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) {
+fn estimate(context: &mut Context<'_>, names: &Names<String>) {
     let (real, size) = (context.scalar.name(), context.constant("RUN_PARAMETERS"));
     let (parameters, measured) = (context.global("run_parameters"), context.global("run_measured"));
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
@@ -302,7 +304,8 @@ fn estimate(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>
     list.extend(context.constants_parameter(true));
     list.push(Parameter::new(format!("const {parameters} *prior")));
     list.push(Parameter::new(format!("{} *estimate", context.global("run_estimate"))));
-    let body = solution(context, plan, names);
+    fill(context, names);
+    let body = solution(context, names);
     let about = "What the run says of the parameters; `prior` has the present estimates, at which weights begin. Only with the first status is\n\
                  anything written to `estimate`.";
     let (name, status) = (context.global("run_identify"), context.global("run_status"));
@@ -310,16 +313,11 @@ fn estimate(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>
 }
 
 /// The steps from a solved run to an estimate.
-fn solution(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) -> String {
+fn solution(context: &Context<'_>, names: &Names<String>) -> String {
     let scalar = context.scalar;
-    let (real, size, zero, one) =
-        (scalar.name(), context.constant("RUN_PARAMETERS"), context.zero(), scalar.literal(1.0));
-    let (sqrt, ok) = (scalar.function("sqrt"), context.constant("RUN_OK"));
-    let mut body = format!(
-        "    {solved} *const solution = &workspace->solution;\n    {status} status;\n    {real} freedom, factor;\n    size_t i, j, k, rank;\n\n",
-        solved = context.global("run_solution"),
-        status = context.global("run_status"),
-    );
+    let (real, zero, one, ok) = (scalar.name(), context.zero(), scalar.literal(1.0), context.constant("RUN_OK"));
+    let mut body =
+        format!("    {} status;\n    {real} freedom, factor;\n    size_t rank;\n\n", context.global("run_status"));
     for (index, name) in names.columns.iter().enumerate() {
         body.push_str(&statement(1, &format!("workspace->prior[{index}] = prior->{name};")));
     }
@@ -334,6 +332,33 @@ fn solution(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) ->
     estimate->condition = workspace->shown.condition;
     estimate->chi_squared = freedom > {zero} ? workspace->shown.residual * workspace->shown.residual / freedom : {zero};
     factor = estimate->chi_squared > {one} ? estimate->chi_squared : {one};
+    run_fill(workspace, factor, estimate);
+",
+        context.constants_argument()
+    ));
+    // A line has the variance of 4 times the window's bandwidth over the samples.
+    let sqrt = scalar.function("sqrt");
+    for (index, names) in names.coordinates.iter().enumerate() {
+        let level = format!("workspace->sensors[{index}] * ({real})run->samples / {}", scalar.literal(6.0));
+        body.push_str(&statement(1, &format!("estimate->noise.{} = {sqrt}({level});", names.field)));
+    }
+    body.push_str(&format!("    return {ok};\n"));
+    body
+}
+
+/// The function that gives parameters, deviations and covariance of a solution their names; `factor` is that of the covariance.
+fn fill(context: &mut Context<'_>, names: &Names<String>) {
+    let scalar = context.scalar;
+    let (real, size, zero, one) =
+        (scalar.name(), context.constant("RUN_PARAMETERS"), context.zero(), scalar.literal(1.0));
+    let sqrt = scalar.function("sqrt");
+    let mut text = format!(
+        "\n/* Parameters, deviations and covariance of the solution in the workspace. */\nstatic void run_fill({workspace} *workspace, {real} factor, {estimate} *estimate)
+{{
+    {solved} *const solution = &workspace->solution;
+    const size_t rank = (size_t)workspace->shown.rank;
+    size_t i, j, k;
+
     for (i = 0; i < {size}; ++i) {{
         estimate->shown[i] = workspace->shown.shown[i];
         solution->solution[i] = solution->column[i];
@@ -342,15 +367,15 @@ fn solution(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) ->
         }}
     }}
 ",
-        context.constants_argument()
-    ));
+        workspace = context.global("run_workspace"),
+        estimate = context.global("run_estimate"),
+        solved = context.global("run_solution"),
+    );
     for (index, name) in names.columns.iter().enumerate() {
-        body.push_str(&statement(
-            1,
-            &format!("estimate->parameters.{name} = workspace->prior[{index}] + solution->solution[{index}];"),
-        ));
+        let value = format!("workspace->prior[{index}] + solution->solution[{index}]");
+        text.push_str(&statement(1, &format!("estimate->parameters.{name} = {value};")));
     }
-    body.push_str(&format!(
+    text.push_str(&format!(
         "    /* The columns of the inverse of the triangle. */
     for (k = 0; k < rank; ++k) {{
         for (i = 0; i < rank; ++i) {{
@@ -374,13 +399,8 @@ fn solution(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) ->
 "
     ));
     for (index, name) in names.columns.iter().enumerate() {
-        body.push_str(&statement(1, &format!("estimate->deviations.{name} = solution->column[{index}];")));
+        text.push_str(&statement(1, &format!("estimate->deviations.{name} = solution->column[{index}];")));
     }
-    // A line has the variance of 4 times the window's bandwidth over the samples.
-    for (index, names) in names.coordinates.iter().enumerate().take(plan.source.plan.evaluation.coordinates.len()) {
-        let level = format!("workspace->sensors[{index}] * ({real})run->samples / {}", scalar.literal(6.0));
-        body.push_str(&statement(1, &format!("estimate->noise.{} = {sqrt}({level});", names.field)));
-    }
-    body.push_str(&format!("    return {ok};\n"));
-    body
+    text.push_str("}\n");
+    context.source.push_str(&text);
 }
