@@ -52,6 +52,14 @@ impl Program {
         String::from_utf8(output.stdout).expect("text")
     }
 
+    /// What a campaign prints with noise of this seed, where this goes wrong.
+    fn campaign(&self, seed: usize, wrong: &str) -> String {
+        let seed = seed.to_string();
+        let output = Command::new(&self.path).arg(seed).args(self.arguments).arg(wrong).output().expect("it runs");
+        assert!(output.status.success(), "{}: {output:?}", self.name);
+        String::from_utf8(output.stdout).expect("text")
+    }
+
     fn found(&self, input: &str, folder: &Path) -> Found {
         let text = self.printed(input, folder);
         let numbers: Vec<f64> = text.lines().map(|line| line.parse().expect("a number")).collect();
@@ -66,8 +74,8 @@ fn done(command: &mut Command) {
     assert!(output.status.success(), "{command:?}\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// The programs in C, where there is a compiler.
-fn in_c(folder: &Path) -> Vec<Program> {
+/// The programs in C of a part, where there is a compiler.
+fn in_c(folder: &Path, part: &str) -> Vec<Program> {
     let compiler = ["cc", "gcc", "clang"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
     let Some(compiler) = compiler else {
         skipped("no C compiler (cc, gcc, clang) was found, so that the estimator of a run in C was not run");
@@ -77,8 +85,9 @@ fn in_c(folder: &Path) -> Vec<Program> {
     let of = |(real, name): (&'static str, &'static str)| {
         let place = folder.join(real);
         let out = place.to_str().expect("a readable path");
-        printed(&["generate", CHAIN, "--lang", "c", "--prefix", "t", "--real", real, "--with", "run", "-o", out]);
-        std::fs::copy(root().join("tpm-cli/tests/whole/controller/run.c"), place.join("run.c")).expect("copied");
+        printed(&["generate", CHAIN, "--lang", "c", "--prefix", "t", "--real", real, "--with", part, "-o", out]);
+        let main = root().join(format!("tpm-cli/tests/whole/controller/{part}.c"));
+        std::fs::copy(main, place.join("run.c")).expect("copied");
         done(Command::new(compiler).current_dir(&place).args(flags).args(["-c", "t.c"]));
         let main = ["-std=c99", &format!("-DREAL={real}"), "run.c", "t.o", "-o", "run", "-lm"];
         done(Command::new(compiler).current_dir(&place).args(main));
@@ -87,19 +96,30 @@ fn in_c(folder: &Path) -> Vec<Program> {
     [("double", "C, double"), ("float", "C, float")].map(of).into()
 }
 
-/// The program in Rust, in both precisions.
-fn in_rust(folder: &Path) -> Vec<Program> {
+/// The program in Rust of a part, in both precisions.
+fn in_rust(folder: &Path, part: &str) -> Vec<Program> {
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
     let place = folder.join("rust");
-    printed(&["generate", CHAIN, "--lang", "rust", "--with", "run", "-o", place.to_str().expect("a readable path")]);
-    std::fs::copy(root().join("tpm-cli/tests/whole/controller/run.rs"), place.join("run.rs")).expect("copied");
+    printed(&["generate", CHAIN, "--lang", "rust", "--with", part, "-o", place.to_str().expect("a readable path")]);
+    let main = root().join(format!("tpm-cli/tests/whole/controller/{part}.rs"));
+    std::fs::copy(main, place.join("run.rs")).expect("copied");
     std::fs::write(place.join("libm.rs"), LIBM).expect("writable");
     let library = ["--edition=2021", "--crate-type=rlib", "--crate-name=libm", "libm.rs"];
     done(Command::new(&rustc).current_dir(&place).args(library));
     let main = ["--edition=2021", "-O", "--extern", "libm=liblibm.rlib", "run.rs", "-o", "run"];
     done(Command::new(&rustc).current_dir(&place).args(main));
-    let of = |(name, arguments, single)| Program { name, path: place.join("run"), arguments, single };
-    [("Rust, f64", &[][..], false), ("Rust, f32", &["single"][..], true)].map(of).into()
+    let of = |(name, arguments, single): (_, &'static [&'static str], bool)| Program {
+        name,
+        path: place.join("run"),
+        arguments,
+        single,
+    };
+    [("Rust, f64", &["double"][..], false), ("Rust, f32", &["single"][..], true)].map(of).into()
+}
+
+/// The programs of a part in every language and precision.
+fn programs(folder: &Path, part: &str) -> Vec<Program> {
+    in_c(folder, part).into_iter().chain(in_rust(folder, part)).collect()
 }
 
 /// A simulated log of the shipped experiment with the true parameters in its feed-forward.
@@ -127,7 +147,7 @@ fn input(shape: [u32; 3], rows: &str) -> String {
 #[test]
 fn the_chain_is_identified_by_one_run_in_every_language_and_precision() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let programs: Vec<Program> = in_c(folder.path()).into_iter().chain(in_rust(folder.path())).collect();
+    let programs = programs(folder.path(), "run");
     let mut report = String::new();
     let (mut squares, mut within, mut runs) = ([0.0; 5], 0, 0);
     let mut apart = [0.0_f64; 2];
@@ -168,7 +188,7 @@ fn the_chain_is_identified_by_one_run_in_every_language_and_precision() {
 #[test]
 fn a_run_that_cannot_be_used_gives_a_status_and_no_number() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let programs: Vec<Program> = in_c(folder.path()).into_iter().chain(in_rust(folder.path())).collect();
+    let programs = programs(folder.path(), "run");
     let rows = log(folder.path(), 1);
     let whole: Vec<&str> = rows.lines().collect();
     let lines = |lines: &[&str]| lines.iter().fold(String::new(), |text, line| text + line + "\n");
@@ -196,5 +216,74 @@ fn a_run_that_cannot_be_used_gives_a_status_and_no_number() {
             let text = program.printed(&input(shape, &rows), folder.path());
             assert!(text.trim() != "0" && text.lines().count() == 1, "{shape:?}, {}: {text}", program.name);
         }
+    }
+}
+
+/// The parameters of a campaign with their deviations, behind the line that says how it ended and the one that says where it rests.
+fn pairs(printed: &str) -> Vec<[f64; 2]> {
+    let pair = |line: &str| {
+        let mut numbers = line.split_whitespace().map(|word| word.parse().expect("a number"));
+        [numbers.next().expect("a value"), numbers.next().expect("a deviation")]
+    };
+    printed.lines().skip(2).map(pair).collect()
+}
+
+#[test]
+fn a_machine_identifies_itself_from_the_first_sample_to_rest() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let programs = programs(folder.path(), "campaign");
+    let mut apart = [0.0_f64; 2];
+    let (mut squares, mut worst) = ([0.0; 5], 0.0_f64);
+    for seed in 1..=20 {
+        let mut reference: Option<Vec<[f64; 2]>> = None;
+        // The last two are Rust, double and then single.
+        for program in programs.iter().rev().skip(1).chain(programs.last()) {
+            let text = program.campaign(seed, "");
+            let ended = if program.name.starts_with('C') { "3 1 0 4" } else { "Ended(Stages) after 4 runs" };
+            assert_eq!(text.lines().next(), Some(ended), "{}: {text}", program.name);
+            let found = pairs(&text);
+            let reference = reference.get_or_insert_with(|| found.clone());
+            assert_eq!(found.len(), 5, "{}: {text}", program.name);
+            for (found, reference) in found.iter().zip(reference) {
+                let slot = &mut apart[usize::from(program.single)];
+                *slot = slot.max((found[0] - reference[0]).abs() / reference[1]);
+            }
+        }
+        for (i, [value, deviation]) in reference.expect("a program").into_iter().enumerate() {
+            let error = (value - TRUTH[i]) / deviation;
+            squares[i] += error * error / 20.0;
+            worst = worst.max(error.abs());
+            assert!(deviation < 1e-4 * TRUTH[i], "seed {seed}, parameter {i}: {deviation}");
+        }
+    }
+    println!("mean squares of errors over deviations {squares:?}, worst {worst}; apart {apart:?}");
+    assert!(worst < 3.0 && squares.iter().all(|square| *square < 2.0), "{squares:?} {worst}");
+    assert!(apart[0] < 1e-9 && apart[1] < 0.1, "{apart:?}");
+}
+
+#[test]
+fn a_campaign_that_cannot_go_on_ends_with_a_reason_at_rest() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let programs = programs(folder.path(), "campaign");
+    // A reading that is not a number in the third run; an input too weak for the second stage.
+    let cases = [
+        ("nan", "3 5 4 3", "Ended(Fault(NotFinite { sample: 20939 })) after 3 runs"),
+        ("weak", "3 4 0 3", "Ended(Limit) after 3 runs"),
+    ];
+    for (wrong, in_c, in_rust) in cases {
+        for program in &programs {
+            let text = program.campaign(1, wrong);
+            let ended = if program.name.starts_with('C') { in_c } else { in_rust };
+            assert_eq!(text.lines().next(), Some(ended), "{wrong}, {}: {text}", program.name);
+            let rest = text.lines().nth(1).and_then(|line| line.split_whitespace().next());
+            let rest: f64 = rest.and_then(|word| word.parse().ok()).expect("where the machine rests");
+            assert!(rest < 1e-3, "{wrong}, {}: {text}", program.name);
+            // What the runs before had shown is still there.
+            assert_eq!(pairs(&text).len(), 5, "{wrong}, {}: {text}", program.name);
+        }
+    }
+    for program in programs.iter().filter(|program| program.name.starts_with('C')) {
+        let text = program.campaign(1, "odd");
+        assert_eq!(text.lines().next(), Some("3 5 2 0"), "an odd number of periods, {}: {text}", program.name);
     }
 }

@@ -5,6 +5,7 @@
 //! and every field gets its name from the model through one namer.
 
 mod campaign;
+mod campaign_functions;
 mod campaign_source;
 mod context;
 mod dynamics;
@@ -16,8 +17,11 @@ mod pattern;
 pub mod regulator;
 mod requested;
 mod run;
+mod run_along;
+mod run_equations;
+mod run_estimate;
+mod run_noise;
 mod run_source;
-mod run_weights;
 mod solve;
 
 use super::estimator::{EmitError, EstimatorSource};

@@ -1,5 +1,5 @@
-//! Reads "skip samples periods sample_time", priors, then samples; prints what the estimator of a run finds, in single precision with
-//! an argument.
+//! Reads "skip samples periods sample_time", priors, then samples; prints what the estimator of a run finds, in the precision
+//! of the argument, double or single.
 
 #[allow(dead_code, unused_imports)]
 mod two_carts;
@@ -45,9 +45,8 @@ fn found<T: Real>(text: &str) {
 fn main() {
     let mut text = String::new();
     std::io::stdin().read_to_string(&mut text).expect("readable");
-    if std::env::args().count() == 1 {
-        found::<f64>(&text);
-    } else {
-        found::<f32>(&text);
+    match std::env::args().nth(1).as_deref() {
+        Some("single") => found::<f32>(&text),
+        _ => found::<f64>(&text),
     }
 }

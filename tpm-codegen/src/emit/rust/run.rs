@@ -2,6 +2,7 @@
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
+use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::Place;
@@ -42,6 +43,9 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     if context.estimator.campaign.is_some() {
         names.extend(["CampaignOrder", "Play", "RunPool", "passing"]);
         public.extend(["CampaignEnd", "CampaignPhase", "CampaignRules"]);
+    }
+    if plan.source.calls(Function::Tanh) {
+        names.push("Hyperbolic");
     }
     let idents = |names: Vec<&str>| names.into_iter().map(ident).collect::<Vec<Ident>>();
     let (names, public) = (idents(names), idents(public));
