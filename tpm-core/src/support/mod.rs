@@ -14,6 +14,8 @@ mod real;
 mod run_estimate;
 mod run_lines;
 mod run_noise;
+#[cfg(test)]
+mod run_tests;
 mod run_workspace;
 mod square_root;
 #[cfg(test)]

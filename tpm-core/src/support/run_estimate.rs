@@ -78,11 +78,15 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         let inputs = Self::applied::<U, C>(&lines, w, sampling);
         self.evaluate(model, &inputs, w)?;
         let mut theta = *prior;
+        self.sensors = [T::ZERO; Q];
+        self.differentiate(model, &theta, w);
+        self.find_shown(&M::MOTION, w);
         let mut shown = self.solve(&M::MOTION, (prior, &theta), w, false)?;
         for _ in 0..PASSES {
             put(&mut theta, prior, &shown.0.solution);
             self.differentiate(model, &theta, w);
             self.find_noise(&M::MOTION, w);
+            self.find_shown(&M::MOTION, w);
             shown = self.solve(&M::MOTION, (prior, &theta), w, true)?;
         }
         put(&mut theta, prior, &shown.0.solution);
@@ -155,9 +159,12 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         let mut right = [Phasor::ZERO; R];
         for row in 0..R {
             right[row] = self.drive[row][2 * harmonic] - self.known[row][2 * harmonic];
-            for ((entry, lines), prior) in phi[row].iter_mut().zip(&self.regressor[row]).zip(prior) {
-                *entry = lines[2 * harmonic];
-                right[row] -= entry.times(*prior);
+            for column in 0..P {
+                let entry = self.regressor[row][column][2 * harmonic];
+                right[row] -= entry.times(prior[column]);
+                if self.shown[column] {
+                    phi[row][column] = entry;
+                }
             }
         }
         if !whiten(&mut covariance, &mut phi, &mut right) {

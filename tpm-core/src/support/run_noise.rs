@@ -10,6 +10,10 @@ use super::{Phasor, Real, RunWorkspace};
 
 /// Steps of the maximum-likelihood iteration for the variances of the noise.
 const NOISE_STEPS: usize = 30;
+/// A column is shown where it is so many times as large as what noise makes of it.
+const LEAST_VISIBLE: f64 = 4.0;
+/// Roundings of its largest line that every line of a coordinate may have gathered.
+const ROUNDINGS: f64 = 16.0;
 /// Harmonics of a derivative below this share of its largest one do not mix lines of noise.
 const LEAST_MIXING: f64 = 1e-3;
 
@@ -132,6 +136,28 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
     fn variance(&self, row: usize, line: usize) -> T {
         let felt = self.felt[row][line].iter().zip(&self.sensors);
         felt.fold(self.forces[row], |sum, (felt, sensor)| sum + *felt * *sensor)
+    }
+
+    /// Says which columns of the regressor stand out of what noise, or rounding, makes of them at any harmonic of any row. A column of noise
+    /// alone shows nothing of its parameter, and would say so with a number.
+    pub(super) fn find_shown(&mut self, slots: &[(usize, u32); S], w: T) {
+        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
+        let mut noise = self.sensors;
+        for (noise, lines) in noise.iter_mut().zip(&self.motion) {
+            let peak = lines.iter().fold(T::ZERO, |peak, line| peak.max(line.square()));
+            *noise = noise.max(peak * T::from_f64(ROUNDINGS * ROUNDINGS) * T::EPSILON * T::EPSILON);
+        }
+        for column in 0..P {
+            let stands = |row: usize, harmonic: usize| {
+                let mut variance = T::ZERO;
+                for (slope, &(coordinate, order)) in self.slopes[row][column].iter().zip(slots) {
+                    let felt = Phasor::derivative(w * T::from_f64(harmonic as f64), order).square();
+                    variance += *slope * felt * noise[coordinate];
+                }
+                self.regressor[row][column][2 * harmonic].square() > least * variance
+            };
+            self.shown[column] = (0..R).any(|row| (0..L / 2).any(|harmonic| stands(row, harmonic)));
+        }
     }
 
     /// Covariance of the noise of all rows at a harmonic.

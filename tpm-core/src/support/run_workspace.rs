@@ -47,6 +47,10 @@ pub struct RunWorkspace<T, const Q: usize, const R: usize, const P: usize, const
     pub(super) gains: [[[Phasor<T>; L]; S]; R],
     /// What a unit of noise in a coordinate makes of the variance of a row, line by line.
     pub(super) felt: [[[T; Q]; L]; R],
+    /// Mean squares of the derivatives of every entry of the regressor by every entry of the motion.
+    pub(super) slopes: [[[T; S]; P]; R],
+    /// Whether a column of the regressor stands out of what noise makes of it.
+    pub(super) shown: [bool; P],
     /// Variance of a line of every coordinate's sensor, and of the force on every row.
     pub(super) sensors: [T; Q],
     pub(super) forces: [T; R],
@@ -65,6 +69,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             drive: [[Phasor::ZERO; L]; R],
             gains: [[[Phasor::ZERO; L]; S]; R],
             felt: [[[T::ZERO; Q]; L]; R],
+            slopes: [[[T::ZERO; S]; P]; R],
+            shown: [false; P],
             sensors: [T::ZERO; Q],
             forces: [T::ZERO; R],
             reach: 0,
@@ -150,25 +156,28 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         w: T,
     ) {
         self.gains = [[[Phasor::ZERO; L]; S]; R];
+        self.slopes = [[[T::ZERO; S]; P]; R];
         let mean = T::ONE / T::from_f64(M::POINTS as f64);
         let steps = M::MOTION.map(|(coordinate, order)| step(&self.motion[coordinate], order, w));
         for point in 0..M::POINTS {
             let turn = turn::<T>(point, M::POINTS);
             let motion = motion_at(&self.motion, &M::MOTION, turn, w);
             for entry in 0..S {
-                let mut sides = [[T::ZERO; R]; 2];
-                for (side, sign) in sides.iter_mut().zip([T::ONE, -T::ONE]) {
+                let mut sides = [([[T::ZERO; P]; R], [T::ZERO; R]); 2];
+                for ((phi, known), sign) in sides.iter_mut().zip([T::ONE, -T::ONE]) {
                     let mut moved = motion;
                     moved[entry] += sign * steps[entry];
-                    let (mut phi, mut known, mut map) = ([[T::ZERO; P]; R], [T::ZERO; R], [[T::ZERO; U]; R]);
-                    model.rows(&moved, &mut phi, &mut known, &mut map);
-                    for ((value, phi), known) in side.iter_mut().zip(&phi).zip(known) {
-                        *value = phi.iter().zip(theta).fold(known, |sum, (phi, theta)| sum + *phi * *theta);
-                    }
+                    model.rows(&moved, phi, known, &mut [[T::ZERO; U]; R]);
                 }
-                let [up, down] = sides;
+                let [(up, up_known), (down, down_known)] = sides;
+                let both = steps[entry] + steps[entry];
                 for row in 0..R {
-                    let slope = (up[row] - down[row]) / (steps[entry] + steps[entry]);
+                    let mut slope = (up_known[row] - down_known[row]) / both;
+                    for column in 0..P {
+                        let own = (up[row][column] - down[row][column]) / both;
+                        slope += own * theta[column];
+                        self.slopes[row][column][entry] += own * own * mean;
+                    }
                     let mut turned = Phasor::new(slope * mean, T::ZERO);
                     for line in &mut self.gains[row][entry] {
                         *line += turned;

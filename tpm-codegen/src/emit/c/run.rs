@@ -125,8 +125,16 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("ESTIMATE", context.global("run_shown")),
         ("SOLVE", "run_solution_of".to_owned()),
     ];
-    let numbers =
-        [("ZERO", 0.0), ("ONE", 1.0), ("TWO", 2.0), ("FOUR", 4.0), ("STEP", 1e-2), ("MIXING", 1e-6), ("VISIBLE", 16.0)];
+    let numbers = [
+        ("ZERO", 0.0),
+        ("ONE", 1.0),
+        ("TWO", 2.0),
+        ("FOUR", 4.0),
+        ("STEP", 1e-2),
+        ("MIXING", 1e-6),
+        ("VISIBLE", 16.0),
+        ("ROUNDINGS", 256.0),
+    ];
     words.extend(numbers.map(|(name, value)| (name, scalar.literal(value))));
     let functions = [("FABS", "fabs"), ("SQRT", "sqrt"), ("SIN", "sin"), ("COS", "cos")];
     words.extend(functions.map(|(name, function)| (name, scalar.function(function))));

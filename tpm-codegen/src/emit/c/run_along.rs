@@ -151,6 +151,9 @@ static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
             for (line = 0; line < LINES; ++line) {
                 workspace->gains[row][entry][line] = run_phasor(ZERO, ZERO);
             }
+            for (column = 0; column < COLUMNS; ++column) {
+                workspace->slopes[row][column][entry] = ZERO;
+            }
         }
     }
     for (point = 0; point < POINTS; ++point) {
@@ -158,25 +161,25 @@ static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
         REAL motion[ENTRIES];
         run_motion_at(workspace, turn, w, motion);
         for (entry = 0; entry < ENTRIES; ++entry) {
-            REAL sides[2][ROWS];
+            const REAL both = steps[entry] + steps[entry];
+            const REAL centre = motion[entry];
+            REAL regressor[2][ROWS][COLUMNS];
+            REAL known[2][ROWS];
+            REAL map[ROWS][INPUTS];
             for (side = 0; side < 2; ++side) {
-                REAL regressor[ROWS][COLUMNS];
-                REAL known[ROWS];
-                REAL map[ROWS][INPUTS];
-                const REAL centre = motion[entry];
-                motion[entry] += side == 0 ? steps[entry] : -steps[entry];
-                run_rows(motion, regressor, known, mapARGUMENT);
-                motion[entry] = centre;
-                for (row = 0; row < ROWS; ++row) {
-                    sides[side][row] = known[row];
-                    for (column = 0; column < COLUMNS; ++column) {
-                        sides[side][row] += regressor[row][column] * workspace->theta[column];
-                    }
-                }
+                motion[entry] = centre + (side == 0 ? steps[entry] : -steps[entry]);
+                run_rows(motion, regressor[side], known[side], mapARGUMENT);
             }
+            motion[entry] = centre;
             for (row = 0; row < ROWS; ++row) {
-                const REAL slope = (sides[0][row] - sides[1][row]) / (steps[entry] + steps[entry]);
-                PHASOR turned = run_phasor(slope * mean, ZERO);
+                REAL slope = (known[0][row] - known[1][row]) / both;
+                PHASOR turned;
+                for (column = 0; column < COLUMNS; ++column) {
+                    const REAL own = (regressor[0][row][column] - regressor[1][row][column]) / both;
+                    slope += own * workspace->theta[column];
+                    workspace->slopes[row][column][entry] += own * own * mean;
+                }
+                turned = run_phasor(slope * mean, ZERO);
                 for (line = 0; line < LINES; ++line) {
                     run_add(&workspace->gains[row][entry][line], turned);
                     turned = run_times(turned, run_conjugate(turn));

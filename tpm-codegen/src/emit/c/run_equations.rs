@@ -166,6 +166,9 @@ static STATUS run_push_harmonic(WORKSPACE *workspace, size_t harmonic, REAL w, i
         for (column = 0; column < COLUMNS; ++column) {
             phi[row][column] = workspace->regressor[row][column][2 * harmonic];
             run_subtract(&right[row], run_scaled(phi[row][column], workspace->prior[column]));
+            if (!workspace->stands[column]) {
+                phi[row][column] = run_phasor(ZERO, ZERO);
+            }
         }
     }
     if (!run_whiten(covariance, phi, right)) {
@@ -251,11 +254,17 @@ static STATUS run_update(const RUN *run, WORKSPACE *workspaceCONSTANTS)
     run_lines(run, workspace, w);
     status = run_evaluate(workspace, wARGUMENT);
     if (status == OK) {
+        for (column = 0; column < COORDINATES; ++column) {
+            workspace->sensors[column] = ZERO;
+        }
+        run_differentiate(workspace, wARGUMENT);
+        run_find_shown(workspace, w);
         status = run_solve_step(workspace, w, 0);
     }
     for (pass = 0; pass < PASSES && status == OK; ++pass) {
         run_differentiate(workspace, wARGUMENT);
         run_find_noise(workspace, w);
+        run_find_shown(workspace, w);
         status = run_solve_step(workspace, w, 1);
     }
     return status;

@@ -137,4 +137,37 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
         run_improve_noise(workspace);
     }
 }
+
+/* Says which columns of the regressor stand out of what noise, or rounding, makes of them at any harmonic. */
+static void run_find_shown(WORKSPACE *workspace, REAL w)
+{
+    REAL noise[COORDINATES];
+    size_t coordinate, line, row, column, entry;
+
+    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+        REAL peak = ZERO;
+        for (line = 0; line < LINES; ++line) {
+            const REAL square = run_square(workspace->motion[coordinate][line]);
+            peak = square > peak ? square : peak;
+        }
+        peak *= ROUNDINGS * EPSILON * EPSILON;
+        noise[coordinate] = workspace->sensors[coordinate] > peak ? workspace->sensors[coordinate] : peak;
+    }
+    for (column = 0; column < COLUMNS; ++column) {
+        workspace->stands[column] = 0;
+        for (row = 0; row < ROWS; ++row) {
+            for (line = 0; line < LINES; line += 2) {
+                REAL variance = ZERO;
+                for (entry = 0; entry < ENTRIES; ++entry) {
+                    const PHASOR felt = run_derivative(w * (REAL)(line / 2), run_order[entry]);
+                    variance += workspace->slopes[row][column][entry] * run_square(felt)
+                            * noise[run_coordinate[entry]];
+                }
+                if (run_square(workspace->regressor[row][column][line]) > VISIBLE * variance) {
+                    workspace->stands[column] = 1;
+                }
+            }
+        }
+    }
+}
 ";

@@ -95,6 +95,8 @@ typedef struct WORKSPACE {
     PHASOR gains[ROWS][ENTRIES][LINES];
     REAL felt[ROWS][LINES][COORDINATES];
     REAL left[ROWS][LINES];
+    REAL slopes[ROWS][COLUMNS][ENTRIES];
+    int stands[COLUMNS];
     REAL sensors[COORDINATES];
     REAL forces[ROWS];
     int reach;
