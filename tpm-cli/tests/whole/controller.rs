@@ -185,6 +185,39 @@ fn the_chain_is_identified_by_one_run_in_every_language_and_precision() {
     assert!(within * 100 >= runs * 88, "{report}");
 }
 
+/// The runtime refines its estimate by simulating every sample, the controller does not: both are right, the runtime's deviations are
+/// smaller, and so is the difference between them.
+#[test]
+fn the_controller_finds_what_the_runtime_finds_in_the_same_log() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let program = in_rust(folder.path(), "run").swap_remove(0);
+    let text = std::fs::read_to_string(root().join(CHAIN)).expect("shipped");
+    let declared: String =
+        text.lines().filter(|line| !line.contains("eliminate")).map(|line| format!("{line}\n")).collect();
+    let model = folder.path().join("declared.tpm");
+    std::fs::write(&model, declared).expect("writable");
+    for seed in [1, 2, 3] {
+        let rows = log(folder.path(), seed);
+        let whole: Vec<&str> = rows.lines().collect();
+        let [samples, settle, periods] = SHAPE.map(|count| count as usize);
+        let used = whole[samples * settle..samples * (settle + periods)].join("\n");
+        let place = folder.path().join("used.csv");
+        std::fs::write(&place, format!("t_s,x1,x2,F\n{used}\n")).expect("writable");
+        let [model, place] = [&model, &place].map(|path| path.to_str().expect("readable"));
+        let result = printed(&["identify", model, "--log", place, "--hold", "zoh", "--json"]);
+        let result: serde_json::Value = serde_json::from_str(&result).expect("JSON");
+        let found = program.found(&input(SHAPE, &rows), folder.path());
+        for (i, parameter) in result["parameters"].as_array().expect("a list").iter().enumerate() {
+            let value = parameter["value"].as_f64().expect("identified");
+            let apart = (found.values[i] - value) / found.deviations[i];
+            assert!(apart.abs() < 3.0, "seed {seed}, {}: {} beside {value}", parameter["name"], found.values[i]);
+            let ratio = found.deviations[i] / parameter["std"].as_f64().expect("a deviation");
+            println!("seed {seed} {}: {apart:.3} deviations apart, {ratio:.2} times the deviation", parameter["name"]);
+            assert!((0.8..2.5).contains(&ratio), "{ratio}");
+        }
+    }
+}
+
 #[test]
 fn a_run_that_cannot_be_used_gives_a_status_and_no_number() {
     let folder = tempfile::tempdir().expect("a temporary folder");
