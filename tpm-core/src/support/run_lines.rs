@@ -80,17 +80,25 @@ pub struct RunLines<T, const C: usize, const L: usize> {
 }
 
 impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
-    /// Before the first sample of a run of whole periods.
+    /// Samples of a run of so many periods, where there can be one.
     ///
     /// # Errors
     /// [`RunFault::Samples`], [`RunFault::Periods`].
-    pub fn new(samples_per_period: u32, periods: u32) -> Result<Self, RunFault> {
+    pub fn check(samples_per_period: u32, periods: u32) -> Result<u32, RunFault> {
         if periods < 4 || periods % 2 != 0 {
             return Err(RunFault::Periods);
         }
         // The highest line is below (L/2) w, which two samples of a period must resolve.
         let enough = samples_per_period as usize > L;
-        let samples = samples_per_period.checked_mul(periods).filter(|_| enough).ok_or(RunFault::Samples)?;
+        samples_per_period.checked_mul(periods).filter(|_| enough).ok_or(RunFault::Samples)
+    }
+
+    /// Before the first sample of a run of whole periods.
+    ///
+    /// # Errors
+    /// [`RunFault::Samples`], [`RunFault::Periods`].
+    pub fn new(samples_per_period: u32, periods: u32) -> Result<Self, RunFault> {
+        let samples = Self::check(samples_per_period, periods)?;
         let zero = [[Phasor::ZERO; L]; C];
         Ok(Self { samples_per_period, samples, count: 0, fault: None, period: zero, total: zero })
     }

@@ -82,7 +82,9 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
     let handed = context.constants_handed_on();
     let argument = context.constants_argument();
     let columns = &names.columns;
+    let lines = count(plan.lines());
     let evaluation = &plan.source.plan.evaluation;
+    let channels = count(evaluation.coordinates.len() + evaluation.inputs.len());
     let measured: Vec<TokenStream> = (0..evaluation.coordinates.len()).map(|i| indexed("measured", i)).collect();
     let reference: Vec<TokenStream> = (0..evaluation.coordinates.len()).map(|i| indexed("reference", i)).collect();
     let tracking: Vec<TokenStream> = (0..evaluation.coordinates.len()).map(|i| indexed("tracking", i)).collect();
@@ -105,8 +107,8 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                 #handed
             ) -> Result<Self, RunFault> {
                 let first = stages.first().ok_or(RunFault::Samples)?;
-                for stage in stages.iter().rev() {
-                    Estimator::new(stage.samples_per_period, rules.periods, sampling, None)?;
+                for stage in stages {
+                    RunLines::<T, #channels, #lines>::check(stage.samples_per_period, rules.periods)?;
                 }
                 let rest = Command { reference: Measured::default(), feed_forward: Applied::default() };
                 let mut this = Self {
