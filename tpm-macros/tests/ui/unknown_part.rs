@@ -1,0 +1,9 @@
+tpm_runtime::model! {
+    with(run, mas_matrix);
+    model Cart {
+        coordinate x [m];
+        input u [N];
+        parameter m [kg];
+        m*ddot(x) = u;
+    }
+}
