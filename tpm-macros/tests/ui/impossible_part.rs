@@ -1,4 +1,4 @@
-tpm_runtime::model! {
+tpm_macros::model! {
     with(run, campaign);
     model Cart {
         coordinate x [m];
@@ -7,3 +7,5 @@ tpm_runtime::model! {
         m*ddot(x) = u;
     }
 }
+
+fn main() {}
