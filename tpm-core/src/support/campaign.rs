@@ -301,6 +301,17 @@ pub fn passing<T: Real, const N: usize>(before: &[T; N], now: &[T; N], entries: 
     })
 }
 
+/// The parameters that all runs show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pooled<T, const P: usize> {
+    /// The parameters; nothing for those that no run shows.
+    pub values: [Option<T>; P],
+    /// Their standard deviations.
+    pub deviations: [Option<T>; P],
+    /// Their covariance; zero for those that no run shows.
+    pub covariance: [[T; P]; P],
+}
+
 /// What the runs of a campaign say together, as equations for the step from `centre`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunPool<T, const P: usize> {
@@ -315,14 +326,9 @@ impl<T: Real, const P: usize> RunPool<T, P> {
         Self { factor: SquareRoot::default(), centre }
     }
 
-    /// Takes in the equations of a run for the step from its own prior, which count by `1 / max(chi_squared, 1)`; gives the parameters that
-    /// all runs show, and their deviations.
-    pub fn take(
-        &mut self,
-        run: &SquareRoot<T, P>,
-        prior: &[T; P],
-        chi_squared: T,
-    ) -> ([Option<T>; P], [Option<T>; P], [[T; P]; P]) {
+    /// Takes in the equations of a run for the step from its own prior, which count by `1 / max(chi_squared, 1)`; gives what all
+    /// runs show.
+    pub fn take(&mut self, run: &SquareRoot<T, P>, prior: &[T; P], chi_squared: T) -> Pooled<T, P> {
         let mut by = [T::ZERO; P];
         for ((by, prior), centre) in by.iter_mut().zip(prior).zip(&mut self.centre) {
             *by = *prior - *centre;
@@ -337,6 +343,6 @@ impl<T: Real, const P: usize> RunPool<T, P> {
         for ((value, step), centre) in values.iter_mut().zip(shown.solution).zip(self.centre) {
             *value = step.map(|step| centre + step);
         }
-        (values, shown.deviations, shown.covariance)
+        Pooled { values, deviations: shown.deviations, covariance: shown.covariance }
     }
 }

@@ -22,7 +22,7 @@ mod square_root;
 mod tests;
 
 pub use accelerations::{SingularMass, accelerations};
-pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, RunPool, passing};
+pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;

@@ -18,6 +18,10 @@
 //! Invariants: nothing allocates; every loop has a length that the model fixes, so that an update takes a fixed time; indices run up to
 //! lengths of the arrays that they index. Equations are solved for the step from the prior in square-root form, so that single
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
 
 use super::{Phasor, Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
 
@@ -69,7 +73,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         let lines = run.lines()?;
         let period = T::from_f64(f64::from(run.samples_per_period())) * sampling.sample_time;
         let w = T::from_f64(2.0) * T::PI / period;
-        if !prior.iter().all(|value| value.is_finite()) || !(w > T::ZERO && w.is_finite()) {
+        if !(prior.iter().all(|value| value.is_finite()) && w > T::ZERO && w.is_finite()) {
             return Err(RunFault::Equations);
         }
         for (own, line) in self.motion.iter_mut().zip(&lines) {

@@ -85,7 +85,7 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
     /// # Errors
     /// [`RunFault::Samples`], [`RunFault::Periods`].
     pub fn check(samples_per_period: u32, periods: u32) -> Result<u32, RunFault> {
-        if periods < 4 || periods % 2 != 0 {
+        if periods < 4 || !periods.is_multiple_of(2) {
             return Err(RunFault::Periods);
         }
         // The highest line is below (L/2) w, which two samples of a period must resolve.

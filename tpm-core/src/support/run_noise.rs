@@ -5,6 +5,10 @@
 //! which mix the lines, say what they make of every row at every harmonic.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
 
 use super::{Phasor, Real, RunWorkspace};
 
@@ -112,7 +116,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         for row in 0..R {
             for line in (1..L).step_by(2) {
                 let variance = self.variance(row, line);
-                if !(variance > T::ZERO) {
+                if !variance.is_finite() || variance <= T::ZERO {
                     continue;
                 }
                 let (given, expected) = (left[row][line] / variance / variance, T::ONE / variance);

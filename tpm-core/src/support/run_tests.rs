@@ -90,8 +90,9 @@ fn runs_are_pooled_by_what_they_show() {
     let found = estimate(&run::<f64>(0.0), 0.0).expect("a run");
     let prior = [1.0, 10.0, 0.0, 0.0, 0.0];
     let mut pool = RunPool::new(prior);
-    let (once, deviation, _) = pool.take(&found.equations, &prior, 1.0);
-    let (twice, smaller, _) = pool.take(&found.equations, &prior, 1.0);
+    let first = pool.take(&found.equations, &prior, 1.0);
+    let second = pool.take(&found.equations, &prior, 1.0);
+    let (once, deviation, twice, smaller) = (first.values, first.deviations, second.values, second.deviations);
     for i in 0..4 {
         let (once, twice) = (once[i].expect("shown"), twice[i].expect("shown"));
         assert!((once - twice).abs() < 1e-9 * once.abs(), "{once} {twice}");

@@ -3,6 +3,10 @@
 //!
 //! Invariants: nothing allocates, and every loop has a length that the model fixes. Harmonic k stands in the place of line 2 k
 //! ([`RunLines`](super::RunLines)).
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
 
 use super::{Phasor, Real, RunFault};
 

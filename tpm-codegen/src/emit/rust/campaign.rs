@@ -198,11 +198,10 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                 let prior = self.parameters.into_array();
                 match self.estimator.estimate(#argument &self.parameters) {
                     Ok(mut estimate) => {
-                        let (values, deviations, covariance) =
-                            self.pool.take(&estimate.equations, &prior, estimate.chi_squared);
-                        estimate.parameters = Parameters::from_array(values);
-                        estimate.deviations = Parameters::from_array(deviations);
-                        estimate.covariance = covariance;
+                        let pooled = self.pool.take(&estimate.equations, &prior, estimate.chi_squared);
+                        estimate.parameters = Parameters::from_array(pooled.values);
+                        estimate.deviations = Parameters::from_array(pooled.deviations);
+                        estimate.covariance = pooled.covariance;
                         #(self.parameters.#columns = estimate.parameters.#columns.unwrap_or(self.parameters.#columns);)*
                         self.estimate = Some(estimate);
                         self.order.updated(|index| {

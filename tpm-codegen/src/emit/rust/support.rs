@@ -42,7 +42,7 @@ pub(super) fn text(needs: Needs) -> String {
     }
     if campaign {
         text.push_str(
-            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, RunPool, passing};\n",
+            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};\n",
         );
     }
     if run {
