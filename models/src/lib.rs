@@ -8,7 +8,7 @@ use tpm_runtime::model_file;
 
 model_file!("brushless_motor.tpm");
 model_file!("cart_pendulum.tpm");
-model_file!("closed_loop_arm.tpm");
+model_file!("closed_loop_arm.tpm", with(run, campaign));
 model_file!("emps.tpm");
 model_file!("mass_spring_drag.tpm");
 model_file!("rotary_pendulum.tpm");
@@ -17,7 +17,7 @@ model_file!("rotary_pendulum_dry.tpm");
 model_file!("silverbox.tpm");
 model_file!("stribeck_pendulum.tpm");
 model_file!("three_carts.tpm");
-model_file!("two_carts.tpm");
+model_file!("two_carts.tpm", with(run, campaign));
 
 /// A model that is declared in place, with `model!`.
 pub mod inline {

@@ -8,6 +8,7 @@
 
 #[cfg(feature = "generate")]
 pub mod c;
+mod campaign;
 mod code;
 pub mod estimator;
 pub mod filter;
@@ -21,6 +22,7 @@ pub mod part;
 #[cfg(feature = "generate")]
 pub mod regulator;
 mod requested;
+mod run;
 pub mod rust;
 pub mod table;
 mod text;

@@ -8,7 +8,7 @@ use quote::{quote, quote_spanned};
 use std::path::Path;
 
 use crate::diagnostic::{Diagnostics, Severity};
-use crate::emit::estimator::EstimatorSource;
+use crate::emit::estimator::{EstimatorSource, Part};
 use crate::emit::rust;
 use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
@@ -25,7 +25,7 @@ fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
     items.collect()
 }
 
-/// The expansion of `model! { [crate = path;] model Name { ... } }`.
+/// The expansion of `model! { [crate = path;] [with(part, ...);] model Name { ... } }`.
 #[must_use]
 pub fn model(input: TokenStream) -> TokenStream {
     within_budget(|| of_model(input))
@@ -43,13 +43,11 @@ fn within_budget(expansion: impl FnOnce() -> TokenStream) -> TokenStream {
 
 fn of_model(input: TokenStream) -> TokenStream {
     let mut tokens = input.into_iter().peekable();
-    let mut runtime = "::tpm_runtime".to_owned();
-    if tokens.peek().is_some_and(|token| is_ident(token, "crate")) {
-        let first = tokens.next().map_or_else(Span::call_site, |token| token.span());
-        let head = tokens.by_ref().take_while(|token| !is_punct(token, ';')).collect();
-        match crate_path(first, head) {
-            Ok(path) => runtime = path,
-            Err(fault) => return errors([fault]),
+    let mut request = Request::default();
+    while tokens.peek().is_some_and(|token| is_ident(token, "crate") || is_ident(token, "with")) {
+        let head = tokens.by_ref().take_while(|token| !is_punct(token, ';')).collect::<Vec<TokenTree>>();
+        if let Err(fault) = request.take(&head) {
+            return errors([fault]);
         }
     }
     let (parsed, tokens) = match parse_tokens("model!", tokens.collect()) {
@@ -59,26 +57,25 @@ fn of_model(input: TokenStream) -> TokenStream {
     let text = parsed.ast.to_string();
     match EstimatorSource::of(&parsed) {
         Ok(estimator) => {
-            let options = rust::Options {
-                command: "tpm_runtime::model!",
-                runtime: &runtime,
-                source: Some(&text),
-                ..rust::Options::default()
+            let estimator = match request.parts_of(estimator) {
+                Ok(estimator) => estimator,
+                Err(fault) => return errors([fault]),
             };
+            let options = rust::Options { command: "tpm_runtime::model!", source: Some(&text), ..request.options() };
             rust::items(&estimator, &options, &TokenStream::new())
         }
         Err(diagnostic) => tokens.compile_errors(&Diagnostics::from_iter([diagnostic])),
     }
 }
 
-/// The expansion of `model_file!("path/to/x.tpm" [, crate = path])`; `folder` is the root of the package that calls it.
+/// The expansion of `model_file!("path/to/x.tpm" [, crate = path] [, with(part, ...)])`; `folder` is the root of the package that calls it.
 #[must_use]
 pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     within_budget(|| of_model_file(input, folder))
 }
 
 fn of_model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
-    let (literal, path, runtime) = match file_arguments(input) {
+    let (literal, path, request) = match file_arguments(input) {
         Ok(arguments) => arguments,
         Err(fault) => return errors([fault]),
     };
@@ -105,12 +102,12 @@ fn of_model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     };
     match EstimatorSource::of(&parsed) {
         Ok(estimator) => {
-            let options = rust::Options {
-                command: "tpm_runtime::model_file!",
-                runtime: &runtime,
-                source: Some(source.text()),
-                ..rust::Options::default()
+            let estimator = match request.parts_of(estimator) {
+                Ok(estimator) => estimator,
+                Err(fault) => return errors([fault]),
             };
+            let options =
+                rust::Options { command: "tpm_runtime::model_file!", source: Some(source.text()), ..request.options() };
             // The compiler tracks included files, so that a change of the model file rebuilds the crate.
             let watch = quote! {
                 const _: &[u8] = ::core::include_bytes!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/", #path));
@@ -161,31 +158,100 @@ fn crate_path(at: Span, tokens: TokenStream) -> Result<String, Fault> {
     Ok(rest.to_string().replace(' ', ""))
 }
 
-/// The arguments of `model_file!`: the span of the path's literal, the path, and the runtime's path.
-fn file_arguments(input: TokenStream) -> Result<(Span, String, String), Fault> {
+/// What a macro call asks for beside its model.
+struct Request {
+    runtime: String,
+    /// The parts, each with the word that asks for it.
+    parts: Vec<(Span, Part)>,
+    strokes: bool,
+    forgetting: bool,
+}
+
+impl Default for Request {
+    fn default() -> Self {
+        Self { runtime: "::tpm_runtime".to_owned(), parts: Vec::new(), strokes: false, forgetting: false }
+    }
+}
+
+impl Request {
+    /// Takes in `crate = path` or `with(part, ...)`.
+    fn take(&mut self, tokens: &[TokenTree]) -> Result<(), Fault> {
+        match tokens {
+            [first, rest @ ..] if is_ident(first, "crate") => {
+                self.runtime = crate_path(first.span(), rest.iter().cloned().collect())?;
+                Ok(())
+            }
+            [first, TokenTree::Group(group)] if is_ident(first, "with") => {
+                group.stream().into_iter().try_for_each(|token| self.word(&token))
+            }
+            [first, ..] => Err((first.span(), format!("write `with({})`: parts between commas", words().join(", ")))),
+            [] => Ok(()),
+        }
+    }
+
+    /// Takes in a word between the brackets of `with`.
+    fn word(&mut self, token: &TokenTree) -> Result<(), Fault> {
+        if is_punct(token, ',') {
+            return Ok(());
+        }
+        match token.to_string().as_str() {
+            "strokes" => self.strokes = true,
+            "forgetting" => self.forgetting = true,
+            name => match Part::from_name(name) {
+                Some(part) => self.parts.push((token.span(), part)),
+                None => {
+                    let known = words();
+                    return Err((token.span(), format!("there is no part `{name}`; there are {}", known.join(", "))));
+                }
+            },
+        }
+        Ok(())
+    }
+
+    /// The model with its parts; what cannot be made is a fault of the word that asks for it.
+    fn parts_of(&self, estimator: EstimatorSource) -> Result<EstimatorSource, Fault> {
+        let add = |estimator: EstimatorSource, (span, part): &(Span, Part)| {
+            estimator.with(&[*part]).map_err(|error| (*span, error.to_string()))
+        };
+        self.parts.iter().try_fold(estimator, add)
+    }
+
+    fn options(&self) -> rust::Options<'_> {
+        rust::Options {
+            runtime: &self.runtime,
+            strokes: self.strokes,
+            forgetting: self.forgetting,
+            ..rust::Options::default()
+        }
+    }
+}
+
+/// The words that `with` takes.
+fn words() -> Vec<&'static str> {
+    Part::ALL.into_iter().map(Part::name).chain(["strokes", "forgetting"]).collect()
+}
+
+/// The arguments of `model_file!`: the span of the path's literal, the path, and what is asked for beside the model.
+fn file_arguments(input: TokenStream) -> Result<(Span, String, Request), Fault> {
     let usage = "write model_file!(\"path/to/model.tpm\"), the path relative to the folder of the package's Cargo.toml";
     let mut tokens = input.into_iter();
     let first = tokens.next().ok_or_else(|| (Span::call_site(), usage.to_owned()))?;
     let span = first.span();
     let path = string_of(&first).ok_or_else(|| (span, usage.to_owned()))?;
-    let mut runtime = "::tpm_runtime".to_owned();
-    if let Some(comma) = tokens.next() {
-        if !is_punct(&comma, ',') {
-            return Err((comma.span(), usage.to_owned()));
-        }
-        if let Some(word) = tokens.next() {
-            if !is_ident(&word, "crate") {
+    if let Some(comma) = tokens.next().filter(|token| !is_punct(token, ',')) {
+        return Err((comma.span(), usage.to_owned()));
+    }
+    let mut request = Request::default();
+    let rest: Vec<TokenTree> = tokens.collect();
+    for argument in rest.split(|token| is_punct(token, ',')) {
+        match argument.first() {
+            Some(word) if !is_ident(word, "crate") && !is_ident(word, "with") => {
                 return Err((word.span(), usage.to_owned()));
             }
-            let rest: Vec<TokenTree> = tokens.collect();
-            let end = rest.iter().position(|token| is_punct(token, ',')).unwrap_or(rest.len());
-            if rest.len() > end + 1 {
-                return Err((rest[end + 1].span(), usage.to_owned()));
-            }
-            runtime = crate_path(word.span(), rest[..end].iter().cloned().collect())?;
+            _ => request.take(argument)?,
         }
     }
-    Ok((span, path, runtime))
+    Ok((span, path, request))
 }
 
 /// The text of a string literal, also inside the invisible group in which a `macro_rules` fragment passes it on.
@@ -243,6 +309,39 @@ mod tests {
         std::fs::write(folder.path().join("a.tpm"), text).expect("written");
         let expansion = expand_file("r\"a.tpm\"", Some(folder.path()));
         assert!(expansion.contains("a.tpm:5:") && expansion.contains("a.tpm:6:"), "{expansion}");
+    }
+
+    #[test]
+    fn parts_are_made_on_request_and_faults_are_those_of_their_words() {
+        let model_of = |head: &str| {
+            let text = format!(
+                "{head} model A {{ coordinate x; input u; parameter m, d; m*ddot(x) + d*dot(x) = u; pattern {{ amplitude a; frequency w; x = rest_to_rest(a, w, 3); }} }}"
+            );
+            model(text.parse().expect("tokens")).to_string()
+        };
+        let plain = model_of("");
+        assert!(!plain.contains("mod run") && !plain.contains("fn mass_matrix") && !plain.contains("fn stroke"));
+        let all = model_of(
+            "crate = my::rt; with(run, campaign, mass_matrix, forward_dynamics, estimator, strokes, forgetting);",
+        );
+        for word in [
+            "mod run",
+            "struct Campaign",
+            "fn mass_matrix",
+            "fn forward_dynamics",
+            "BaseEstimator",
+            "fn stroke",
+            "fn fade",
+        ] {
+            assert!(all.contains(word), "{word}");
+        }
+        assert!(all.contains("my :: rt :: support ::") && syn::parse_str::<syn::File>(&all).is_ok());
+        let unknown = model_of("with(runn);");
+        assert!(unknown.contains("there is no part `runn`") && unknown.contains("campaign, strokes"), "{unknown}");
+        assert!(model_of("with run;").contains("write `with("));
+        let none = "with(campaign); model A { coordinate x; input u; parameter m; m*ddot(x) = u; }";
+        let none = model(none.parse().expect("tokens")).to_string();
+        assert!(none.contains("there is no campaign: the model has no pattern"), "{none}");
     }
 
     #[test]

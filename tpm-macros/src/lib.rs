@@ -45,6 +45,11 @@ use std::path::Path;
 /// and bounds the harmonics left out. A pattern whose table does not exist, because a coordinate has no motion or a function neither
 /// expands nor has a declared order, gives a module without estimator matrix and harmonics, and its documentation says why.
 ///
+/// `model! { with(run, campaign); model Name { ... } }` asks for parts that are not made without being asked for, those of
+/// `tpm generate --with`: `split`, `gravity`, `mass_matrix`, `forward_dynamics`, `base_regressor`, `estimator` (base parameters from any
+/// motion), `run` (the declared parameters from one run), `campaign` (the machine identifies itself); and `strokes` and `forgetting`. What a
+/// model does not allow is an error on the word.
+///
 /// `model! { crate = path::to::runtime; model Name { ... } }` names the crate that the code uses, when it is not `::tpm_runtime`;
 /// `crate = tpm_core;` is enough for a controller.
 #[proc_macro]
@@ -55,7 +60,8 @@ pub fn model(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
 /// Declares the dynamics model of a `.tpm` file: `model_file!("path/to/model.tpm")`, relative to the package's folder.
 ///
 /// It expands to what `model!` expands to, and a change of the file rebuilds the crate.
-/// `model_file!("path/to/model.tpm", crate = path::to::runtime)` names the crate that the code uses, when it is not `::tpm_runtime`.
+/// `model_file!("path/to/model.tpm", crate = path::to::runtime)` names the crate that the code uses, when it is not `::tpm_runtime`, and
+/// `model_file!("path/to/model.tpm", with(run, campaign))` asks for parts as `model!` does.
 #[proc_macro]
 pub fn model_file(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     let folder = std::env::var_os("CARGO_MANIFEST_DIR");

@@ -36,7 +36,7 @@ pub use {tpm_interpret as interpret, tpm_physical as physical, tpm_session as se
 
 pub use tpm_core::{
     Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter,
-    harmonics, least_squares, linear, model, weighted_least_squares,
+    harmonics, least_squares, linear, model, support, weighted_least_squares,
 };
 #[cfg(feature = "macros")]
 pub use tpm_macros::{model, model_file};

@@ -2478,6 +2478,26 @@ pub mod support {
                 self.rows *= share;
             }
 
+            /// Takes in all rows of another factor.
+            pub fn pool(&mut self, other: &Self) {
+                let rows = self.rows + other.rows;
+                for (row, right) in other.factor.iter().zip(other.right) {
+                    // A factor has finite entries only.
+                    let _ = self.push(*row, right);
+                }
+                self.residual = hypotenuse(self.residual, other.residual);
+                self.rows = rows;
+            }
+
+            /// Makes the equations those of the unknowns less `by`.
+            pub fn move_by(&mut self, by: &[T; C]) {
+                for (row, right) in self.factor.iter().zip(&mut self.right) {
+                    for (entry, by) in row.iter().zip(by) {
+                        *right -= *entry * *by;
+                    }
+                }
+            }
+
             /// The number of rows so far; past ones count less after a fading.
             #[must_use]
             pub fn rows(&self) -> T {
@@ -2547,13 +2567,13 @@ pub mod support {
                         *shown &= share.abs() <= leak;
                     }
                 }
-                let mut squares = [T::ZERO; C];
+                let mut covariance = [[T::ZERO; C]; C];
                 let mut all = T::ZERO;
                 for k in 0..rank {
                     // A column of the inverse of the triangular factor.
                     let column = substituted(&pivots, rank, |j, _| if j == k { T::ONE } else { T::ZERO });
-                    for (square, entry) in squares.iter_mut().zip(column) {
-                        *square += entry * entry;
+                    for (sums, &entry) in covariance.iter_mut().zip(&column) {
+                        sums.iter_mut().zip(&column).for_each(|(sum, &other)| *sum += entry * other);
                         all += entry * entry;
                     }
                 }
@@ -2561,19 +2581,26 @@ pub mod support {
                 let mut found = Shown {
                     solution: [None; C],
                     deviations: [None; C],
+                    covariance: [[T::ZERO; C]; C],
                     rank,
                     residual: hypotenuse(self.residual, length(&right)),
                     condition: (T::from_f64(rank as f64) * all).sqrt(),
                 };
+                for ((sums, &scale), &own) in covariance.iter_mut().zip(&scales).zip(&shown) {
+                    for ((sum, &other), &also) in sums.iter_mut().zip(&scales).zip(&shown) {
+                        *sum = if own && also { *sum / scale / other } else { T::ZERO };
+                    }
+                }
                 let slots = found.solution.iter_mut().zip(&mut found.deviations);
-                for ((((slot, deviation), value), square), (scale, shown)) in
-                    slots.zip(values).zip(squares).zip(scales.into_iter().zip(shown))
+                for (c, (((slot, deviation), value), (scale, shown))) in
+                    slots.zip(values).zip(scales.into_iter().zip(shown)).enumerate()
                 {
                     if shown {
                         *slot = Some(value / scale);
-                        *deviation = Some(square.sqrt() / scale);
+                        *deviation = covariance.get(c).and_then(|row| row.get(c)).map(|square| square.sqrt());
                     }
                 }
+                found.covariance = covariance;
                 found
             }
         }
@@ -2585,6 +2612,8 @@ pub mod support {
             pub solution: [Option<T>; C],
             /// Their standard deviations, when the rows' errors have the deviations that they were divided by.
             pub deviations: [Option<T>; C],
+            /// The covariance of the unknowns under the same condition; zero for those that the data do not show.
+            pub covariance: [[T; C]; C],
             /// The number of directions that the data show.
             pub rank: usize,
             /// Euclidean length of what is left of the data, in deviations.

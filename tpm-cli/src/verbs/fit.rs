@@ -10,9 +10,10 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{
-    Complex, Delay, FitWarning, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root, StructuredFit,
-    StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
+    Complex, Delay, FitWarning, OrderComparison, OrderTrial, RationalFit, RationalSettings, ResponseModel, Root,
+    StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
+use tpm_runtime::harmonics::Hold;
 use tpm_runtime::physical::LinearizedResponse;
 use tpm_runtime::report::{Align, TextTable, beside, cells, number, or_dash, plus_minus};
 use tpm_symbolic::expr::graph::Symbol;
@@ -207,17 +208,17 @@ fn rational(
             })
             .collect();
         let Some(best) = found.recommended.map(|at| found.trials[at].clone()) else {
-            let faults: Vec<String> = found
+            let mut faults: Vec<String> = found
                 .trials
                 .iter()
-                .map(|trial| match &trial.fit {
-                    Err(fault) => format!("{}/{}: {fault}", trial.numerator, trial.denominator),
-                    Ok(fit) => {
-                        let said: Vec<String> = fit.warnings.iter().map(ToString::to_string).collect();
-                        format!("{}/{}: {}", trial.numerator, trial.denominator, said.join("; "))
-                    }
-                })
+                .map(|trial| format!("{}/{}: {}", trial.numerator, trial.denominator, fault_of(trial, &found)))
                 .collect();
+            if welch.hold == Hold::None {
+                faults.push(
+                    "an input that was held from sample to sample bends the response: say so with --hold zoh"
+                        .to_owned(),
+                );
+            }
             let said = if args.json { file::json(&*whole)? } else { text.clone() };
             file::emit(args.measured.output.as_deref(), &said)?;
             return Err(Failure::Incomplete(format!("none of the orders can be recommended\n{}", faults.join("\n"))));
@@ -244,6 +245,22 @@ fn rational(
         incomplete.push(warning.to_string());
     }
     Ok(fit)
+}
+
+/// Why an order cannot be recommended.
+fn fault_of(trial: &OrderTrial, found: &OrderComparison) -> String {
+    let best = found.trials.iter().find(|other| other.worse_by == Some(0.0));
+    match (&trial.fit, trial.worse_by.zip(best)) {
+        (Err(fault), _) => fault.to_string(),
+        (Ok(fit), _) if trial.doubtful() => {
+            fit.warnings.iter().map(ToString::to_string).collect::<Vec<String>>().join("; ")
+        }
+        (Ok(_), Some((by, best))) => format!(
+            "it predicts the other half of the log worse than {}/{}, by {by:.1} standard errors",
+            best.numerator, best.denominator
+        ),
+        (Ok(_), None) => "it does not predict the other half of the log".to_owned(),
+    }
 }
 
 fn compared(found: &OrderComparison) -> String {

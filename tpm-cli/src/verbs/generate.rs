@@ -49,17 +49,23 @@ enum Part {
     BaseRegressor,
     /// An estimator of the base parameters that takes in any motion sample by sample (square-root updates).
     Estimator,
+    /// An estimator of the declared parameters from the samples of one run, where all coordinates are measured.
+    Run,
+    /// A whole campaign on the controller, run by run, over the estimator of a run: the machine identifies itself.
+    Campaign,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    const ALL: [(Self, Requested); 6] = [
+    const ALL: [(Self, Requested); 8] = [
         (Self::Split, Requested::Split),
         (Self::Gravity, Requested::Gravity),
         (Self::MassMatrix, Requested::MassMatrix),
         (Self::ForwardDynamics, Requested::ForwardDynamics),
         (Self::BaseRegressor, Requested::BaseRegressor),
         (Self::Estimator, Requested::Estimator),
+        (Self::Run, Requested::Run),
+        (Self::Campaign, Requested::Campaign),
     ];
 }
 

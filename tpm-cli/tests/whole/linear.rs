@@ -249,7 +249,13 @@ fn an_unstable_fit_is_no_success() {
     let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert!(found["recommended"].is_null() && found["orders"].as_array().expect("a list").len() == 2, "{found}");
     assert!(found["orders"][0]["doubtful"] == true && found["rational"].is_null(), "{found}");
-    assert!(String::from_utf8_lossy(&output.stderr).contains("none of the orders can be recommended"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("none of the orders can be recommended"), "{said}");
+    // Every order has its reason, without a deviation that is infinite.
+    for order in ["0/2: ", "1/2: "] {
+        let reason = said.lines().find_map(|line| line.split_once(order));
+        assert!(reason.is_some_and(|(_, reason)| !reason.is_empty() && !reason.contains("inf")), "{order}{said}");
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@ mod any_log;
 mod bad_input;
 mod campaign;
 mod compare;
+mod controller;
 mod dry_friction;
 mod editors;
 mod excite;

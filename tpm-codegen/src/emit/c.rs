@@ -4,6 +4,9 @@
 //! the only part of the C library that is used. Every name that other translation units can see begins with the prefix,
 //! and every field gets its name from the model through one namer.
 
+mod campaign;
+mod campaign_functions;
+mod campaign_source;
 mod context;
 mod dynamics;
 mod expression;
@@ -13,6 +16,12 @@ mod pattern;
 /// C99 of a regulator.
 pub mod regulator;
 mod requested;
+mod run;
+mod run_along;
+mod run_equations;
+mod run_estimate;
+mod run_noise;
+mod run_source;
 mod solve;
 
 use super::estimator::{EmitError, EstimatorSource};
@@ -40,7 +49,8 @@ pub struct Files {
 /// members.
 pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files, EmitError> {
     let mut context = Context::new(estimator, options)?;
-    if let Some(lost) = estimator.numbers().find(|value| context.scalar.loses(value)) {
+    let declared = estimator.run.iter().flat_map(|run| run.numbers());
+    if let Some(lost) = estimator.numbers().chain(declared).find(|value| context.scalar.loses(value)) {
         return Err(EmitError::OutOfScalar(Scalar::display(lost)));
     }
     if let Some(identified) = options.identified {
@@ -60,6 +70,7 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
     requested::write(&mut context);
     filter::write(&mut context);
     pattern::write(&mut context);
+    run::write(&mut context);
     let about = header::header(estimator, options.command, &|role| context.function_name(role));
     let guard = context.constant("H_INCLUDED");
     let sizes = dynamics::sizes(&context);

@@ -4,7 +4,7 @@
 //! non-vanishing double.
 
 use thiserror::Error;
-use tpm_symbolic::expr::graph::Function;
+use tpm_symbolic::expr::graph::{Coordinate, Function};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -16,7 +16,7 @@ use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::plan::table::TablePlan;
 use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical, structured_form_with};
-use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, Reconstruction, prepare};
 
 use super::filter::FilterError;
 use super::formulas::Formulas;
@@ -43,6 +43,10 @@ pub struct EstimatorSource {
     pub(super) mechanism: Option<Mechanism>,
     /// Additional parts that were requested.
     pub(super) parts: Parts,
+    /// The equations as they were declared, without patterns, where the estimator of a run was requested.
+    pub(super) run: Option<Box<EstimatorSource>>,
+    /// The coordinates that are eliminated, from the motion of the others, where a campaign was requested.
+    pub(super) campaign: Option<Vec<(Coordinate, Plan)>>,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
 }
@@ -149,7 +153,7 @@ impl EstimatorSource {
             plan = plan.with_recursion(&model, &form, mechanism);
         }
         let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs, mechanism.as_ref());
-        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), formulas }
+        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), run: None, campaign: None, formulas }
     }
 
     fn in_range(self) -> Result<Self, EmitError> {
@@ -168,11 +172,55 @@ impl EstimatorSource {
     pub fn with(mut self, parts: &[Part]) -> Result<Self, EmitError> {
         for part in parts {
             match part {
+                Part::Run => self.run = Some(Box::new(self.declared()?)),
+                Part::Campaign => {
+                    let declared = self.declared()?;
+                    self.campaign = Some(self.reconstructions(&declared)?);
+                    self.run = Some(Box::new(declared));
+                }
                 Part::Split => self.plan.part_feed_forward(&self.model, &self.form).map_err(PartError::from)?,
                 part => self.parts.add(*part, &self.model, &self.form, &self.plan, self.mechanism.as_ref())?,
             }
         }
         self.in_range()
+    }
+
+    /// The equations as they were declared, no coordinate eliminated, without patterns: they are linear in the declared parameters.
+    fn declared(&self) -> Result<Self, EmitError> {
+        let mut model = self.model.clone();
+        model.patterns.clear();
+        if model.eliminations.is_empty() {
+            return Self::from_form(model, self.form.clone());
+        }
+        model.eliminations.clear();
+        Self::new(model)
+    }
+
+    /// The coordinates that are eliminated, from the motion of the others, for a campaign over the declared equations.
+    fn reconstructions(&self, declared: &Self) -> Result<Vec<(Coordinate, Plan)>, EmitError> {
+        let none = |why: String| Err(EmitError::from(PartError::NoCampaign(why)));
+        if self.plan.feed_forward.is_none() {
+            return none("an input does not follow from one equation, so that there is no feed-forward".to_owned());
+        }
+        match self.plan.patterns.first() {
+            None => return none("the model has no pattern; declare one".to_owned()),
+            Some(pattern) => {
+                if let Err(gap) = &pattern.reference {
+                    return none(format!("there is no reference motion: {}", reason(gap)));
+                }
+            }
+        }
+        if self.model.eliminations.is_empty() {
+            return Ok(Vec::new());
+        }
+        if declared.plan.lumping.is_some() {
+            return none(
+                "products of parameters are estimated, from which the eliminated coordinates do not follow".to_owned(),
+            );
+        }
+        let prepared = prepare(self.model.clone())?;
+        let plan = |one: &Reconstruction| (one.coordinate, Plan::new(&prepared.model.graph, &[one.expr]));
+        Ok(prepared.reconstructions.iter().map(plan).collect())
     }
 
     /// Sentences on the parts of the patterns that this code lacks, and the reasons.
@@ -217,11 +265,13 @@ impl EstimatorSource {
     pub(super) fn calls(&self, wanted: Function) -> bool {
         let mut ops = self.plans().flat_map(|plan| &plan.ops);
         ops.any(|op| matches!(op, Op::Function(function, _) if *function == wanted))
+            || self.run.as_ref().is_some_and(|run| run.calls(wanted))
     }
 
     /// Whether a literal of the code would look like a mistyped irrational constant.
     pub(super) fn resembles_constant(&self) -> bool {
         self.numbers().any(|value| resembles_constant(rational::to_f64(value)))
+            || self.run.as_ref().is_some_and(|run| run.resembles_constant())
     }
 }
 

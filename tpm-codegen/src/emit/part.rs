@@ -27,12 +27,24 @@ pub enum Part {
     BaseRegressor,
     /// A recursive estimator of the base parameters; it includes [`Self::BaseRegressor`].
     Estimator,
+    /// An estimator of the declared parameters from the samples of one run of a periodic motion.
+    Run,
+    /// A whole campaign, run by run, over the estimator of a run, which it includes.
+    Campaign,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    pub const ALL: [Self; 6] =
-        [Self::Split, Self::Gravity, Self::MassMatrix, Self::ForwardDynamics, Self::BaseRegressor, Self::Estimator];
+    pub const ALL: [Self; 8] = [
+        Self::Split,
+        Self::Gravity,
+        Self::MassMatrix,
+        Self::ForwardDynamics,
+        Self::BaseRegressor,
+        Self::Estimator,
+        Self::Run,
+        Self::Campaign,
+    ];
 
     /// The name of the part in requests.
     #[must_use]
@@ -44,6 +56,8 @@ impl Part {
             Self::ForwardDynamics => "forward_dynamics",
             Self::BaseRegressor => "base_regressor",
             Self::Estimator => "estimator",
+            Self::Run => "run",
+            Self::Campaign => "campaign",
         }
     }
 
@@ -66,6 +80,9 @@ pub enum PartError {
         "there is no mass matrix: the equations must be as many as the coordinates in them, and affine in the highest derivatives"
     )]
     NoDynamics,
+    /// No campaign can be played.
+    #[error("there is no campaign: {0}")]
+    NoCampaign(String),
     /// There are no base parameters.
     #[error(transparent)]
     Base(#[from] BasePlanError),
@@ -82,7 +99,7 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Makes the plans of a part other than [`Part::Split`], whose plans belong to those of every model.
+    /// Makes the plans of a part other than [`Part::Split`], [`Part::Run`] and [`Part::Campaign`], whose plans belong to those of every model.
     pub(super) fn add(
         &mut self,
         part: Part,
@@ -93,7 +110,7 @@ impl Parts {
     ) -> Result<(), PartError> {
         let dynamics = || forces::dynamics(model, form, mechanism).ok_or(PartError::NoDynamics);
         match part {
-            Part::Split => {}
+            Part::Split | Part::Run | Part::Campaign => {}
             Part::Gravity => self.gravity = Some(forces::at_rest(model, form, mechanism)),
             Part::MassMatrix => self.mass_matrix = Some(dynamics()?.mass_matrix()),
             Part::ForwardDynamics => self.forward_dynamics = Some(dynamics()?),

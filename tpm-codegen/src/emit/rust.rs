@@ -5,6 +5,7 @@
 //! literal, so that no path can panic. The same items serve the macro and the file; only the file has comments and is laid out
 //! for reading.
 
+mod campaign;
 mod context;
 mod dynamics;
 mod expression;
@@ -16,6 +17,7 @@ mod record;
 #[cfg(feature = "generate")]
 pub mod regulator;
 mod requested;
+mod run;
 mod shapes;
 #[cfg(feature = "generate")]
 mod support;
@@ -47,6 +49,7 @@ fn module(context: &Context<'_>) -> Module {
     let dynamics = dynamics::items(context);
     let filtered = filter::items(context);
     let patterns = pattern::items(context);
+    let run = run::items(context);
     let mut attributes = TokenStream::new();
     if context.names.unusual {
         let reason = "fields are named as in the model";
@@ -57,7 +60,7 @@ fn module(context: &Context<'_>) -> Module {
         attributes.extend(quote!(#[allow(clippy::approx_constant, reason = #reason)]));
     }
     let docs = header::header(context.estimator, context.options.command, &|role| context.function_name(role));
-    Module { docs, attributes, items: quote!(#imports #dynamics #filtered #patterns) }
+    Module { docs, attributes, items: quote!(#imports #dynamics #filtered #patterns #run) }
 }
 
 /// The module `model_name` and the model's type, as the items to which a macro expands. `extra` is added to the module.
@@ -139,6 +142,8 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
             hyperbolic: estimator.calls(Function::Tanh),
             accelerations: estimator.parts.forward_dynamics.is_some(),
             square_root: estimator.parts.estimator,
+            run: estimator.run.is_some(),
+            campaign: estimator.campaign.is_some(),
         }));
     }
     Ok(text)

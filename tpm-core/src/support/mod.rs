@@ -4,19 +4,32 @@
 //! tests, so that its text may stand, unchanged, inside a generated file.
 
 mod accelerations;
+mod campaign;
 mod error;
 mod hyperbolic;
 mod label;
 mod least_squares;
+mod phasor;
 mod real;
+mod run_estimate;
+mod run_lines;
+mod run_noise;
+#[cfg(test)]
+mod run_tests;
+mod run_workspace;
 mod square_root;
 #[cfg(test)]
 mod tests;
 
 pub use accelerations::{SingularMass, accelerations};
+pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;
 pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+pub use phasor::Phasor;
 pub use real::Real;
+pub use run_estimate::RunEstimate;
+pub use run_lines::{RunFault, RunLines};
+pub use run_workspace::{RunModel, RunSampling, RunWorkspace};
 pub use square_root::{NotFinite, Shown, SquareRoot};

@@ -36,7 +36,7 @@ pub struct Options<'a> {
 
 /// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
 /// equal one of them.
-const DYNAMICS: [&str; 51] = [
+const DYNAMICS: [&str; 82] = [
     "accelerations",
     "base",
     "base_accumulate",
@@ -83,6 +83,37 @@ const DYNAMICS: [&str; 51] = [
     "physical",
     "regressor",
     "representative",
+    "run",
+    "run_applied",
+    "run_begin",
+    "run_campaign",
+    "run_campaign_begin",
+    "run_campaign_push",
+    "run_campaign_stop",
+    "run_campaign_update",
+    "run_command",
+    "run_end",
+    "run_estimate",
+    "run_factor",
+    "run_identify",
+    "run_is_whole",
+    "run_limits",
+    "run_measured",
+    "run_parameter_names",
+    "run_parameters",
+    "run_phase",
+    "run_phasor",
+    "run_play",
+    "run_push",
+    "run_rules",
+    "run_sample",
+    "run_sampling",
+    "run_shown",
+    "run_solution",
+    "run_stage",
+    "run_status",
+    "run_stop",
+    "run_workspace",
     "split_feed_forward",
     "split_feed_forward_settle",
     "split_filters",
@@ -176,7 +207,8 @@ impl<'a> Context<'a> {
         };
         let mut names = Names::new(&mut style, &estimator.model, &estimator.form, &estimator.plan);
         // The name of a pattern stands between other words, so that it never forms a keyword.
-        let mut taken: Vec<String> = Vec::new();
+        // Names that begin with `run` are those of the estimator of a run.
+        let mut taken: Vec<String> = vec!["run".to_owned()];
         for (index, (pattern, names)) in estimator.plan.patterns.iter().zip(&mut names.patterns).enumerate() {
             if let Some(module) = &mut names.module {
                 let name = pattern.name.as_deref().map_or_else(|| format!("pattern{}", index + 1), snake);

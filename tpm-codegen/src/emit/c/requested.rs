@@ -93,7 +93,7 @@ static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], 
 ";
 
 /// C code that rotates rows into a triangular factor, and solves with it.
-const SQUARE_ROOT: &str = "
+pub(super) const SQUARE_ROOT: &str = "
 /* The root of the sum of two squares, which neither overflow nor vanish. */
 static REAL hypotenuse(REAL a, REAL b)
 {

@@ -27,7 +27,18 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
         root.push("Hyperbolic");
         root.sort_unstable();
     }
-    root.extend(requested::imports(context));
+    // A file has them beside the rest; the runtime has them where its text for files is.
+    let requested = requested::imports(context);
+    let support = match standalone || requested.is_empty() {
+        true => {
+            root.extend(requested);
+            quote!()
+        }
+        false => {
+            let requested: Vec<Ident> = requested.into_iter().map(ident).collect();
+            quote!(use #runtime::support::{#(#requested),*};)
+        }
+    };
     root.sort_unstable_by_key(|name| (!name.starts_with(char::is_uppercase), *name));
     let table_here = context.names.patterns.iter().zip(&context.estimator.plan.patterns);
     let table_here = table_here.filter(|(names, pattern)| names.module.is_none() && pattern.table.is_ok());
@@ -51,6 +62,7 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
     quote! {
         #harmonics
         #model
+        #support
         use #runtime::{#(#root),*};
     }
 }

@@ -59,7 +59,7 @@ pub(super) fn names(estimator: &EstimatorSource) -> Names {
     let mut style = Style {
         language: Language::Rust,
         type_name: &mut |wanted, suffix| types.type_name(wanted, suffix),
-        reserved: &["core", "filtered", "std", "support"],
+        reserved: &["core", "filtered", "run", "std", "support"],
     };
     names::Names::new(&mut style, &estimator.model, &estimator.form, &estimator.plan).map(ident)
 }

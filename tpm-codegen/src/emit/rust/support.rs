@@ -16,11 +16,16 @@ pub(super) struct Needs {
     pub(super) accelerations: bool,
     /// Least squares sample by sample.
     pub(super) square_root: bool,
+    /// The estimator of a run.
+    pub(super) run: bool,
+    /// The order of a campaign.
+    pub(super) campaign: bool,
 }
 
 /// The module `support`.
 pub(super) fn text(needs: Needs) -> String {
-    let Needs { solves, hyperbolic, accelerations, square_root } = needs;
+    let Needs { solves, hyperbolic, accelerations, square_root, run, campaign } = needs;
+    let square_root = square_root || run;
     let mut text = String::from(
         "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, reason = \"no model needs all of it\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
     );
@@ -35,6 +40,16 @@ pub(super) fn text(needs: Needs) -> String {
     if square_root {
         text.push_str("    pub use self::square_root::{NotFinite, Shown, SquareRoot};\n");
     }
+    if campaign {
+        text.push_str(
+            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};\n",
+        );
+    }
+    if run {
+        text.push_str(
+            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
+        );
+    }
     if hyperbolic {
         text.push_str("    pub use self::hyperbolic::Hyperbolic;\n");
     }
@@ -44,6 +59,8 @@ pub(super) fn text(needs: Needs) -> String {
             "hyperbolic" => hyperbolic,
             "accelerations" => accelerations,
             "square_root" => square_root,
+            "campaign" => campaign,
+            "phasor" | "run_estimate" | "run_lines" | "run_noise" | "run_workspace" => run,
             _ => true,
         };
         if !needed {
@@ -70,11 +87,19 @@ mod tests {
     #[test]
     fn nothing_of_the_runtime_is_left() {
         for (solves, hyperbolic) in [(true, false), (false, true)] {
-            let text = text(Needs { solves, hyperbolic, accelerations: hyperbolic, square_root: solves });
+            let text = text(Needs {
+                solves,
+                hyperbolic,
+                accelerations: hyperbolic,
+                square_root: solves,
+                run: hyperbolic,
+                campaign: false,
+            });
             assert_eq!(text.contains("least_squares"), solves);
             assert_eq!(text.contains("tanh"), hyperbolic);
             assert_eq!(text.contains("SingularMass"), hyperbolic);
-            assert_eq!(text.contains("SquareRoot"), solves);
+            assert!(text.contains("SquareRoot"));
+            assert_eq!(text.contains("RunWorkspace"), hyperbolic);
             assert!(!text.contains("crate::") && !text.contains("cfg(test)"), "{text}");
             assert!(syn::parse_file(&text).is_ok());
         }

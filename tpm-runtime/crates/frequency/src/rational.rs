@@ -225,10 +225,14 @@ impl FitWarning {
 impl std::fmt::Display for Root {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Root { value, std } = self;
-        if value.im == 0.0 {
-            write!(f, "{:.4} +- {:.2e} rad/s", value.re, std.re)
-        } else {
-            write!(f, "{:.4} {:+.4}j rad/s (+- {:.2e}, {:.2e})", value.re, value.im, std.re, std.im)
+        let known = std.re.is_finite() && std.im.is_finite();
+        match (value.im == 0.0, known) {
+            (true, true) => write!(f, "{:.4} +- {:.2e} rad/s", value.re, std.re),
+            (true, false) => write!(f, "about {:.3e} rad/s, of unknown deviation", value.re),
+            (false, true) => {
+                write!(f, "{:.4} {:+.4}j rad/s (+- {:.2e}, {:.2e})", value.re, value.im, std.re, std.im)
+            }
+            (false, false) => write!(f, "about {:.3e} {:+.3e}j rad/s, of unknown deviation", value.re, value.im),
         }
     }
 }

@@ -1,0 +1,52 @@
+/* Reads "skip samples periods sample_time", priors, then samples; prints what the estimator of a run finds. */
+#include <stdio.h>
+#include "t.h"
+
+static t_run run;
+static t_run_workspace workspace;
+static t_run_estimate estimate;
+
+int main(void)
+{
+    unsigned skip, samples, periods, number = 0;
+    double sample_time, prior[5], row[4];
+    t_run_sampling sampling = {0, 1, 0};
+    t_run_parameters begin;
+    t_run_sample sample;
+    int status, i;
+
+    if (scanf("%u %u %u %lf", &skip, &samples, &periods, &sample_time) != 4) {
+        return 10;
+    }
+    for (i = 0; i < 5; ++i) {
+        if (scanf("%lf", &prior[i]) != 1) {
+            return 11;
+        }
+    }
+    sampling.sample_time = (REAL)sample_time;
+    status = (int)t_run_begin(&run, samples, periods, &sampling, NULL);
+    while (scanf("%lf,%lf,%lf,%lf", &row[0], &row[1], &row[2], &row[3]) == 4) {
+        if (number++ < skip || t_run_is_whole(&run)) {
+            continue;
+        }
+        sample.measured.x1 = (REAL)row[1];
+        sample.measured.x2 = (REAL)row[2];
+        sample.applied.F = (REAL)row[3];
+        status = (int)t_run_push(&run, number - 1 - skip, &sample);
+    }
+    begin.m1 = (REAL)prior[0];
+    begin.m2 = (REAL)prior[1];
+    begin.k1 = (REAL)prior[2];
+    begin.k2 = (REAL)prior[3];
+    begin.k3 = (REAL)prior[4];
+    status = (int)t_run_identify(&run, &workspace, &begin, &estimate);
+    printf("%d\n", status);
+    if (status != 0) {
+        return 0;
+    }
+    for (i = 0; i < 5; ++i) {
+        printf("%.17g\n%.17g\n", (double)((REAL *)&estimate.parameters)[i], (double)((REAL *)&estimate.deviations)[i]);
+    }
+    printf("%.17g\n%.17g\n", (double)estimate.chi_squared, (double)estimate.noise.x1);
+    return 0;
+}

@@ -1,0 +1,263 @@
+//! The parameters of a model from the lines of one run, in memory of fixed size (estimator `measured-motion`).
+//!
+//! The rows `Phi theta + known = B u` are evaluated along the measured motion, which its harmonics give with all derivatives, and their
+//! harmonics, sines as well as cosines, are equated with those of the applied inputs:
+//!
+//! ```text
+//! (B u)_k - known_k = sum_p (Phi_p)_k theta_p - (J n)_k ,      k = 1, ..., H
+//! ```
+//!
+//! with the sensors' noise n and the derivatives J of the rows along the motion, which mix the lines. The inputs are those that were
+//! applied: a hold multiplies their lines by `(1 - e^{-jWT})/(jWT)`, a delay by `e^{-jW delay}`.
+//!
+//! Halfway between the harmonics the same equations hold without the periodic motion, so that `B u - J q` there is noise alone. The
+//! variance of every sensor, and of a force on every row, follows from it by maximum likelihood, and with them the covariance of the
+//! rows at every harmonic, by which equations are weighed. Weights need the parameters: a first pass weighs the rows by the size of
+//! their forces, and [`PASSES`] more at the estimate of the pass before.
+//!
+//! Invariants: nothing allocates; every loop has a length that the model fixes, so that an update takes a fixed time; indices run up to
+//! lengths of the arrays that they index. Equations are solved for the step from the prior in square-root form, so that single
+//! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
+
+use super::{Phasor, Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
+
+/// Passes that weigh equations by their noise.
+const PASSES: usize = 3;
+/// Noise bandwidth of the Hann window in lines of a transform of the whole run.
+const BANDWIDTH: f64 = 1.5;
+/// A harmonic is used where a force on a row is so many times as large as the noise of the row.
+const LEAST_VISIBLE: f64 = 4.0;
+
+/// What a run says of the parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunEstimate<T, const Q: usize, const P: usize> {
+    /// The parameters; nothing for those that the run does not show.
+    pub values: [Option<T>; P],
+    /// Their standard deviations.
+    pub deviations: [Option<T>; P],
+    /// Their covariance; zero for those that the run does not show.
+    pub covariance: [[T; P]; P],
+    /// The weighted equations for the step from the prior, by which runs are pooled.
+    pub equations: SquareRoot<T, P>,
+    /// The number of directions that the run shows.
+    pub rank: usize,
+    /// At least the condition number of what is shown, and at most the rank times that.
+    pub condition: T,
+    /// Weighted sum of squares of what is left, over its degrees of freedom: about one where the model obeys the machine. Where it is
+    /// larger, the deviations are those of the noise times its root.
+    pub chi_squared: T,
+    /// Standard deviation of the noise in the samples of every coordinate.
+    pub noise: [T; Q],
+}
+
+impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
+    RunWorkspace<T, Q, R, P, S, L>
+{
+    /// What a run says of the parameters. Its channels are the Q coordinates and then the U inputs; `prior` has the present estimates,
+    /// which weights begin from and parameters that the run does not show keep.
+    ///
+    /// # Errors
+    /// The fault of the run; [`RunFault::Equations`] when a row or a prior is not finite; [`RunFault::Still`] when nothing stands out of
+    /// the noise.
+    pub fn estimate<M: RunModel<T, U, R, P, S>, const U: usize, const C: usize>(
+        &mut self,
+        model: &M,
+        run: &RunLines<T, C, L>,
+        sampling: RunSampling<T>,
+        prior: &[T; P],
+    ) -> Result<RunEstimate<T, Q, P>, RunFault> {
+        let lines = run.lines()?;
+        let period = T::from_f64(f64::from(run.samples_per_period())) * sampling.sample_time;
+        let w = T::from_f64(2.0) * T::PI / period;
+        if !(prior.iter().all(|value| value.is_finite()) && w > T::ZERO && w.is_finite()) {
+            return Err(RunFault::Equations);
+        }
+        for (own, line) in self.motion.iter_mut().zip(&lines) {
+            *own = *line;
+        }
+        let inputs = Self::applied::<U, C>(&lines, w, sampling);
+        self.evaluate(model, &inputs, w)?;
+        let mut theta = *prior;
+        self.sensors = [T::ZERO; Q];
+        self.differentiate(model, &theta, w);
+        self.find_shown(&M::MOTION, w);
+        let mut shown = self.solve(&M::MOTION, (prior, &theta), w, false)?;
+        for _ in 0..PASSES {
+            put(&mut theta, prior, &shown.0.solution);
+            self.differentiate(model, &theta, w);
+            self.find_noise(&M::MOTION, w);
+            self.find_shown(&M::MOTION, w);
+            shown = self.solve(&M::MOTION, (prior, &theta), w, true)?;
+        }
+        put(&mut theta, prior, &shown.0.solution);
+        let (found, equations) = shown;
+        let freedom = equations.rows() - T::from_f64(found.rank as f64);
+        let chi_squared = if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO };
+        let factor = chi_squared.max(T::ONE).sqrt();
+        let mut values = [None; P];
+        for ((value, step), prior) in values.iter_mut().zip(found.solution).zip(prior) {
+            *value = step.map(|step| *prior + step);
+        }
+        let samples = T::from_f64(f64::from(run.samples()) / (4.0 * BANDWIDTH));
+        Ok(RunEstimate {
+            values,
+            deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * factor)),
+            covariance: found.covariance.map(|row| row.map(|entry| entry * factor * factor)),
+            equations,
+            rank: found.rank,
+            condition: found.condition,
+            chi_squared,
+            noise: self.sensors.map(|variance| (variance * samples).sqrt()),
+        })
+    }
+
+    /// Solves the equations for the step from the prior; `weighed` by the noise, otherwise rows by the size of their forces. The
+    /// equations are returned too.
+    fn solve(
+        &self,
+        slots: &[(usize, u32); S],
+        (prior, theta): (&[T; P], &[T; P]),
+        w: T,
+        weighed: bool,
+    ) -> Result<Found<T, P>, RunFault> {
+        let mut factor = SquareRoot::<T, P>::default();
+        for harmonic in 1..L / 2 {
+            self.push(&mut factor, slots, (prior, theta), w, (harmonic, weighed))?;
+        }
+        if factor.solution().rank < P {
+            // Noise shifts the mean of a term that is even in a velocity, so that means count only where nothing else shows a parameter.
+            self.push(&mut factor, slots, (prior, theta), w, (0, weighed))?;
+        }
+        let found = factor.solution();
+        if found.rank == 0 {
+            return Err(RunFault::Still);
+        }
+        Ok((found, factor))
+    }
+
+    /// Takes in the equations of all rows at a harmonic, made independent of each other.
+    fn push(
+        &self,
+        factor: &mut SquareRoot<T, P>,
+        slots: &[(usize, u32); S],
+        (prior, theta): (&[T; P], &[T; P]),
+        w: T,
+        (harmonic, weighed): (usize, bool),
+    ) -> Result<(), RunFault> {
+        let mut covariance = [[Phasor::ZERO; R]; R];
+        if weighed {
+            covariance = self.covariance(slots, harmonic, w);
+            if !self.is_visible(&covariance, theta, harmonic) {
+                return Ok(());
+            }
+        } else {
+            for row in 0..R {
+                covariance[row][row].re = self.size(row);
+            }
+        }
+        let mut phi = [[Phasor::ZERO; P]; R];
+        let mut right = [Phasor::ZERO; R];
+        for row in 0..R {
+            right[row] = self.drive[row][2 * harmonic] - self.known[row][2 * harmonic];
+            for column in 0..P {
+                let entry = self.regressor[row][column][2 * harmonic];
+                right[row] -= entry.times(prior[column]);
+                if self.shown[column] {
+                    phi[row][column] = entry;
+                }
+            }
+        }
+        if !whiten(&mut covariance, &mut phi, &mut right) {
+            return Err(RunFault::Equations);
+        }
+        // A phasor's real and imaginary part have half of its variance each; a mean is real.
+        let scale = if harmonic > 0 { T::from_f64(2.0).sqrt() } else { T::from_f64(2.0) };
+        for (phi, right) in phi.iter().zip(right) {
+            let real = phi.map(|entry| entry.re * scale);
+            factor.push(real, right.re * scale).map_err(|_| RunFault::Equations)?;
+            if harmonic > 0 {
+                let imaginary = phi.map(|entry| entry.im * scale);
+                factor.push(imaginary, right.im * scale).map_err(|_| RunFault::Equations)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a force on any row stands out of the noise: the applied one, or a term at the prior where nothing is applied.
+    fn is_visible(&self, covariance: &[[Phasor<T>; R]; R], theta: &[T; P], harmonic: usize) -> bool {
+        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
+        (0..R).any(|row| {
+            let terms = self.regressor[row].iter().zip(theta).map(|(lines, theta)| lines[2 * harmonic].times(*theta));
+            let forces = terms.chain([self.drive[row][2 * harmonic], self.known[row][2 * harmonic]]);
+            let largest = forces.fold(T::ZERO, |largest, force| largest.max(force.square()));
+            largest > least * covariance[row][row].re
+        })
+    }
+
+    /// The square of the force on a row: of the applied one, or, where nothing is applied, of its terms by parameters of one.
+    fn size(&self, row: usize) -> T {
+        let power = |lines: &[Phasor<T>; L]| lines.iter().step_by(2).fold(T::ZERO, |sum, line| sum + line.square());
+        let applied = power(&self.drive[row]);
+        if applied > T::ZERO {
+            return applied;
+        }
+        let terms = self.regressor[row].iter().fold(power(&self.known[row]), |sum, lines| sum + power(lines));
+        if terms > T::ZERO { terms } else { T::ONE }
+    }
+}
+
+/// A solution, and the equations behind it.
+type Found<T, const P: usize> = (Shown<T, P>, SquareRoot<T, P>);
+
+/// The prior with the steps of the parameters that the run shows.
+fn put<T: Real, const P: usize>(theta: &mut [T; P], prior: &[T; P], steps: &[Option<T>; P]) {
+    for ((theta, prior), step) in theta.iter_mut().zip(prior).zip(steps) {
+        *theta = *prior + step.unwrap_or(T::ZERO);
+    }
+}
+
+/// Makes equations with this covariance independent, of variance one: divides them by its Cholesky factor. Says whether there is one.
+fn whiten<T: Real, const R: usize, const P: usize>(
+    covariance: &mut [[Phasor<T>; R]; R],
+    phi: &mut [[Phasor<T>; P]; R],
+    right: &mut [Phasor<T>; R],
+) -> bool {
+    for row in 0..R {
+        let whole = covariance[row][row].re;
+        for column in 0..row {
+            let mut sum = covariance[row][column];
+            for before in 0..column {
+                sum -= covariance[row][before] * covariance[column][before].conj();
+            }
+            covariance[row][column] = sum.times(T::ONE / covariance[column][column].re);
+        }
+        let mut pivot = whole;
+        for before in 0..row {
+            pivot -= covariance[row][before].square();
+        }
+        // Rows that have all their noise in common still differ by rounding.
+        pivot = pivot.max(whole * T::EPSILON.sqrt());
+        if !(pivot > T::ZERO && pivot.is_finite()) {
+            return false;
+        }
+        let length = pivot.sqrt();
+        covariance[row][row] = Phasor::new(length, T::ZERO);
+        for before in 0..row {
+            let share = covariance[row][before];
+            for column in 0..P {
+                let above = phi[before][column];
+                phi[row][column] -= share * above;
+            }
+            let above = right[before];
+            right[row] -= share * above;
+        }
+        let factor = T::ONE / length;
+        phi[row].iter_mut().for_each(|entry| *entry = entry.times(factor));
+        right[row] = right[row].times(factor);
+    }
+    true
+}

@@ -1,0 +1,190 @@
+//! The noise of one run, read halfway between the harmonics, and what it makes of the rows at the harmonics.
+//!
+//! Halfway between the harmonics the rows hold without the periodic motion, so that `B u - J q` there is noise alone. The variances of
+//! white noise in every sensor and of a white force on every row are those of largest likelihood; the rows' derivatives J along the motion,
+//! which mix the lines, say what they make of every row at every harmonic.
+//!
+//! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
+
+use super::{Phasor, Real, RunWorkspace};
+
+/// Steps of the maximum-likelihood iteration for the variances of the noise.
+const NOISE_STEPS: usize = 30;
+/// A column is shown where it is so many times as large as what noise makes of it.
+const LEAST_VISIBLE: f64 = 4.0;
+/// Roundings of its largest line that every line of a coordinate may have gathered.
+const ROUNDINGS: f64 = 16.0;
+/// Harmonics of a derivative below this share of its largest one do not mix lines of noise.
+const LEAST_MIXING: f64 = 1e-3;
+
+impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
+    RunWorkspace<T, Q, R, P, S, L>
+{
+    /// Harmonics of the derivatives that mix the lines of noise: those that are a part of the largest one of their entry.
+    pub(super) fn find_reach(&mut self) {
+        let least = T::from_f64(LEAST_MIXING * LEAST_MIXING);
+        self.reach = 0;
+        for lines in self.gains.iter().flatten() {
+            let peak = lines.iter().fold(T::ZERO, |peak, line| peak.max(line.square()));
+            for (m, line) in lines.iter().enumerate().skip(1) {
+                if line.square() > least * peak {
+                    self.reach = self.reach.max(m);
+                }
+            }
+        }
+    }
+
+    /// What a line of a coordinate, `line - 2 shift`, makes of a line of a row through one harmonic of the row's derivatives.
+    fn through(
+        &self,
+        slots: &[(usize, u32); S],
+        row: usize,
+        coordinate: usize,
+        line: i32,
+        shift: i32,
+        w: T,
+    ) -> Phasor<T> {
+        let source = T::from_f64(f64::from(line - 2 * shift) / 2.0) * w;
+        let mut sum = Phasor::ZERO;
+        for (lines, &(of, order)) in self.gains[row].iter().zip(slots) {
+            if of != coordinate {
+                continue;
+            }
+            let harmonic = lines.get(shift.unsigned_abs() as usize).copied().unwrap_or(Phasor::ZERO);
+            let gain = if shift < 0 { harmonic.conj() } else { harmonic };
+            sum += gain * Phasor::derivative(source, order);
+        }
+        sum
+    }
+
+    /// Variances of the sensors and of a force on every row, from the lines halfway between the harmonics: the maximum of their likelihood,
+    /// by steps that never make a variance negative.
+    pub(super) fn find_noise(&mut self, slots: &[(usize, u32); S], w: T) {
+        let reach = self.reach as i32;
+        let mut left = [[T::ZERO; L]; R];
+        for line in (1..L).step_by(2) {
+            for row in 0..R {
+                let mut residual = self.drive[row][line];
+                for coordinate in 0..Q {
+                    let mut felt = T::ZERO;
+                    for shift in -reach..=reach {
+                        let through = self.through(slots, row, coordinate, line as i32, shift, w);
+                        felt += through.square();
+                        let source = line as i32 - 2 * shift;
+                        let measured = self.motion[coordinate].get(source.unsigned_abs() as usize).copied();
+                        let measured = measured.unwrap_or(Phasor::ZERO);
+                        residual -= through * if source < 0 { measured.conj() } else { measured };
+                    }
+                    self.felt[row][line][coordinate] = felt;
+                }
+                left[row][line] = residual.square();
+            }
+        }
+        self.begin_noise(&left);
+        for _ in 0..NOISE_STEPS {
+            self.improve_noise(&left);
+        }
+    }
+
+    /// Variances to begin with: a half of what is left of every row by its force, and by every sensor as much as the rows allow it.
+    fn begin_noise(&mut self, left: &[[T; L]; R]) {
+        self.sensors = [T::ZERO; Q];
+        let count = T::from_f64(L as f64 / 2.0);
+        for row in 0..R {
+            let halfway = || (1..L).step_by(2);
+            let sum = halfway().fold(T::ZERO, |sum, line| sum + left[row][line]);
+            let peak = self.drive[row].iter().chain(&self.known[row]).fold(T::ZERO, |peak, z| peak.max(z.square()));
+            let rounding = T::EPSILON * T::EPSILON * peak;
+            self.forces[row] = (sum / count).max(rounding);
+            for coordinate in 0..Q {
+                let felt = halfway().fold(T::ZERO, |sum, line| sum + self.felt[row][line][coordinate]);
+                if felt > T::ZERO {
+                    let level = sum / felt;
+                    self.sensors[coordinate] = self.sensors[coordinate].max(level);
+                }
+            }
+        }
+    }
+
+    /// One step towards the variances of largest likelihood.
+    fn improve_noise(&mut self, left: &[[T; L]; R]) {
+        let (mut sensors, mut forces) = ([[T::ZERO; 2]; Q], [[T::ZERO; 2]; R]);
+        for row in 0..R {
+            for line in (1..L).step_by(2) {
+                let variance = self.variance(row, line);
+                if !variance.is_finite() || variance <= T::ZERO {
+                    continue;
+                }
+                let (given, expected) = (left[row][line] / variance / variance, T::ONE / variance);
+                for (sums, felt) in sensors.iter_mut().zip(self.felt[row][line]) {
+                    sums[0] += felt * given;
+                    sums[1] += felt * expected;
+                }
+                forces[row][0] += given;
+                forces[row][1] += expected;
+            }
+        }
+        let own = self.sensors.iter_mut().zip(sensors).chain(self.forces.iter_mut().zip(forces));
+        for (variance, [given, expected]) in own {
+            if expected > T::ZERO {
+                *variance *= (given / expected).sqrt();
+            }
+        }
+    }
+
+    /// Variance of a halfway line of a row.
+    fn variance(&self, row: usize, line: usize) -> T {
+        let felt = self.felt[row][line].iter().zip(&self.sensors);
+        felt.fold(self.forces[row], |sum, (felt, sensor)| sum + *felt * *sensor)
+    }
+
+    /// Says which columns of the regressor stand out of what noise, or rounding, makes of them at any harmonic of any row. A column of noise
+    /// alone shows nothing of its parameter, and would say so with a number.
+    pub(super) fn find_shown(&mut self, slots: &[(usize, u32); S], w: T) {
+        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
+        let mut noise = self.sensors;
+        for (noise, lines) in noise.iter_mut().zip(&self.motion) {
+            let peak = lines.iter().fold(T::ZERO, |peak, line| peak.max(line.square()));
+            *noise = noise.max(peak * T::from_f64(ROUNDINGS * ROUNDINGS) * T::EPSILON * T::EPSILON);
+        }
+        for column in 0..P {
+            let stands = |row: usize, harmonic: usize| {
+                let mut variance = T::ZERO;
+                for (slope, &(coordinate, order)) in self.slopes[row][column].iter().zip(slots) {
+                    let felt = Phasor::derivative(w * T::from_f64(harmonic as f64), order).square();
+                    variance += *slope * felt * noise[coordinate];
+                }
+                self.regressor[row][column][2 * harmonic].square() > least * variance
+            };
+            self.shown[column] = (0..R).any(|row| (0..L / 2).any(|harmonic| stands(row, harmonic)));
+        }
+    }
+
+    /// Covariance of the noise of all rows at a harmonic.
+    pub(super) fn covariance(&self, slots: &[(usize, u32); S], harmonic: usize, w: T) -> [[Phasor<T>; R]; R] {
+        let reach = self.reach as i32;
+        let line = 2 * harmonic as i32;
+        let mut covariance = [[Phasor::ZERO; R]; R];
+        for (coordinate, &sensor) in self.sensors.iter().enumerate() {
+            for shift in -reach..=reach {
+                let mut through = [Phasor::ZERO; R];
+                for (row, through) in through.iter_mut().enumerate() {
+                    *through = self.through(slots, row, coordinate, line, shift, w);
+                }
+                for (sums, a) in covariance.iter_mut().zip(through) {
+                    for (sum, b) in sums.iter_mut().zip(through) {
+                        *sum += (a * b.conj()).times(sensor);
+                    }
+                }
+            }
+        }
+        for row in 0..R {
+            covariance[row][row].re += self.forces[row];
+        }
+        covariance
+    }
+}
