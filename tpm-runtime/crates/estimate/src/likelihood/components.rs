@@ -264,7 +264,7 @@ mod tests {
         let variance: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 10_f64.powi(i as i32 - 4) } else { 0.0 }).collect();
         let products = Products::of(&factor, &target);
         let found = Components { products: &products, threshold: 9.0, variance: variance.clone() }.all(&variance);
-        for i in 0..n {
+        for (i, said) in found.iter().enumerate() {
             let mut whole = DMatrix::<f64>::identity(n, n);
             for k in (0..n).filter(|&k| k != i) {
                 whole.ger(variance[k], &factor.column(k), &factor.column(k), 1.0);
@@ -275,10 +275,10 @@ mod tests {
             let q = (inverse * column).dot(&target);
             let relative = s / column.norm_squared();
             if relative > super::SPANNED {
-                assert!((found[i].s / s - 1.0).abs() < 1e-6, "{i}: {} {s}", found[i].s);
-                assert!((found[i].shown / (q * q / s) - 1.0).abs() < 1e-5, "{i}: {} {}", found[i].shown, q * q / s);
+                assert!((said.s / s - 1.0).abs() < 1e-6, "{i}: {} {s}", said.s);
+                assert!((said.shown / (q * q / s) - 1.0).abs() < 1e-5, "{i}: {} {}", said.shown, q * q / s);
             } else {
-                assert!(found[i].shown == 0.0);
+                assert!(said.shown == 0.0);
             }
         }
     }
