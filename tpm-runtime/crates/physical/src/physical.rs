@@ -717,3 +717,18 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         Some(DMatrix::from_fn(whole.nrows(), self.free.len(), |r, c| whole[(r, self.free[c])] * self.scale[c]))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::has_product;
+
+    #[test]
+    fn products_of_inertia_are_told_from_moments() {
+        for name in ["Ixy_upper", "Iyz_a_plus_Ia_q", "Izz_a_plus_3_Ixz_b_per_10", "Izz_a_minus_Ixy_b"] {
+            assert!(has_product(name), "{name}");
+        }
+        for name in ["Ixx_upper", "m_Ixy", "Ixyz_a", "Izz_a_plus_3691_m_b_per_200000_plus_Ia_q", "J", "Ixy"] {
+            assert!(!has_product(name), "{name}");
+        }
+    }
+}
