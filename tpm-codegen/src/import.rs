@@ -7,8 +7,11 @@
 mod arrange;
 mod described;
 mod description;
+mod experiment;
+mod felt;
 mod mjcf;
 mod options;
+mod pattern;
 mod read;
 mod reading;
 mod replace;
@@ -33,7 +36,7 @@ pub struct Imported {
     pub model: String,
     /// Values of its parameters by name, from the masses, inertias and frictions of the description (TOML).
     pub prior: String,
-    /// An experiment with the limits of the joints (TOML), to be completed.
+    /// An experiment with the limits of the joints on a simulated machine with the inertias of the description (TOML).
     pub experiment: String,
     /// One sentence for every number that was read as a value other than the written one.
     pub readings: Vec<String>,

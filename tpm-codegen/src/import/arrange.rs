@@ -22,6 +22,8 @@ use crate::source::Span;
 pub(super) struct Robot {
     pub(super) name: String,
     pub(super) bodies: Vec<Body>,
+    /// The name of the pattern's frequency in the model.
+    pub(super) frequency: String,
 }
 
 /// A body of the mechanism.
@@ -41,6 +43,10 @@ pub(super) struct Moving {
     pub(super) link: String,
     pub(super) coordinate: String,
     pub(super) input: String,
+    /// The name of the joint's amplitude in the pattern.
+    pub(super) amplitude: String,
+    /// The name of the middle of a sliding joint's motion: numbers of the language are angles or without unit.
+    pub(super) centre: String,
     pub(super) turns: bool,
     /// The axis in the spelling of the language.
     pub(super) axis: String,
@@ -96,7 +102,13 @@ pub(super) fn arrange(
         arranger.diagnostics.push(fault.help("name another base or tip, or lock fewer joints"));
     }
     let name = type_name(&description.name);
-    Some(Robot { name, bodies: arranger.bodies })
+    // The names of the description go before those of the pattern.
+    for moving in arranger.bodies.iter_mut().filter_map(|body| body.moving.as_mut()) {
+        moving.amplitude = identifier(&format!("A_{}", moving.coordinate), &mut arranger.taken);
+        moving.centre = identifier(&format!("c_{}", moving.coordinate), &mut arranger.taken);
+    }
+    let frequency = identifier("w", &mut arranger.taken);
+    Some(Robot { name, bodies: arranger.bodies, frequency })
 }
 
 struct Arranger<'a, 'r, 's> {
@@ -385,6 +397,8 @@ impl<'a> Arranger<'a, '_, '_> {
                 link: joint.child.clone(),
                 coordinate,
                 input,
+                amplitude: String::new(),
+                centre: String::new(),
                 turns,
                 axis,
                 direction,
