@@ -106,3 +106,56 @@ fn new_dynamics(joint: Node<'_, '_>, losses: &JointLosses) -> Vec<(Range<usize>,
     };
     known.into_iter().filter_map(edit).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::with_inertials;
+    use crate::import::{Described, JointLosses, Options, decimal};
+    use crate::source::Source;
+    use std::collections::BTreeMap;
+    use tpm_symbolic::mechanics::tree::AboutCentre;
+
+    /// Links without an inertial in every form, and one with a flange that is heavier than both may be.
+    const ARM: &str = "<robot name='r'><link name='base'/>\n  <link name='a' />\n  <link name='b'></link>\n  <link name=\"c\">\n    <visual/>\n  \
+        </link><link name='flange'><inertial><mass value='5'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>\
+        <joint name='j1' type='revolute'><parent link='base'/><child link='a'/><axis xyz='0 0 1'/><dynamics friction='1'/></joint>\
+        <joint name='j2' type='revolute'><parent link='a'/><child link='b'/><axis xyz='0 1 0'/></joint>\
+        <joint name='j3' type='revolute'><parent link='b'/><child link='c'/><axis xyz='0 1 0'/></joint>\
+        <joint name='end' type='fixed'><parent link='c'/><child link='flange'/></joint></robot>";
+    const BODY: [f64; 10] = [2.0, 0.2, 0.0, 0.1, 0.1, 0.01, 0.0, 0.12, 0.0, 0.12];
+
+    fn described(text: &str) -> Described {
+        let source = Source::new("r.urdf", text);
+        Described::read(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
+    }
+
+    #[test]
+    fn links_of_every_form_get_their_inertia() {
+        let values = ["a", "b", "c"].map(|name| (name.to_owned(), BODY)).into_iter().collect();
+        let parted = described(ARM).split(&values).expect("possible");
+        // No body has two kilograms without a flange of five.
+        assert_eq!(parted.emptied, ["flange"]);
+        assert_eq!(parted.links["flange"], AboutCentre::nothing());
+        let losses = JointLosses { damping: Some(0.5), friction: Some(0.25), rotor: None };
+        let losses = ["j1", "j2"].map(|joint| (joint.to_owned(), losses)).into_iter().collect();
+        let text = with_inertials(&Source::new("r.urdf", ARM), &parted.links, &losses).expect("XML");
+        assert!(text.contains("<dynamics damping=\"0.5\" friction='0.25'/>"), "{text}");
+        assert_eq!(text.matches("<dynamics").count(), 1, "{text}");
+        let again = described(&text);
+        for body in again.bodies() {
+            assert_eq!(body.inertia, &parted.bodies[body.name], "{}", body.name);
+        }
+        assert_eq!(again.bodies().count(), 3);
+    }
+
+    #[test]
+    fn what_no_body_has_is_not_written() {
+        let impossible = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 3.0];
+        assert_eq!(decimal(&impossible), None);
+        for values in [impossible, [f64::NAN; 10]] {
+            let values = BTreeMap::from([("b".to_owned(), values)]);
+            assert!(described(ARM).split(&values).is_err());
+        }
+        assert!(with_inertials(&Source::new("r.urdf", "<robot>"), &BTreeMap::new(), &BTreeMap::new()).is_err());
+    }
+}

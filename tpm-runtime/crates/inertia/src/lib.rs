@@ -9,10 +9,15 @@ mod evidence;
 mod inertias;
 mod load;
 mod nearest;
+#[cfg(test)]
+mod nearest_tests;
 mod pseudo_inertia;
 mod reference;
+mod request;
+mod stage;
 mod text;
 
 pub use error::InertiaError;
-pub use inertias::{Combination, Inertias, InertiasRequest, Origin, Parameter, inertias};
+pub use inertias::{Combination, Inertias, Origin, Parameter, inertias};
 pub use load::{Load, LoadDirection, LoadParameter, LoadRequest, payload};
+pub use request::InertiasRequest;

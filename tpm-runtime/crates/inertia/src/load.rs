@@ -11,9 +11,9 @@
 
 use crate::error::InertiaError;
 use crate::evidence::Shown;
-use crate::inertias::names_of;
 use crate::nearest::{Evidence, Problem};
 use crate::pseudo_inertia::{ball, parameters};
+use crate::stage::names_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use tpm_codegen::import::decimal;
