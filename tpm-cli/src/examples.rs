@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
-const EXAMPLES: [(&str, &str); 37] = [
+const EXAMPLES: [(&str, &str); 39] = [
     ("actuator", "tpm actuator cart.tpm --motor motors.toml --params values.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),
@@ -36,11 +36,13 @@ const EXAMPLES: [(&str, &str); 37] = [
     ("identifiability", "tpm identifiability cart.tpm --value lambda=1/2"),
     ("identify", "tpm identify cart.tpm --log log.csv --map x=position"),
     ("import", "tpm import arm.urdf -o arm.tpm"),
+    ("inertias", "tpm inertias arm.tpm result.json --description arm.urdf --urdf identified.urdf"),
     ("init", "tpm init cart"),
     ("inspect", "tpm inspect log.csv cart.tpm"),
     ("linearize", "tpm linearize cart.tpm --at x=0"),
     ("lsp", "tpm lsp"),
     ("man", "tpm man manual_pages"),
+    ("payload", "tpm payload arm.tpm empty.json loaded.json"),
     ("project", "tpm project arm_links.tpm --onto arm.tpm --params arm_links.toml --value A=0.2 --value w=2"),
     ("regulate", "tpm regulate cart.tpm --sample-time 0.001 --params result.json"),
     ("schema", "tpm schema experiment"),

@@ -76,6 +76,8 @@ enum Command {
     Identify(Box<verbs::identify::Args>),
     /// Turn a robot description (URDF) into a model, with a prior and an experiment beside it.
     Import(verbs::import::Args),
+    /// Give the links of an arm inertias that bodies can have, from its identified base parameters, and write them into its description.
+    Inertias(verbs::inertias::Args),
     /// Begin: write a commented model and an experiment that run as they are.
     Init(verbs::init::Args),
     /// Look at a log before identifying: rates, gaps, noise, counts, periods, rests, clipping, delays, and what they mean.
@@ -86,6 +88,8 @@ enum Command {
     Lsp(verbs::lsp::Args),
     /// Write manual pages into a folder.
     Man(verbs::shell::ManArgs),
+    /// Find the mass, the centre and the inertia of a load from two results, without and with it.
+    Payload(verbs::payload::Args),
     /// Give parameters of one model in those of another, either way: the nearest by their forces along a motion.
     Project(verbs::project::Args),
     /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
@@ -143,11 +147,13 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Identifiability(args) => verbs::identifiability::run(args),
         Command::Identify(args) => verbs::identify::run(args),
         Command::Import(args) => verbs::import::run(args),
+        Command::Inertias(args) => verbs::inertias::run(args),
         Command::Init(args) => verbs::init::run(args),
         Command::Inspect(args) => verbs::inspect::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
         Command::Lsp(args) => verbs::lsp::run(args),
         Command::Man(args) => verbs::shell::man(args, command()),
+        Command::Payload(args) => verbs::payload::run(args),
         Command::Project(args) => verbs::project::run(args),
         Command::Regulate(args) => verbs::regulate::run(args),
         Command::Schema(args) => verbs::explain::schema(args),

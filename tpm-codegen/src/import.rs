@@ -5,15 +5,29 @@
 //! angle with the rational tangent of a/2 within 1e-15, so that the geometry is rational throughout; every such reading is reported.
 
 mod arrange;
+mod described;
 mod description;
+mod experiment;
+mod felt;
+mod mjcf;
 mod options;
+mod pattern;
+mod read;
 mod reading;
+mod replace;
+mod split;
 mod write;
+mod xml;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::source::{Source, Span};
+use crate::import::read::{Read, read};
+use crate::source::Source;
 
+pub use described::{Described, DescribedBody, JointLosses};
+pub use mjcf::mjcf;
 pub use options::{Angles, Options};
+pub use replace::with_inertials;
+pub use split::{Parted, SplitError, decimal};
 
 /// An imported description.
 #[derive(Clone, Debug)]
@@ -22,7 +36,7 @@ pub struct Imported {
     pub model: String,
     /// Values of its parameters by name, from the masses, inertias and frictions of the description (TOML).
     pub prior: String,
-    /// An experiment with the limits of the joints (TOML), to be completed.
+    /// An experiment with the limits of the joints on a simulated machine with the inertias of the description (TOML).
     pub experiment: String,
     /// One sentence for every number that was read as a value other than the written one.
     pub readings: Vec<String>,
@@ -36,23 +50,9 @@ pub struct Imported {
 /// Every fault at its place: the text is no XML or no robot, a number cannot be read, links and joints are no tree, an axis is zero,
 /// a joint is of a kind that has no model, or an option names what is not there.
 pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics> {
-    let mut diagnostics = Diagnostics::new();
-    if source.fault().is_some() {
-        let fault = Diagnostic::error(Span::default(), "this is no text, or it is longer than 4 GiB");
-        diagnostics.push(fault.help("a description is a text in UTF-8"));
-        return Err(diagnostics);
-    }
-    let mut readings = reading::Readings::new(source, options.angles);
-    let Some(description) = description::read(source, &mut readings, &mut diagnostics) else { return Err(diagnostics) };
-    let arranged = arrange::arrange(description, options, &mut readings, &mut diagnostics);
-    let Some(robot) = arranged.filter(|_| !diagnostics.has_errors()) else {
-        diagnostics.sort();
-        return Err(diagnostics);
-    };
-    let mut warnings = diagnostics.take_warnings();
-    warnings.sort_by_key(|warning| warning.span);
+    let Read { robot, warnings, readings } = read(source, options)?;
     // The name of the file without its folders, which have no meaning on another computer.
     let from = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
     let (model, prior, experiment) = write::write(&robot, options, from)?;
-    Ok(Imported { model, prior, experiment, readings: readings.sentences(), warnings })
+    Ok(Imported { model, prior, experiment, readings, warnings })
 }

@@ -32,7 +32,10 @@ pub use {
     tpm_plant as plant, tpm_plot as plot, tpm_report as report,
 };
 #[cfg(feature = "interpret")]
-pub use {tpm_interpret as interpret, tpm_physical as physical, tpm_session as session, tpm_study as study};
+pub use {
+    tpm_inertia as inertia, tpm_interpret as interpret, tpm_physical as physical, tpm_session as session,
+    tpm_study as study,
+};
 
 pub use tpm_core::{
     Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter,

@@ -152,3 +152,45 @@ fn the_wrist_of_the_tx40_is_coupled() {
     };
     assert_eq!([0, 4, 5].map(acts), [1, 1, 2]);
 }
+
+/// Three joints whose origins are turned by angles that are no right ones: factors of base parameters have eighty digits.
+#[test]
+fn factors_of_arms_with_several_skew_angles_are_exact() {
+    let link = |name: &str| {
+        format!(
+            "<link name=\"{name}\"><inertial><origin xyz=\"0.1 0.02 0.03\"/><mass value=\"2\"/>\
+             <inertia ixx=\"0.02\" ixy=\"0\" ixz=\"0\" iyy=\"0.03\" iyz=\"0\" izz=\"0.04\"/></inertial></link>"
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, origin: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{child}\"/><origin {origin}/>\
+             <axis xyz=\"0 0 1\"/><limit lower=\"-2\" upper=\"2\" velocity=\"3\" effort=\"60\"/></joint>"
+        )
+    };
+    let text = [
+        "<robot name=\"skew\"><link name=\"base\"/>".to_owned(),
+        link("a"),
+        link("b"),
+        link("c"),
+        joint("q1", "base", "a", "rpy=\"0.7 0.2 0\""),
+        joint("q2", "a", "b", "xyz=\"0.3 0.1 0.2\" rpy=\"0.7 0.3 0\""),
+        joint("q3", "b", "c", "xyz=\"0.3 0.1 0.2\" rpy=\"1.1 0.4 0\""),
+        "</robot>".to_owned(),
+    ]
+    .concat();
+    let source = Source::new("skew.urdf", text);
+    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let model = DeclaredModel::parse("skew", &imported.model).expect("a model");
+    let found = base(&model);
+    let prepared = model.prepared();
+    verify(&prepared.model, &prepared.form, &Motions::default(), &found.certificate, 3).expect("a sound certificate");
+    let base = found.base.expect("exact factors");
+    assert_eq!(
+        (base.len(), found.certificate.directions.map(|all| all.len())),
+        (found.rank, Some(found.parameters.len() - found.rank))
+    );
+    // Two hundred and forty bits, four primes, are not enough.
+    let longest = base.iter().flat_map(|own| &own.others).map(|(_, factor)| factor.denom().bits()).max();
+    assert!(longest.is_some_and(|bits| bits > 120), "{longest:?}");
+}

@@ -36,6 +36,8 @@ mod generated {
     pub mod three_carts;
     pub mod two_carts;
 }
+mod imported_motion;
+mod inertias;
 mod judge;
 mod licences;
 mod lines;

@@ -21,7 +21,7 @@ const CATEGORIES: [&str; 11] = [
 ];
 
 /// What is published.
-const PUBLISHED: [&str; 22] = [
+const PUBLISHED: [&str; 23] = [
     "tpm-campaign",
     "tpm-cli",
     "tpm-codegen",
@@ -30,6 +30,7 @@ const PUBLISHED: [&str; 22] = [
     "tpm-estimate",
     "tpm-experiment",
     "tpm-frequency",
+    "tpm-inertia",
     "tpm-interpret",
     "tpm-log",
     "tpm-macros",

@@ -99,6 +99,18 @@ pub(crate) fn at_rest(imported: &Imported, q: &[f64]) -> Vec<f64> {
     twin(&Arm::new(imported), [q, &still, &still])
 }
 
+/// The mass matrix by the twin in spatial algebra, row by row.
+pub(crate) fn mass_matrix(imported: &Imported, q: &[f64]) -> Vec<Vec<f64>> {
+    let (arm, still, weight) = (Arm::new(imported), vec![0.0; q.len()], at_rest(imported, q));
+    let row = |joint: usize| {
+        let mut accelerations = still.clone();
+        accelerations[joint] = 1.0;
+        let torques = twin(&arm, [q, &still, &accelerations]);
+        torques.iter().zip(&weight).map(|(torque, weight)| torque - weight).collect()
+    };
+    (0..q.len()).map(row).collect()
+}
+
 /// Values of all nodes of a graph; `leaf` gives those of the leaves.
 fn evaluate(graph: &Graph, upto: &[ExprId], leaf: impl Fn(&Node) -> f64) -> Vec<f64> {
     let mut plan: BTreeMap<ExprId, f64> = BTreeMap::new();

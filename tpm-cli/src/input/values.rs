@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_codegen::identified::{Identified, IdentifiedError, READABLE_SCHEMAS, remedy};
 use tpm_runtime::report::number;
-use tpm_runtime::session::agreeing;
+use tpm_runtime::session::{StoredFault, StoredResult, agreeing};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::mechanics::pattern::Pattern;
@@ -309,4 +309,16 @@ fn shown(identified: &Identified, model: &ExactModel) -> Vec<(String, Rational)>
     let lists = identified.parameters.iter().chain(&identified.physical);
     let known = lists.filter(|entry| model.find_symbol(&entry.name).is_some());
     known.filter_map(|entry| Some((entry.name.clone(), rational::parse(&entry.value?.to_string())?))).collect()
+}
+
+/// Reads a result of an identification with its covariances.
+pub(crate) fn stored_result(path: &Path) -> Result<StoredResult, Failure> {
+    let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
+    StoredResult::parse(&text).map_err(|fault| {
+        let remedy = match fault {
+            StoredFault::Form(_) | StoredFault::Schema => "; type a file that `tpm identify --json -o FILE` wrote",
+            _ => "",
+        };
+        Failure::Input(format!("{}: {fault}{remedy}", path.display()))
+    })
 }

@@ -1,9 +1,10 @@
 //! `tpm compare`: what changed between two results.
 
 use crate::failure::{Failure, Outcome};
+use crate::input::values::stored_result;
 use crate::output::file;
-use std::path::{Path, PathBuf};
-use tpm_runtime::session::{StoredFault, StoredResult, compare};
+use std::path::PathBuf;
+use tpm_runtime::session::compare;
 
 /// What stands below the options in the help.
 const ENDING: &str = "The results must come from different data: their errors are taken for independent.\n\
@@ -30,7 +31,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let [a, b] = [read(&args.a)?, read(&args.b)?];
+    let [a, b] = [stored_result(&args.a)?, stored_result(&args.b)?];
     let result = compare(&a, &b)
         .map_err(|fault| Failure::Input(format!("{} (A) and {} (B): {fault}", args.a.display(), args.b.display())))?;
     let text = if args.json {
@@ -39,15 +40,4 @@ pub(crate) fn run(args: &Args) -> Outcome {
         format!("{} (A) and {} (B)\n{result}", args.a.display(), args.b.display())
     };
     file::emit(args.output.as_deref(), &text)
-}
-
-fn read(path: &Path) -> Result<StoredResult, Failure> {
-    let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
-    StoredResult::parse(&text).map_err(|fault| {
-        let remedy = match fault {
-            StoredFault::Form(_) | StoredFault::Schema => "; type a file that `tpm identify --json -o FILE` wrote",
-            _ => "",
-        };
-        Failure::Input(format!("{}: {fault}{remedy}", path.display()))
-    })
 }

@@ -1,14 +1,12 @@
 //! `tpm import`: a robot description as a model, with a prior and an experiment beside it.
 
 use crate::failure::{Failure, Outcome};
-use crate::input::assignments::assignment;
+use crate::input::description::{PartArgs, description};
 use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::diagnostic::{Diagnostics, render};
-use tpm_codegen::import::{Angles, Options, urdf};
-use tpm_codegen::source::Source;
-use tpm_runtime::report::{MOST_TEXT, read_input};
+use tpm_codegen::import::{Options, urdf};
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 /// Options of `tpm import`.
@@ -16,33 +14,14 @@ use tpm_symbolic::mechanics::tree::mechanism::Loss;
 pub(crate) struct Args {
     /// The robot description (URDF).
     file: PathBuf,
-    /// The link that stands still; the root when not given. What is not outward of it is left out.
-    #[arg(long, value_name = "LINK")]
-    base: Option<String>,
-    /// The last link of the chain that is taken; everything when not given.
-    #[arg(long, value_name = "LINK")]
-    tip: Option<String>,
-    /// Hold a joint at a position, rad or m.
-    #[arg(long, value_name = "JOINT=VALUE", value_parser = assignment)]
-    lock: Vec<(String, String)>,
-    /// How angles and lengths are read: right angles and zeros recognised where rounding hides them, or as written.
-    #[arg(long, value_enum, default_value = "recognised")]
-    angles: AnglesChoice,
+    #[command(flatten)]
+    part: PartArgs,
     /// Unknown torques of every drive; those that the description has a value for when not given.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "TORQUES")]
     losses: Option<Vec<LossChoice>>,
     /// The model file to write; `arm.prior.toml` and `arm.experiment.toml` go beside `arm.tpm`; `-` prints the model alone.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-}
-
-/// How angles are read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum AnglesChoice {
-    /// Angles within 1e-4 of a multiple of pi/2 are that multiple, lengths below 1e-12 m are zero.
-    Recognised,
-    /// Every number is what is written.
-    Written,
 }
 
 /// An unknown torque of a drive.
@@ -74,30 +53,15 @@ impl LossChoice {
 
 /// Writes the model of a robot description, as the command does without options.
 pub(crate) fn write(description: &Path, model: &Path) -> Outcome {
-    run(&Args {
-        file: description.to_owned(),
-        base: None,
-        tip: None,
-        lock: Vec::new(),
-        angles: AnglesChoice::Recognised,
-        losses: None,
-        output: model.to_owned(),
-    })
+    run(&Args { file: description.to_owned(), part: PartArgs::whole(), losses: None, output: model.to_owned() })
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let bytes = read_input(&args.file, MOST_TEXT).map_err(|error| Failure::read(&args.file, error))?;
-    let source = Source::from_bytes(args.file.display().to_string(), bytes);
+    let source = description(&args.file)?;
     let options = Options {
-        base: args.base.clone(),
-        tip: args.tip.clone(),
-        locked: args.lock.clone(),
-        angles: match args.angles {
-            AnglesChoice::Recognised => Angles::Recognised,
-            AnglesChoice::Written => Angles::Written,
-        },
         losses: args.losses.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
+        ..args.part.options()
     };
     let imported =
         urdf(&source, &options).map_err(|diagnostics: Diagnostics| Failure::Model(diagnostics.render(&source)))?;

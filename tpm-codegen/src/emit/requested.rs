@@ -1,7 +1,7 @@
 //! Steps, arguments and documentation of the functions that are emitted on request.
 
 use num_traits::{One, Signed, Zero};
-use tpm_symbolic::number::rational;
+use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::plan::operation::Op;
 
 use super::estimator::EstimatorSource;
@@ -120,6 +120,19 @@ pub(super) fn base_parameter(estimator: &EstimatorSource, index: usize) -> Strin
     format!("{}{}.", terms(estimator, index, "`"), text::in_unit(unit))
 }
 
+/// Most characters of a factor in a name. Factors of arms with several skew angles have hundreds of digits, more than a string of C may
+/// have; code computes with the exact ones, rounded once.
+const LONGEST_FACTOR: usize = 40;
+
+/// A factor of a base parameter for reading: exact, or a few digits of a long one.
+fn factor_text(factor: &Rational) -> String {
+    let exact = rational::display(factor);
+    if exact.len() <= LONGEST_FACTOR {
+        return exact;
+    }
+    format!("(about {})", rational::to_f64(&rational::readable(factor)))
+}
+
 /// The terms of a base parameter, each between quotes, so that lines are broken between terms.
 fn terms(estimator: &EstimatorSource, index: usize, quote: &str) -> String {
     let Some(base) = estimator.parts.base.as_ref().and_then(|base| base.parameters.get(index)) else {
@@ -130,7 +143,7 @@ fn terms(estimator: &EstimatorSource, index: usize, quote: &str) -> String {
     for (column, factor) in &base.others {
         let size = rational::abs(factor);
         let sign = if factor.is_negative() { '-' } else { '+' };
-        let factor = if size.is_one() { String::new() } else { format!("{}*", rational::display(&size)) };
+        let factor = if size.is_one() { String::new() } else { format!("{}*", factor_text(&size)) };
         sum.push_str(&format!(" {sign} {quote}{factor}{}{quote}", name(*column)));
     }
     sum

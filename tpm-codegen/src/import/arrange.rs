@@ -22,6 +22,8 @@ use crate::source::Span;
 pub(super) struct Robot {
     pub(super) name: String,
     pub(super) bodies: Vec<Body>,
+    /// The name of the pattern's frequency in the model.
+    pub(super) frequency: String,
 }
 
 /// A body of the mechanism.
@@ -36,16 +38,27 @@ pub(super) struct Body {
 
 /// Joint and inertia of a body on a moving joint.
 pub(super) struct Moving {
+    /// The names of joint and link in the description.
+    pub(super) joint: String,
+    pub(super) link: String,
     pub(super) coordinate: String,
     pub(super) input: String,
+    /// The name of the joint's amplitude in the pattern.
+    pub(super) amplitude: String,
+    /// The name of the middle of a sliding joint's motion: numbers of the language are angles or without unit.
+    pub(super) centre: String,
     pub(super) turns: bool,
     /// The axis in the spelling of the language.
     pub(super) axis: String,
+    /// The axis as a unit vector in the frame of the joint.
+    pub(super) direction: [Rational; 3],
     pub(super) limits: Limits,
     pub(super) damping: Rational,
     pub(super) friction: Rational,
     /// The ten parameters about the frame of the body, of all links that move with it.
     pub(super) inertia: [Rational; 10],
+    /// The links that are fixed to this one and have an inertia, each with its ten parameters about the frame of the body.
+    pub(super) attached: Vec<(String, [Rational; 10])>,
 }
 
 /// The frame of a link relative to a body on a moving joint, or to the base.
@@ -89,7 +102,13 @@ pub(super) fn arrange(
         arranger.diagnostics.push(fault.help("name another base or tip, or lock fewer joints"));
     }
     let name = type_name(&description.name);
-    Some(Robot { name, bodies: arranger.bodies })
+    // The names of the description go before those of the pattern.
+    for moving in arranger.bodies.iter_mut().filter_map(|body| body.moving.as_mut()) {
+        moving.amplitude = identifier(&format!("A_{}", moving.coordinate), &mut arranger.taken);
+        moving.centre = identifier(&format!("c_{}", moving.coordinate), &mut arranger.taken);
+    }
+    let frequency = identifier("w", &mut arranger.taken);
+    Some(Robot { name, bodies: arranger.bodies, frequency })
 }
 
 struct Arranger<'a, 'r, 's> {
@@ -363,7 +382,7 @@ impl<'a> Arranger<'a, '_, '_> {
 
     /// A link on a joint that moves.
     fn moving(&mut self, joint: &'a Joint, parent: &Place) -> Place {
-        let (_, axis) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
+        let (direction, axis) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
         let turns = joint.kind == Kind::Revolute;
         let coordinate = self.renamed(&joint.name, "joint", joint.span);
         let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &mut self.taken);
@@ -374,10 +393,15 @@ impl<'a> Arranger<'a, '_, '_> {
             parent: parent.body,
             origin: joint.origin.clone(),
             moving: Some(Moving {
+                joint: joint.name.clone(),
+                link: joint.child.clone(),
                 coordinate,
                 input,
+                amplitude: String::new(),
+                centre: String::new(),
                 turns,
                 axis,
+                direction,
                 limits: Limits {
                     lower: joint.limits.lower.clone(),
                     upper: joint.limits.upper.clone(),
@@ -387,6 +411,7 @@ impl<'a> Arranger<'a, '_, '_> {
                 damping: joint.damping.clone(),
                 friction: joint.friction.clone(),
                 inertia: std::array::from_fn(|_| Rational::zero()),
+                attached: Vec::new(),
             }),
         });
         Place {
@@ -414,8 +439,7 @@ impl<'a> Arranger<'a, '_, '_> {
             let help = "the prior has it all the same; correct the description, or weigh and measure the link";
             self.warning(inertial.span, message, help);
         }
-        let Some(Moving { inertia, .. }) = place.carrier.and_then(|carrier| self.bodies[carrier].moving.as_mut())
-        else {
+        let Some(moving) = place.carrier.and_then(|carrier| self.bodies[carrier].moving.as_mut()) else {
             return;
         };
         let turned = place.rotation.times(&rotation_of(&inertial.origin));
@@ -428,10 +452,12 @@ impl<'a> Arranger<'a, '_, '_> {
         let centre: [ExprId; 3] = centre.map(|component| graph.number(component));
         let moments: [ExprId; 6] = inertial.moments.clone().map(|moment| graph.number(moment));
         let values = about_origin(graph, mass, &centre, &moments, &turned);
-        for (sum, value) in inertia.iter_mut().zip(values) {
-            if let Some(value) = graph.as_number(value) {
-                *sum += value;
-            }
+        let own = values.map(|value| graph.as_number(value).cloned().unwrap_or_else(Rational::zero));
+        for (sum, value) in moving.inertia.iter_mut().zip(&own) {
+            *sum += value;
+        }
+        if moving.link != link {
+            moving.attached.push((link.to_owned(), own));
         }
     }
 
@@ -452,7 +478,7 @@ impl<'a> Arranger<'a, '_, '_> {
     }
 }
 
-fn rotation_of(origin: &Origin) -> Rotation {
+pub(super) fn rotation_of(origin: &Origin) -> Rotation {
     let angles: [Angle; 3] = origin.turned.each_ref().map(|turned| turned.angle.clone());
     Rotation::roll_pitch_yaw(&angles)
 }

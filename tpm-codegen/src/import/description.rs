@@ -7,6 +7,7 @@ use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::reading::{Exact, ExactAngle, Readings};
+use crate::import::xml::with_prefixes;
 use crate::source::{Source, Span};
 
 /// A robot as it is described.
@@ -84,8 +85,9 @@ pub(super) struct Limits {
 
 /// Reads the description; faults go to `diagnostics`, and `None` is returned where there is no robot.
 pub(super) fn read(source: &Source, readings: &mut Readings<'_>, diagnostics: &mut Diagnostics) -> Option<Description> {
-    let document = match Document::parse(source.text()) {
-        Ok(document) => document,
+    let document = with_prefixes(source.text());
+    let (text, prefixes) = match document {
+        Ok(mended) => mended,
         Err(error) => {
             let line = error.pos();
             let start =
@@ -98,7 +100,14 @@ pub(super) fn read(source: &Source, readings: &mut Readings<'_>, diagnostics: &m
             return None;
         }
     };
+    // The text was parsed once, so that it can be.
+    let document = Document::parse(&text).ok()?;
     let robot = document.root_element();
+    if !prefixes.is_empty() {
+        let message =
+            format!("the prefixes {} are not declared; what begins with one is left out", prefixes.join(", "));
+        diagnostics.push(Diagnostic::warning(span(robot), message).help("a model of the dynamics has no use for it"));
+    }
     if robot.tag_name().name() != "robot" {
         let fault = Diagnostic::error(span(robot), format!("`{}` is no robot description", robot.tag_name().name()));
         diagnostics.push(fault.help("a URDF has the root element `robot`"));

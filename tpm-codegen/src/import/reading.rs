@@ -14,7 +14,7 @@ use crate::source::{Source, Span};
 const RIGHT: f64 = 1e-4;
 /// Smallest nonzero length, m. Smaller ones are read as zero, since they remain of rotations by rounded angles in
 /// computer-aided design.
-const NO_LENGTH: f64 = 1e-12;
+pub(super) const NO_LENGTH: f64 = 1e-12;
 /// Half a turn, rad.
 const PI: f64 = std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! The texts of an imported model, its prior and its experiment.
+//! The texts of an imported model and its prior.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -11,7 +11,9 @@ use tpm_symbolic::number::rational::{self, Rational};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::arrange::{Body, Moving, Robot};
 use crate::import::description::Origin;
+use crate::import::experiment::experiment;
 use crate::import::options::Options;
+use crate::import::pattern::{constants, pattern};
 use crate::language::ast::mechanism::loss_word;
 use crate::language::parse_model;
 use crate::source::{Source, Span};
@@ -32,7 +34,7 @@ pub(super) fn write(robot: &Robot, options: &Options, from: &str) -> Result<(Str
     let head = format!(
         "# From {from}: inertias about the frames of the bodies, of all links that move with them; SI units.\n"
     );
-    let experiment = experiment(robot, from, &values);
+    let experiment = experiment(robot, from, &values, &known);
     Ok((model, head + &values, experiment))
 }
 
@@ -61,7 +63,9 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
     let inputs: Vec<String> = moving(robot)
         .map(|(_, moving)| format!("{} [{}]", moving.input, if moving.turns { "N*m" } else { "N" }))
         .collect();
-    let _ = writeln!(text, "    coordinate {};\n    input {};\n", coordinates.join(", "), inputs.join(", "));
+    let _ = writeln!(text, "    coordinate {};\n    input {};", coordinates.join(", "), inputs.join(", "));
+    text += &constants(robot);
+    text.push('\n');
     text.push_str("    mechanism {\n        gravity (0, 0, -9.81);\n");
     for body in &robot.bodies {
         let parent = body.parent.map_or_else(String::new, |parent| format!("on {} ", robot.bodies[parent].name));
@@ -86,7 +90,9 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
         }
         text.push_str(";\n");
     }
-    text.push_str("    }\n}\n");
+    text.push_str("    }\n");
+    text += &pattern(robot);
+    text.push_str("}\n");
     text
 }
 
@@ -130,37 +136,5 @@ fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
             }
         }
     }
-    text
-}
-
-fn experiment(robot: &Robot, from: &str, prior: &str) -> String {
-    let mut text = format!(
-        "# Experiment with the limits of {from}. To be completed: gains, measure time, and stages with the amplitudes and the\n\
-         # frequency of a pattern that the model has to declare.\n\n[prior]\n{prior}\n"
-    );
-    text.push_str("[control]\nsample_time = 1e-3              # s\nfeedback = [\n");
-    for (_, moving) in moving(robot) {
-        let _ = writeln!(
-            text,
-            "    {{ input = \"{}\", coordinate = \"{}\", kp = 0.0, kd = 0.0 }},",
-            moving.input, moving.coordinate
-        );
-    }
-    text.push_str("]\n\n[limits]\n");
-    let number = |value: &Rational| format!("{:?}", rational::to_f64(value));
-    let table = |key: &str, of: &dyn Fn(&Moving) -> Option<(String, String)>| {
-        let entries: Vec<String> = moving(robot)
-            .filter_map(|(_, moving)| of(moving))
-            .map(|(name, value)| format!("{name} = {value}"))
-            .collect();
-        if entries.is_empty() { String::new() } else { format!("{key} = {{ {} }}\n", entries.join(", ")) }
-    };
-    text += &table("inputs", &|moving| Some((moving.input.clone(), number(moving.limits.effort.as_ref()?))));
-    text += &table("positions", &|moving| {
-        let (lower, upper) = (moving.limits.lower.as_ref()?, moving.limits.upper.as_ref()?);
-        Some((moving.coordinate.clone(), format!("[{}, {}]", number(lower), number(upper))))
-    });
-    text += &table("velocities", &|moving| Some((moving.coordinate.clone(), number(moving.limits.velocity.as_ref()?))));
-    text.push_str("\n[schedule]\nmeasure_time = 20.0             # s in every run\nstages = []\n");
     text
 }

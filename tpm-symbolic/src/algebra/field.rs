@@ -162,6 +162,33 @@ impl Residues {
         Self { prime }
     }
 
+    /// The fields of all such primes, the largest first; they begin with those of [`PRIMES`](Self::PRIMES).
+    pub fn all() -> impl Iterator<Item = Self> {
+        (1_u64 << 60..1 << 61).rev().filter(|number| number % 4 == 3).map(Self::new).filter(Self::is_prime)
+    }
+
+    /// Whether the number is prime: Miller and Rabin, with witnesses that decide every number of 64 bits. It must be 3 modulo 4, so
+    /// that half of its predecessor is odd.
+    fn is_prime(&self) -> bool {
+        let half = (self.prime - 1) / 2;
+        [2u64, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37].iter().all(|witness| {
+            let power = self.raised(*witness, half);
+            power == 1 || power == self.prime - 1
+        })
+    }
+
+    fn raised(&self, base: u64, mut exponent: u64) -> u64 {
+        let (mut square, mut result) = (base, 1);
+        while exponent > 0 {
+            if exponent & 1 == 1 {
+                result = self.mul(&result, &square);
+            }
+            square = self.mul(&square, &square);
+            exponent >>= 1;
+        }
+        result
+    }
+
     /// The prime.
     #[must_use]
     pub fn prime(&self) -> u64 {
@@ -201,16 +228,8 @@ impl Field for Residues {
         if *a == 0 {
             return None;
         }
-        // Fermat: a^(p - 2).
-        let (mut square, mut rest, mut result) = (*a, self.prime - 2, 1);
-        while rest > 0 {
-            if rest & 1 == 1 {
-                result = self.mul(&result, &square);
-            }
-            square = self.mul(&square, &square);
-            rest >>= 1;
-        }
-        Some(result)
+        // Fermat.
+        Some(self.raised(*a, self.prime - 2))
     }
 
     fn is_zero(&self, a: &u64) -> bool {
@@ -248,22 +267,15 @@ mod tests {
     use proptest::prelude::{prop_assert_eq, proptest};
 
     #[test]
-    fn the_primes_are_prime_and_three_modulo_four() {
-        for prime in Residues::PRIMES {
-            let field = Residues::new(prime);
-            assert!(prime % 4 == 3 && prime >> 60 == 1, "{prime}");
-            // Miller and Rabin, with witnesses that decide every number of 64 bits.
-            for witness in [2u64, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37] {
-                let (mut power, mut square, mut rest) = (1, witness, (prime - 1) / 2);
-                while rest > 0 {
-                    if rest & 1 == 1 {
-                        power = field.mul(&power, &square);
-                    }
-                    square = field.mul(&square, &square);
-                    rest >>= 1;
-                }
-                assert!(power == 1 || power == prime - 1, "{prime} is not prime: witness {witness}");
-            }
+    fn the_primes_are_all_that_are_three_modulo_four() {
+        assert!(Residues::PRIMES.iter().all(|prime| prime % 4 == 3 && prime >> 60 == 1));
+        assert_eq!(Residues::all().take(4).map(|field| field.prime()).collect::<Vec<_>>(), Residues::PRIMES);
+        // Products of two primes, Carmichael numbers and squares among the small ones are told apart.
+        let small = (3..2000).filter(|number| number % 4 == 3 && *number > 37);
+        for number in small {
+            let divided =
+                (2..number).take_while(|divisor| divisor * divisor <= number).any(|divisor| number % divisor == 0);
+            assert_eq!(Residues::new(number).is_prime(), !divided, "{number}");
         }
     }
 

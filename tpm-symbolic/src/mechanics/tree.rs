@@ -28,6 +28,7 @@
 //! the geometry is folded; every intermediate value is one node, so that a plan computes it once. The text grows with the number
 //! of bodies times the depth of the tree.
 
+mod about_centre;
 mod bodies;
 mod composite;
 mod inertia;
@@ -39,6 +40,7 @@ pub mod rotation;
 mod torque;
 mod vector;
 
+pub use about_centre::AboutCentre;
 pub use bodies::{Body, Joint, Tree, TreeError};
 pub use inertia::{Inertia, InertiaFault, NAMES, about_origin, fault};
 pub use regressor::{Entry, JointRow};

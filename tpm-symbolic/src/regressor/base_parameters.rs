@@ -40,6 +40,10 @@ const CHECKS: usize = 2;
 /// Number of the first point of a check; the points that determine a rank have smaller numbers.
 const FRESH: u64 = 1 << 32;
 
+/// Most primes from which factors are lifted. Angles that are no right ones have tangents of eight digits above and below; factors of
+/// base parameters multiply a dozen of them on a long arm.
+const MOST_PRIMES: usize = 64;
+
 /// Most draws that may fail because a denominator vanishes.
 const FAILURES: u64 = 20;
 
@@ -205,6 +209,11 @@ impl<'a> Rows<'a> {
         let points = Points::new(&model.graph, &atoms);
         let policies = points.drawn().map(|drawn| (drawn, policy(model, motions, &points, drawn))).collect();
         Self { points, policies, rows: form.rows.len(), columns: form.columns.len(), terms }
+    }
+
+    /// Whether constants without a value stand in the rows: null vectors that depend on them cannot be lifted.
+    fn has_unknown_constants(&self) -> bool {
+        self.policies.values().any(|policy| matches!(policy, Policy::Constant(_)))
     }
 
     /// The rows at a point; `None` where a divisor vanishes.
@@ -388,28 +397,28 @@ pub fn base_parameters(
 ) -> Result<BaseParameters, BaseParameterError> {
     let rows = Rows::new(model, form, motions);
     let columns = rows.columns;
-    let fields = Residues::PRIMES.map(Residues::new);
-    let (first, points) = basis(&rows, &fields[0])?;
+    let [field, .., checking] = Residues::PRIMES.map(Residues::new);
+    let (first, points) = basis(&rows, &field)?;
     let rank = first.len();
-    let mut bases = vec![first];
+    let (mut fields, mut bases) = (Vec::new(), Vec::new());
+    let most = if rows.has_unknown_constants() { Residues::PRIMES.len() } else { MOST_PRIMES };
     let forward = declared(model, form);
     let backward: Vec<usize> = forward.iter().rev().copied().collect();
     let (mut base, mut fresh) = (None, None);
-    for count in 1..=fields.len() {
-        if bases.len() < count {
-            let (next, _) = basis(&rows, &fields[count - 1])?;
-            // A different rank would mean that the prime divides a determinant or denominator.
-            if next.len() != rank {
-                break;
-            }
-            bases.push(next);
+    for (index, field) in Residues::all().take(most).enumerate() {
+        let next = if index == 0 { first.clone() } else { basis(&rows, &field)?.0 };
+        // A different rank would mean that the prime divides a determinant or denominator.
+        if next.len() != rank {
+            continue;
         }
+        fields.push(field);
+        bases.push(next);
         let lifted = [&forward, &backward].map(|order| lift(&fields, &bases, order, columns));
         let sound = lifted.into_iter().flatten().filter(|vectors| {
             let directions: Vec<Vec<(usize, Rational)>> = vectors.iter().map(direction).collect();
             let (residues, rationals) =
-                fresh.get_or_insert_with(|| (at_fresh(&rows, &fields[3], FRESH), at_fresh(&rows, &Rationals, FRESH)));
-            annihilate(residues, &directions, &fields[3]).is_ok()
+                fresh.get_or_insert_with(|| (at_fresh(&rows, &checking, FRESH), at_fresh(&rows, &Rationals, FRESH)));
+            annihilate(residues, &directions, &checking).is_ok()
                 && annihilate(rationals, &directions, &Rationals).is_ok()
         });
         base = sound.reduce(|best, next| if terms(&next) < terms(&best) { next } else { best });
@@ -429,7 +438,7 @@ pub fn base_parameters(
         };
         leading.map(lumped).collect()
     });
-    let certificate = Certificate { rank, prime: fields[0].prime(), points, directions };
+    let certificate = Certificate { rank, prime: field.prime(), points, directions };
     let parameters = form.columns.iter().map(|column| column.name.to_string()).collect();
     Ok(BaseParameters { parameters, rank, base, certificate })
 }

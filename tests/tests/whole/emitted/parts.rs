@@ -316,12 +316,6 @@ fn parts_of_robots_are_pinocchios() {
         };
         let parsed = parsed(&imported);
         let estimator = EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message));
-        if name == "so101_written" {
-            // Sines of its angles are no rational numbers, and so are the factors in its base parameters.
-            let error = estimator.with(&PARTS).expect_err("irrational factors").to_string();
-            assert!(error.contains("the base parameters depend on"), "{error}");
-            continue;
-        }
         let estimator = estimator.with(&PARTS).unwrap_or_else(|error| panic!("{name}: {error}"));
         let prior = values(&imported.prior);
         let model = &estimator.model;

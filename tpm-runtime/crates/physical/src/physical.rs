@@ -253,7 +253,7 @@ pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64]
 /// Masses and moments of inertia that are certainly negative, which no machine has, by name with their values.
 #[must_use]
 pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {
-    let inertias = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass));
+    let inertias = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass) && !has_product(&p.name));
     let known = inertias.filter_map(|p| Some((p, p.value?, p.std?)));
     known
         .filter(|(_, value, std)| *value < -alarm::SURELY_NEGATIVE * std)
@@ -265,6 +265,17 @@ pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {
 fn is_mass(unit: &str) -> bool {
     matches!(unit, "kg" | "kg*m^2" | "g" | "t")
 }
+
+/// Whether a parameter, or a part of a lumped one, is a product of inertia of a body by the names of mechanisms, which may have either
+/// sign.
+fn has_product(name: &str) -> bool {
+    let parts = name.split("_plus_").flat_map(|part| part.split("_minus_"));
+    let mut own = parts.map(|part| part.trim_start_matches(|c: char| c.is_ascii_digit() || c == '_'));
+    own.any(|part| PRODUCTS.iter().any(|product| part.strip_prefix(product).is_some_and(|rest| rest.starts_with('_'))))
+}
+
+/// Symbols of the products of inertia in [`NAMES`](tpm_symbolic::mechanics::tree::NAMES).
+const PRODUCTS: [&str; 3] = ["Ixy", "Ixz", "Iyz"];
 
 /// Combinations of the lumped parameters that the data determine: `rows c - right` has the identity matrix as its
 /// covariance.
@@ -368,7 +379,8 @@ impl Fixed {
         let mut bounds = Vec::with_capacity(names.len());
         for &symbol in map.parameters() {
             let unit = prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
-            let natural = if !sums && unit.as_deref().is_some_and(is_mass) { 0.0 } else { f64::NEG_INFINITY };
+            let positive = !sums && unit.as_deref().is_some_and(is_mass) && !has_product(map.name(symbol));
+            let natural = if positive { 0.0 } else { f64::NEG_INFINITY };
             let (low, high) = settings.bounds.get(map.name(symbol)).copied().unwrap_or((natural, f64::INFINITY));
             if !matches!(low.partial_cmp(&high), Some(std::cmp::Ordering::Less)) {
                 return Err(PhysicalError::EmptyBounds { name: map.name(symbol).to_string(), low, high });
@@ -703,5 +715,20 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let whole = self.fixed.jacobian(self.map, self.weighted, &self.values)?;
         Some(DMatrix::from_fn(whole.nrows(), self.free.len(), |r, c| whole[(r, self.free[c])] * self.scale[c]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::has_product;
+
+    #[test]
+    fn products_of_inertia_are_told_from_moments() {
+        for name in ["Ixy_upper", "Iyz_a_plus_Ia_q", "Izz_a_plus_3_Ixz_b_per_10", "Izz_a_minus_Ixy_b"] {
+            assert!(has_product(name), "{name}");
+        }
+        for name in ["Ixx_upper", "m_Ixy", "Ixyz_a", "Izz_a_plus_3691_m_b_per_200000_plus_Ia_q", "J", "Ixy"] {
+            assert!(!has_product(name), "{name}");
+        }
     }
 }

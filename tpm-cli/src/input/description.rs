@@ -1,0 +1,62 @@
+//! Robot descriptions, and the options that choose a part of one.
+
+use crate::failure::Failure;
+use crate::input::assignments::assignment;
+use clap::ValueEnum;
+use std::path::Path;
+use tpm_codegen::import::{Angles, Options};
+use tpm_codegen::source::Source;
+use tpm_runtime::report::{MOST_TEXT, read_input};
+
+/// Options that choose the part of a description that is read, and how.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct PartArgs {
+    /// The link that stands still; the root when not given. What is not outward of it is left out.
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// The last link of the chain that is taken; everything when not given.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// Hold a joint at a position, rad or m.
+    #[arg(long, value_name = "JOINT=VALUE", value_parser = assignment)]
+    lock: Vec<(String, String)>,
+    /// How angles and lengths are read: right angles and zeros recognised where rounding hides them, or as written.
+    #[arg(long, value_enum, default_value = "recognised")]
+    angles: AnglesChoice,
+}
+
+/// How angles are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AnglesChoice {
+    /// Angles within 1e-4 of a multiple of pi/2 are that multiple, lengths below 1e-12 m are zero.
+    Recognised,
+    /// Every number is what is written.
+    Written,
+}
+
+impl PartArgs {
+    /// What is taken when no option is given.
+    pub(crate) const fn whole() -> Self {
+        Self { base: None, tip: None, lock: Vec::new(), angles: AnglesChoice::Recognised }
+    }
+
+    /// As the library reads them.
+    pub(crate) fn options(&self) -> Options {
+        Options {
+            base: self.base.clone(),
+            tip: self.tip.clone(),
+            locked: self.lock.clone(),
+            angles: match self.angles {
+                AnglesChoice::Recognised => Angles::Recognised,
+                AnglesChoice::Written => Angles::Written,
+            },
+            losses: None,
+        }
+    }
+}
+
+/// The text of a description.
+pub(crate) fn description(path: &Path) -> Result<Source, Failure> {
+    let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
+    Ok(Source::from_bytes(path.display().to_string(), bytes))
+}
