@@ -6,6 +6,7 @@
 
 mod arrange;
 mod description;
+mod markup;
 mod options;
 mod reading;
 mod write;
@@ -34,7 +35,7 @@ pub struct Imported {
 ///
 /// # Errors
 /// Every fault at its place: the text is no XML or no robot, a number cannot be read, links and joints are no tree, an axis is zero,
-/// a joint is of a kind that has no model, or an option names what is not there.
+/// an angle is beyond 1e6 rad, an element has more than a hundred attributes, a joint is of a kind that has no model, or an option names what is not there.
 pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     if source.fault().is_some() {
