@@ -1,8 +1,8 @@
 //! The budget of one run of the engine: how much exact work a model may ask for before it is refused.
 //!
-//! How much work a model is becomes known only while it is done, deep in the algebra. So every long loop of exact arithmetic says
-//! beforehand how many operations on machine words it is about to do ([`charge`]), and [`run`] refuses the model once their sum passes the
-//! limit (`DESIGN.md`, "Why does the engine count operations and not seconds?").
+//! How much work a model is becomes known only while it is done, deep in the algebra. So every long loop of exact arithmetic says beforehand
+//! how many operations on machine words it is about to do ([`charge`]), and [`run`] refuses the model once their sum passes the limit
+//! (`DESIGN.md`, "Why does the engine count operations and not seconds?").
 //!
 //! Arithmetic is written with operators, which cannot return an error. A run that ends is therefore unwound to [`run`]; no panic is
 //! raised, no hook is called, and what the work has built is dropped on the way. Without a [`run`] around it the engine has no limit. A
@@ -21,13 +21,6 @@ pub const OPERATIONS: u64 = 1_000_000_000;
 /// Default limit of a table in bytes, about two million entries of ordinary size. It does not apply where large models
 /// are allowed.
 pub const TABLE_BYTES: u128 = 256_000_000;
-
-/// Default limit of the memory that is taken at one time for something whose size a file or a flag states, in bytes. It does not apply
-/// where large models are allowed.
-pub const MEMORY_BYTES: u64 = 400_000_000;
-
-/// Bytes that are written in the time of one operation.
-const BYTES_OF_AN_OPERATION: u64 = 4;
 
 /// How many operations pass between two questions whether to go on.
 const BETWEEN_QUESTIONS: u32 = 22;
@@ -62,21 +55,6 @@ pub enum Halted {
         /// The operations that the run may take.
         limit: u64,
     },
-    /// Something whose size a file or a flag states would take more memory than there may be.
-    #[error(
-        "{} would take {} MB of memory, and more than {} MB are not taken; lower what sets its size, or allow large models",
-        at.as_deref().map_or_else(|| "this".to_owned(), |at| format!("`{at}`")),
-        bytes / 1_000_000,
-        limit / 1_000_000
-    )]
-    TooMuchMemory {
-        /// What would take it, when it is known.
-        at: Option<String>,
-        /// The bytes that it would take.
-        bytes: u64,
-        /// The bytes that may be taken.
-        limit: u64,
-    },
     /// The caller of the run requested a stop.
     #[error("the work was stopped")]
     Stopped,
@@ -85,7 +63,6 @@ pub enum Halted {
 /// Payload of the unwinding that [`run`] catches.
 enum Signal {
     TooLarge,
-    TooMuchMemory(u64),
     Stopped,
 }
 
@@ -147,7 +124,6 @@ pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
     outcome.map_err(|payload| match payload.downcast::<Signal>() {
         Ok(signal) => match *signal {
             Signal::TooLarge => Halted::TooLarge { at: ENDED_AT.take(), limit },
-            Signal::TooMuchMemory(bytes) => Halted::TooMuchMemory { at: ENDED_AT.take(), bytes, limit: MEMORY_BYTES },
             Signal::Stopped => Halted::Stopped,
         },
         Err(panic) => resume_unwind(panic),
@@ -208,18 +184,6 @@ pub fn charge(operations: u64) {
     }
 }
 
-/// Counts memory before it is taken: `count` values of so many bytes each, such as the samples of a record.
-///
-/// Ends the current run when they are more than [`MEMORY_BYTES`] together, or writing them takes more operations than are left.
-pub fn allocate(count: usize, bytes: usize) {
-    let bytes = (count as u64).saturating_mul(bytes as u64);
-    let is_limited = LEFT.get() != u64::MAX || LIMIT.get() != u64::MAX;
-    if is_limited && !allows_large() && bytes > MEMORY_BYTES {
-        end(Signal::TooMuchMemory(bytes));
-    }
-    charge(bytes / BYTES_OF_AN_OPERATION);
-}
-
 #[cold]
 fn end(signal: Signal) {
     // A thread that is already unwinding must not start another unwinding.
@@ -232,7 +196,7 @@ fn end(signal: Signal) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Budget, Halted, MEMORY_BYTES, allocate, charge, left, run, within};
+    use super::{Budget, Halted, charge, left, run, within};
 
     fn of(operations: u64) -> Budget {
         Budget { operations, ..Budget::default() }
@@ -248,21 +212,6 @@ mod tests {
         assert_eq!(run(of(100), || charge(100)), Ok(()));
         // Without a run there is no limit.
         charge(u64::MAX / 4);
-    }
-
-    #[test]
-    fn memory_is_refused_before_it_is_taken() {
-        let halted = run(Budget::default(), || within(|| "samples".to_owned(), || allocate(usize::MAX, 8)));
-        let Err(Halted::TooMuchMemory { at, bytes: u64::MAX, limit: MEMORY_BYTES }) = halted else {
-            panic!("{halted:?}")
-        };
-        assert_eq!(at.as_deref(), Some("samples"));
-        assert_eq!(run(Budget::default(), || allocate(1_000_000, 8)), Ok(()));
-        // What is below the limit takes the time of writing it.
-        assert!(matches!(run(of(100), || allocate(1000, 8)), Err(Halted::TooLarge { .. })));
-        // Whoever allows large models, and whoever sets no limit, has the memory.
-        assert_eq!(run(Budget::large(), || allocate(1 << 20, 1 << 20)), Ok(()));
-        allocate(1 << 20, 1 << 20);
     }
 
     #[test]
