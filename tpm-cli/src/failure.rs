@@ -1,5 +1,6 @@
 //! Why a command did not succeed, and the exit code that says so.
 
+use crate::output::terminal;
 use crate::render::flags;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -68,6 +69,7 @@ fn write_help(source: &std::io::Error) -> &'static str {
         std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
             "; type a path where you may write"
         }
+        std::io::ErrorKind::FileTooLarge => "; raise the limit of the size of files (ulimit -f), or write less",
         _ => "",
     }
 }
@@ -104,8 +106,7 @@ impl Failure {
 
     /// Prints the message to standard error. A closed standard error is no reason to fail differently.
     pub(crate) fn report(&self) {
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "{}", with_short_numbers(self.to_string().trim_end()));
+        terminal::tell(&with_short_numbers(self.to_string().trim_end()));
     }
 }
 

@@ -1,4 +1,5 @@
-//! Ctrl-C: long work that polls for it stops cleanly, anything else ends at once.
+//! Signals. Ctrl-C: long work that polls for it stops cleanly, anything else ends at once, and a second Ctrl-C always does. The limit of a
+//! file's size: writing fails, and the program goes on to say so.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -7,12 +8,20 @@ static WATCHED: AtomicBool = AtomicBool::new(false);
 
 /// Installs the handler. Where signals cannot be handled, the default stays, which ends the program at once.
 pub(crate) fn install() {
+    outlive_the_largest_file();
     let _ = ctrlc::set_handler(|| {
         let again = REQUESTED.swap(true, Ordering::SeqCst);
         if again || !WATCHED.load(Ordering::SeqCst) {
             std::process::exit(130);
         }
     });
+}
+
+/// Lets a write beyond the limit of a file's size (`ulimit -f`) fail instead of ending the program, which would leave the file half
+/// written. The signal only has to be handled; the write says what is wrong.
+fn outlive_the_largest_file() {
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
 }
 
 /// Whether the user has asked to stop.

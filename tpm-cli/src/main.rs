@@ -13,6 +13,7 @@ mod render;
 mod verbs;
 
 use crate::failure::{Failure, Outcome};
+use crate::output::terminal;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use std::process::ExitCode;
 use tpm_symbolic::budget::{self, Budget};
@@ -112,7 +113,12 @@ fn main() -> ExitCode {
     let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
     let cli = parsed.unwrap_or_else(|error| {
         let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
-        if error.use_stderr() { examples::with_remedy(error, &command(), words).exit() } else { error.exit() }
+        if !error.use_stderr() {
+            error.exit();
+        }
+        let error = examples::with_remedy(error, &command(), words);
+        terminal::tell(error.render().to_string().trim_end());
+        std::process::exit(error.exit_code())
     });
     interrupt::install();
     let budget = if cli.allow_large { Budget::large() } else { Budget::default() };

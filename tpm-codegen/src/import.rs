@@ -9,6 +9,7 @@ mod described;
 mod description;
 mod experiment;
 mod felt;
+mod markup;
 mod mjcf;
 mod options;
 mod pattern;
@@ -48,7 +49,8 @@ pub struct Imported {
 ///
 /// # Errors
 /// Every fault at its place: the text is no XML or no robot, a number cannot be read, links and joints are no tree, an axis is zero,
-/// a joint is of a kind that has no model, or an option names what is not there.
+/// an angle is beyond 1e6 rad, an element has more than a hundred attributes, a joint is of a kind that has no model, or an option names
+/// what is not there.
 pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics> {
     let Read { robot, warnings, readings } = read(source, options)?;
     // The name of the file without its folders, which have no meaning on another computer.

@@ -102,9 +102,9 @@ fn the_rest_is_as_near_to_a_wrong_description_as_exact_data_allow() {
         for body in arm.described.bodies() {
             let difference = pseudo(&described, body.name).try_inverse().expect("possible")
                 - pseudo(&now, body.name).try_inverse().expect("possible");
-            for k in 0..10 {
+            for (k, quantity) in NAMES.iter().enumerate() {
                 let at =
-                    names.iter().position(|name| **name == format!("{}_{}", NAMES[k], body.name)).expect("a parameter");
+                    names.iter().position(|name| **name == format!("{quantity}_{}", body.name)).expect("a parameter");
                 gradient[at] = (difference * by_parameter(k)).trace();
             }
         }

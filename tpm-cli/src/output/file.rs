@@ -1,7 +1,7 @@
 //! Results to standard output, or to a file that is written whole or not at all.
 
 use crate::failure::Failure;
-use std::io::Write as _;
+use crate::output::terminal;
 use std::path::Path;
 use tpm_runtime::report::{is_special, write_output};
 
@@ -18,10 +18,19 @@ pub(crate) fn emit(path: Option<&Path>, text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes to standard output; a reader that has closed the pipe (`| head`) is no failure.
+/// Writes a text for people to standard output.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    printed(terminal::print(text))
+}
+
+/// Writes the content of a file, such as a model, code or samples, to standard output.
+pub(crate) fn print_content(text: &str) -> Result<(), Failure> {
+    printed(terminal::print_content(text))
+}
+
+/// A reader that has closed the pipe (`| head`) is no failure.
+fn printed(outcome: std::io::Result<()>) -> Result<(), Failure> {
+    match outcome {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(Failure::write(Path::new("standard output"), error))
         }
@@ -31,7 +40,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 
 /// Writes a remark to standard error.
 pub(crate) fn remark(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    terminal::tell(text);
 }
 
 /// Writes several files that belong together: all of them or none. Earlier contents are restored when one cannot be
@@ -67,6 +76,20 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Writes files that belong together into a folder, which is made with those above it where there is none: all of them or none, and a
+/// folder that was made for them goes again where one cannot be written.
+pub(crate) fn write_into(folder: &Path, files: &[(&Path, &[u8])]) -> Result<(), Failure> {
+    let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+    let missing: Vec<&Path> = folder.ancestors().take_while(is_missing).collect();
+    let made = std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error));
+    made.and_then(|()| write_files(files)).inspect_err(|_| {
+        // From the innermost outwards. A folder that is not empty holds files of somebody else, and stays.
+        for folder in missing {
+            let _ = std::fs::remove_dir(folder);
+        }
+    })
+}
+
 /// Writes a file whole or not at all.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     write_output(path, bytes).map_err(|error| Failure::write(path, error))
@@ -77,12 +100,12 @@ pub(crate) fn json(result: &impl serde::Serialize) -> Result<String, Failure> {
     let mut text = serde_json::to_string_pretty(result)
         .map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
     text.push('\n');
-    Ok(text)
+    Ok(terminal::shown_json(text))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::write_files;
+    use super::{write_files, write_into};
 
     #[test]
     fn files_that_belong_together_are_written_together() {
@@ -98,5 +121,18 @@ mod tests {
         std::fs::remove_dir(&source).expect("empty");
         assert!(write_files(&files).is_ok());
         assert_eq!(std::fs::read(&source).expect("it is there"), b"after");
+    }
+
+    #[test]
+    fn folders_are_made_for_files_and_go_where_one_cannot_be_written() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let inner = folder.path().join("outer").join("inner");
+        let (good, bad) = (inner.join("a.h"), inner.join("x".repeat(300)));
+        assert!(write_into(&inner, &[(&good, b"text"), (&bad, b"text")]).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 0);
+        assert!(write_into(&inner, &[(&good, b"text")]).is_ok());
+        // What was there stays.
+        assert!(write_into(&inner.join("deeper"), &[(&bad, b"text")]).is_err());
+        assert_eq!(std::fs::read_dir(&inner).expect("readable").count(), 1);
     }
 }

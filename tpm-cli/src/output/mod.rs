@@ -4,6 +4,7 @@ pub(crate) mod file;
 pub(crate) mod picture;
 pub(crate) mod progress;
 pub(crate) mod report;
+pub(crate) mod terminal;
 
 use crate::failure::{Failure, Outcome};
 use std::io::ErrorKind;

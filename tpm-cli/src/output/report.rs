@@ -20,14 +20,6 @@ pub(crate) fn write(folder: &Path, document: &Document, others: &[(&str, String)
         }
     }
     files.extend(others.iter().map(|(name, text)| (folder.join(name), text.clone().into_bytes())));
-    let is_new = !folder.exists();
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Failure::Input(format!("cannot make the folder {}: {error}", folder.display())))?;
     let files: Vec<(&Path, &[u8])> = files.iter().map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
-    file::write_files(&files).inspect_err(|_| {
-        if is_new {
-            // The first fault is the one to report.
-            let _ = std::fs::remove_dir(folder);
-        }
-    })
+    file::write_into(folder, &files)
 }

@@ -176,7 +176,7 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
             number(mode.frequency)
         ));
     }
-    let Some(target) = file::named(target) else { return file::print(&next.samples) };
+    let Some(target) = file::named(target) else { return file::print_content(&next.samples) };
     let beside = target.with_extension("json");
     let terms = file::json(&next.terms)?;
     file::write_files(&[(target, next.samples.as_bytes()), (&beside, terms.as_bytes())])?;

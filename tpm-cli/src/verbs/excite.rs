@@ -124,7 +124,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let run = request.run(plant).map_err(|error| Failure::Input(error.to_string()))?;
     if file::named(Some(&args.output)).is_none() {
         file::remark("remark: the terms of the run go beside a file: -o run.csv");
-        return file::print(&run.samples);
+        return file::print_content(&run.samples);
     }
     let text = file::json(&run.terms)?;
     file::write_files(&[(Path::new(&args.output), run.samples.as_bytes()), (&terms, text.as_bytes())])?;

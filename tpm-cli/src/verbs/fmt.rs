@@ -38,7 +38,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     for path in &args.files {
         let source = read(path)?;
         match language::format(&source) {
-            Ok(text) if is_input(path) && !args.check => return file::print(&text),
+            Ok(text) if is_input(path) && !args.check => return file::print_content(&text),
             Ok(text) if text == source.text() => {}
             Ok(text) => changed.push((path.as_path(), text)),
             Err(diagnostics) => faults.push_str(&(diagnostics.render(&source) + &other_kind(path))),

@@ -193,7 +193,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             out.display(),
             if files.len() == 1 { ", or a file whose name ends as the language's do" } else { "" }
         ))),
-        None => files.iter().try_for_each(|file| file::print(&file.text)),
+        None => files.iter().try_for_each(|file| file::print_content(&file.text)),
         Some(out) if args.check => check(out, &files, &command),
         Some(out) => write(out, &files),
     }
@@ -285,12 +285,10 @@ fn target(out: &Path, file: &File, alone: bool) -> PathBuf {
 
 fn write(out: &Path, files: &[File]) -> Outcome {
     let paths: Vec<PathBuf> = files.iter().map(|file| target(out, file, files.len() == 1)).collect();
-    if let Some(folder) = paths.first().and_then(|path| path.parent()).filter(|folder| !folder.as_os_str().is_empty()) {
-        std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-    }
     let contents: Vec<(&Path, &[u8])> =
         paths.iter().zip(files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();
-    file::write_files(&contents)?;
+    let folder = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
+    file::write_into(folder, &contents)?;
     for path in &paths {
         file::remark(&format!("wrote {}", path.display()));
     }

@@ -73,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     if file::named(Some(&args.output)).is_none() {
         file::remark("remark: prior and experiment go beside a file: -o arm.tpm");
-        return file::print(&imported.model);
+        return file::print_content(&imported.model);
     }
     let beside = |extension: &str| args.output.with_extension(extension);
     let (prior, experiment) = (beside("prior.toml"), beside("experiment.toml"));

@@ -64,8 +64,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 /// Writes figure and JSON into a folder.
 fn write(folder: &Path, found: &Inspection) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-    file::write_file(&folder.join("inspection.json"), file::json(found)?.as_bytes())?;
-    let Some(figure) = found.figure() else { return Ok(()) };
-    picture::KINDS.iter().try_for_each(|kind| picture::draw(&folder.join(format!("inspection.{kind}")), &figure))
+    let mut files: Vec<(PathBuf, Vec<u8>)> = vec![(folder.join("inspection.json"), file::json(found)?.into_bytes())];
+    if let Some(figure) = found.figure() {
+        for kind in picture::KINDS {
+            let path = folder.join(format!("inspection.{kind}"));
+            let drawn = picture::bytes(&path, &figure)?;
+            files.push((path, drawn));
+        }
+    }
+    let files: Vec<(&Path, &[u8])> = files.iter().map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
+    file::write_into(folder, &files)
 }

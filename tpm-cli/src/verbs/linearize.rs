@@ -13,8 +13,9 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::frequency::TransferFunction;
 use tpm_runtime::report::{Align, TextTable, number};
+use tpm_symbolic::budget;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
-use tpm_symbolic::linear::linearize::{self, Linearization, StateSpace};
+use tpm_symbolic::linear::linearize::{self, Linearization, Resolvent, StateSpace};
 use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -25,6 +26,9 @@ const CLOSE: f64 = 1e-2;
 const AGREE: f64 = 5e-2;
 /// Number of frequencies at which two responses are compared.
 const COMPARED: usize = 400;
+
+/// Operations for the poles and zeros of a transfer function by the cube of its states, for the budget.
+const ROOTS: u64 = 100;
 
 /// Options of `tpm linearize`.
 #[derive(clap::Args)]
@@ -145,6 +149,7 @@ impl Linear {
         let outputs = chosen("--measured", args.measured.as_deref(), &coordinates)?;
         let drives = chosen("--input", args.input.as_deref(), &inputs)?;
         let state_space = state_space(&model, &linear, &values)?;
+        let resolvent = state_space.as_ref().map(|(space, _)| space.resolvent());
         let mut transfers = transfer_functions(&mut model, &linear);
         let mut channels = Vec::new();
         for &coordinate in &outputs {
@@ -153,14 +158,13 @@ impl Linear {
                     &mut transfers[coordinate][input],
                     SymbolicTransfer { numerator: Vec::new(), denominator: Vec::new(), cancelled: 0 },
                 );
-                let numbers =
-                    state_space.as_ref().map(|(space, _)| in_numbers(space, coordinate, input)).transpose()?;
+                let numbers = resolvent.as_ref().map(|own| in_numbers(own, coordinate, input)).transpose()?;
                 channels.push(Channel { coordinate, input, exact, numbers });
             }
         }
-        let poles = match &state_space {
-            Some((space, _)) => {
-                let all: Vec<f64> = space.characteristic_polynomial().iter().map(rational::to_f64).collect();
+        let poles = match &resolvent {
+            Some(resolvent) => {
+                let all: Vec<f64> = resolvent.characteristic_polynomial().iter().map(rational::to_f64).collect();
                 TransferFunction::new(&[1.0], &all).map_err(|error| fault(error.to_string()))?.poles()
             }
             None => Vec::new(),
@@ -416,11 +420,14 @@ fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>
     }
 }
 
-fn in_numbers(space: &StateSpace<Rational>, coordinate: usize, input: usize) -> Result<Numbers, Failure> {
-    let output: Vec<Rational> =
-        (0..space.a.len()).map(|state| rational::integer(i64::from(state == coordinate))).collect();
-    let exact =
-        space.transfer_function(&output, input).expect("invariant: coordinate and input are those of the state space");
+fn in_numbers(resolvent: &Resolvent<'_>, coordinate: usize, input: usize) -> Result<Numbers, Failure> {
+    let states = resolvent.characteristic_polynomial().len() - 1;
+    // The roots of polynomials are eigenvalues, found by some thirty steps of the squares of all states.
+    budget::charge(ROOTS.saturating_mul((states as u64).pow(3)));
+    let output: Vec<Rational> = (0..states).map(|state| rational::integer(i64::from(state == coordinate))).collect();
+    let exact = resolvent
+        .transfer_function(&output, input)
+        .expect("invariant: coordinate and input are those of the state space");
     let float = |polynomial: &[Rational]| -> Vec<f64> { polynomial.iter().map(rational::to_f64).collect() };
     let numerator = if exact.numerator.is_empty() { vec![0.0] } else { float(&exact.numerator) };
     let function = TransferFunction::new(&numerator, &float(&exact.denominator))

@@ -5,8 +5,10 @@
 
 mod document;
 mod findings;
+mod transport;
 
 use crate::failure::{Failure, Outcome};
+use crossbeam_channel::bounded;
 use document::{Document, Position};
 use lsp_server::{Connection, ErrorCode, Message, Notification, Request, Response};
 use serde::Deserialize;
@@ -46,18 +48,28 @@ pub(crate) fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(format!("nobody types the language server protocol by hand: {HINT}")));
     }
     let allows_large = budget::allows_large();
-    let (connection, threads) = Connection::stdio();
+    // A message is handed over before the next one is read.
+    let ((sender, heard), (said, receiver)) = (bounded(0), bounded::<Message>(0));
+    let reading = std::thread::spawn(move || {
+        transport::read_all(&mut std::io::stdin().lock(), |message| said.send(message).is_ok())
+    });
+    let writing = std::thread::spawn(move || {
+        heard.into_iter().try_for_each(|message: Message| message.write(&mut std::io::stdout().lock()))
+    });
+    let connection = Connection { sender, receiver };
     // The work that a model may ask for is counted by thread, and here every text has a count of its own.
     let serving = std::thread::spawn(move || Server::new(&connection, allows_large).serve());
     let ended = serving.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    // The connection has gone with the server, so that this ends once all is written or nobody takes it.
+    let _ = writing.join();
     match ended {
         Ended::AsAsked => Ok(()),
         // Nobody listens any more; the thread that reads may wait for ever.
         Ended::Unheard => Err(Failure::Incomplete("the editor has closed the connection".to_owned())),
-        Ended::InTheMiddle => match threads.join() {
+        Ended::InTheMiddle => match reading.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)) {
             Ok(()) => Err(Failure::Incomplete(format!("the connection ended without `shutdown` and `exit`: {HINT}"))),
             Err(error) => {
-                let reason: String = error.to_string().chars().take(200).collect();
+                let reason: String = error.chars().take(200).collect();
                 Err(Failure::Input(format!(
                     "what came in is no message of the language server protocol ({reason}); {HINT}"
                 )))

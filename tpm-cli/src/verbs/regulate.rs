@@ -354,11 +354,10 @@ impl Machine {
         let scalar = if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double };
         let files = generate_regulator(&source, language, &command(args), args.prefix.as_deref(), scalar)
             .map_err(|error| Failure::Input(error.to_string()))?;
-        std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let contents: Vec<(&Path, &[u8])> =
             paths.iter().zip(&files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();
-        file::write_files(&contents)?;
+        file::write_into(folder, &contents)?;
         for path in &paths {
             file::remark(&format!("wrote {}", path.display()));
         }

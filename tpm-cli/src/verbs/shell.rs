@@ -26,7 +26,7 @@ pub(crate) struct ManArgs {
 pub(crate) fn completions(args: &CompletionArgs, mut command: Command) -> Outcome {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "tpm", &mut text);
-    file::print(&String::from_utf8_lossy(&text))
+    file::print_content(&String::from_utf8_lossy(&text))
 }
 
 /// Writes a manual page for the program and one for every verb.
@@ -34,9 +34,8 @@ pub(crate) fn man(args: &ManArgs, mut command: Command) -> Outcome {
     command.build();
     let mut pages: Vec<(PathBuf, Vec<u8>)> = Vec::new();
     render(&command, "tpm", &args.folder, &mut pages)?;
-    std::fs::create_dir_all(&args.folder).map_err(|error| Failure::write(&args.folder, error))?;
     let files: Vec<(&Path, &[u8])> = pages.iter().map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
-    file::write_files(&files)
+    file::write_into(&args.folder, &files)
 }
 
 fn render(command: &Command, name: &str, folder: &Path, pages: &mut Vec<(PathBuf, Vec<u8>)>) -> Result<(), Failure> {

@@ -12,6 +12,7 @@ mod excite;
 mod first_steps;
 mod functions;
 mod generate;
+mod guards;
 mod hard;
 mod hidden;
 mod identifiability;

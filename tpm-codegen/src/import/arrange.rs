@@ -7,14 +7,15 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::Zero;
 use tpm_symbolic::expr::graph::{ExprId, Graph};
+use tpm_symbolic::mechanics::tree::mechanism::{Loss, parameter_name};
 use tpm_symbolic::mechanics::tree::rotation::{Angle, Rotation};
-use tpm_symbolic::mechanics::tree::{about_origin, fault};
+use tpm_symbolic::mechanics::tree::{NAMES, about_origin, fault};
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin};
 use crate::import::options::Options;
-use crate::import::reading::{Exact, ExactAngle, Readings};
+use crate::import::reading::{Exact, ExactAngle, Readings, is_angle};
 use crate::language::function::Function;
 use crate::source::Span;
 
@@ -104,10 +105,10 @@ pub(super) fn arrange(
     let name = type_name(&description.name);
     // The names of the description go before those of the pattern.
     for moving in arranger.bodies.iter_mut().filter_map(|body| body.moving.as_mut()) {
-        moving.amplitude = identifier(&format!("A_{}", moving.coordinate), &mut arranger.taken);
-        moving.centre = identifier(&format!("c_{}", moving.coordinate), &mut arranger.taken);
+        moving.amplitude = identifier(&format!("A_{}", moving.coordinate), &[], &mut arranger.taken);
+        moving.centre = identifier(&format!("c_{}", moving.coordinate), &[], &mut arranger.taken);
     }
-    let frequency = identifier("w", &mut arranger.taken);
+    let frequency = identifier("w", &[], &mut arranger.taken);
     Some(Robot { name, bodies: arranger.bodies, frequency })
 }
 
@@ -258,7 +259,13 @@ impl<'a> Arranger<'a, '_, '_> {
                 let message = format!("`{name}` is to be locked and is no joint that moves");
                 self.error(self.description.span, message, &format!("the joints that move are {names}"));
             }
+            let turns = joint.is_some_and(|joint| joint.kind == Kind::Revolute);
             match rational::parse(text) {
+                Some(value) if turns && !is_angle(&value) => {
+                    let message =
+                        format!("`{name}` is to be locked at {text} rad, of which no place is left after whole turns");
+                    self.error(self.description.span, message, "write an angle within a turn, in rad");
+                }
                 Some(value) => {
                     locked.insert(name.clone(), (value, text.clone()));
                 }
@@ -363,8 +370,11 @@ impl<'a> Arranger<'a, '_, '_> {
         }
         let mut place = placed(parent, &origin);
         if carries {
-            let name = identifier(&joint.child, &mut self.taken);
-            let first = if turned.is_some() { format!("{name}_locked") } else { name.clone() };
+            let name = identifier(&joint.child, &[], &mut self.taken);
+            let first = match turned {
+                Some(_) => identifier(&format!("{name}_locked"), &[], &mut self.taken),
+                None => name,
+            };
             self.bodies.push(Body { name: first, parent: parent.body, origin, moving: None });
             place.body = Some(self.bodies.len() - 1);
         }
@@ -372,7 +382,7 @@ impl<'a> Arranger<'a, '_, '_> {
             let before = place.clone();
             place = placed(&before, &turned);
             if carries {
-                let name = identifier(&joint.child, &mut self.taken);
+                let name = identifier(&joint.child, &[], &mut self.taken);
                 self.bodies.push(Body { name, parent: before.body, origin: turned, moving: None });
                 place.body = Some(self.bodies.len() - 1);
             }
@@ -384,9 +394,9 @@ impl<'a> Arranger<'a, '_, '_> {
     fn moving(&mut self, joint: &'a Joint, parent: &Place) -> Place {
         let (direction, axis) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
         let turns = joint.kind == Kind::Revolute;
-        let coordinate = self.renamed(&joint.name, "joint", joint.span);
-        let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &mut self.taken);
-        let name = self.renamed(&joint.child, "link", joint.span);
+        let coordinate = self.renamed(&joint.name, "joint", &Loss::ALL.map(Loss::symbol), joint.span);
+        let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &[], &mut self.taken);
+        let name = self.renamed(&joint.child, "link", &NAMES, joint.span);
         let index = self.bodies.len();
         self.bodies.push(Body {
             name,
@@ -422,9 +432,9 @@ impl<'a> Arranger<'a, '_, '_> {
         }
     }
 
-    /// An identifier for a name, with a report where it differs from the name.
-    fn renamed(&mut self, name: &str, what: &str, span: Span) -> String {
-        let identifier = identifier(name, &mut self.taken);
+    /// An identifier for a name and for its parameters with these symbols, with a report where it differs from the name.
+    fn renamed(&mut self, name: &str, what: &str, symbols: &[&str], span: Span) -> String {
+        let identifier = identifier(name, symbols, &mut self.taken);
         if identifier != name {
             let message = format!("the {what} `{name}` is called `{identifier}` in the model");
             self.warning(span, message, "a name of the language has letters, digits and `_`, and stands for one thing");
@@ -496,16 +506,22 @@ fn placed(parent: &Place, origin: &Origin) -> Place {
     }
 }
 
-/// An unused name in the syntax of the language: letters, digits and `_`.
-fn identifier(name: &str, taken: &mut BTreeSet<String>) -> String {
+/// An unused name in the syntax of the language: letters, digits and `_`. The parameters of what it names, one for each of `symbols`, have
+/// unused names too.
+fn identifier(name: &str, symbols: &[&str], taken: &mut BTreeSet<String>) -> String {
     let mut text: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if text.starts_with(|c: char| c.is_ascii_digit()) || text.trim_matches('_').is_empty() {
         text.insert_str(0, "j_");
     }
-    while ["t", "pi"].contains(&text.as_str()) || Function::from_name(&text).is_some() || taken.contains(&text) {
+    let names = |text: &str| -> Vec<String> {
+        let parameters = symbols.iter().map(|symbol| parameter_name(symbol, text));
+        std::iter::once(text.to_owned()).chain(parameters).collect()
+    };
+    let means_something = |text: &str| ["t", "pi"].contains(&text) || Function::from_name(text).is_some();
+    while means_something(&text) || names(&text).iter().any(|name| taken.contains(name)) {
         text.push('_');
     }
-    taken.insert(text.clone());
+    taken.extend(names(&text));
     text
 }
 

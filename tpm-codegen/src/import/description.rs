@@ -6,7 +6,8 @@ use roxmltree::{Document, Node};
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::import::reading::{Exact, ExactAngle, Readings};
+use crate::import::markup;
+use crate::import::reading::{Exact, ExactAngle, Readings, is_angle};
 use crate::import::xml::with_prefixes;
 use crate::source::{Source, Span};
 
@@ -85,6 +86,11 @@ pub(super) struct Limits {
 
 /// Reads the description; faults go to `diagnostics`, and `None` is returned where there is no robot.
 pub(super) fn read(source: &Source, readings: &mut Readings<'_>, diagnostics: &mut Diagnostics) -> Option<Description> {
+    if let Some((place, most)) = markup::excess(source.text()) {
+        let fault = Diagnostic::error(place, format!("there are more than {most} attributes or namespaces here"));
+        diagnostics.push(fault.help("a URDF needs six attributes at most: export the description again"));
+        return None;
+    }
     let document = with_prefixes(source.text());
     let (text, prefixes) = match document {
         Ok(mended) => mended,
@@ -319,6 +325,11 @@ impl Reader<'_, '_, '_> {
         if node.has_attribute("rpy")
             && let Some(numbers) = self.triple(node, "rpy")
         {
+            if let Some((_, text)) = numbers.iter().find(|(value, _)| !is_angle(value)) {
+                let message = format!("`rpy` has the angle {text} rad, of which no place is left after whole turns");
+                self.error(place, message, "write an angle within a turn, in rad");
+                return origin;
+            }
             origin.turned = numbers.map(|(value, text)| self.readings.angle(&value, &text, place));
         }
         origin

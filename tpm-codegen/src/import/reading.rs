@@ -15,6 +15,8 @@ const RIGHT: f64 = 1e-4;
 /// Smallest nonzero length, m. Smaller ones are read as zero, since they remain of rotations by rounded angles in
 /// computer-aided design.
 pub(super) const NO_LENGTH: f64 = 1e-12;
+/// Largest angle, rad: of larger ones too few digits are left once whole turns are subtracted.
+const LARGEST_ANGLE: i64 = 1_000_000;
 /// Half a turn, rad.
 const PI: f64 = std::f64::consts::PI;
 
@@ -62,6 +64,11 @@ impl ExactAngle {
     }
 }
 
+/// Whether a number can be an angle in rad.
+pub(super) fn is_angle(value: &Rational) -> bool {
+    rational::abs(value) <= rational::integer(LARGEST_ANGLE)
+}
+
 /// Numbers that were read as values other than the written ones: places by text and meaning.
 pub(super) struct Readings<'a> {
     source: &'a Source,
@@ -102,7 +109,7 @@ impl<'a> Readings<'a> {
         Exact::new(value, written)
     }
 
-    /// An angle whose cosine and sine are rational.
+    /// An angle whose cosine and sine are rational, near one that [`is_angle`].
     pub(super) fn angle(&mut self, value: &Rational, written: &str, span: Span) -> ExactAngle {
         if value.is_zero() {
             return ExactAngle::zero();
@@ -136,8 +143,10 @@ impl<'a> Readings<'a> {
             };
             return (unit, text);
         }
-        let unit = near::unit_vector(direction.map(|component| rational::to_f64(&component)))
-            .unwrap_or_else(|| [0, 0, 1].map(rational::integer));
+        // Components are scaled before they are rounded to floats, whose squares have an end.
+        let largest = direction.iter().map(rational::abs).max().unwrap_or_else(Rational::zero);
+        let scaled = direction.map(|component| rational::to_f64(&(component / &largest)));
+        let unit = near::unit_vector(scaled).expect("invariant: the largest component is 1");
         let text = format!("({}, {}, {})", unit[0], unit[1], unit[2]);
         self.note(&format!("the axis {written}"), &format!("the unit vector {text}"), span);
         (unit, text)

@@ -46,7 +46,7 @@ pub fn with_inertials(
 
 fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
     // The last one counts where there are several, as when a description is read.
-    node.children().filter(|child| child.has_tag_name(name)).next_back()
+    node.children().rfind(|child| child.has_tag_name(name))
 }
 
 /// The white space before an element on its line, from the end of the line above; nothing where other text stands there.

@@ -6,8 +6,14 @@
 //!
 //! Invariant: matrices are square lists of rows, of the same size.
 
+use crate::budget;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
+
+/// Operations for an entry that is looked at, for the budget.
+const VISITED: u64 = 4;
+/// Operations for a product of two entries and its sum, beside those that long entries count themselves.
+const MULTIPLIED: u64 = 64;
 
 /// A square matrix as a list of rows.
 pub type Matrix<E> = Vec<Vec<E>>;
@@ -24,6 +30,8 @@ pub trait Ring {
     fn mul(&mut self, a: &Self::Element, b: &Self::Element) -> Self::Element;
     /// The element multiplied by a rational number.
     fn scale(&mut self, a: &Self::Element, factor: &Rational) -> Self::Element;
+    /// Whether the element is known to be zero, so that its products need not be formed.
+    fn is_zero(&self, a: &Self::Element) -> bool;
 }
 
 /// The rational numbers.
@@ -46,6 +54,10 @@ impl Ring for Rationals {
 
     fn scale(&mut self, a: &Rational, factor: &Rational) -> Rational {
         a * factor
+    }
+
+    fn is_zero(&self, a: &Rational) -> bool {
+        a.is_zero()
     }
 }
 
@@ -96,22 +108,29 @@ pub fn adjugate<R: Ring>(ring: &mut R, matrix: &Matrix<R::Element>) -> (R::Eleme
     (determinant, scaled)
 }
 
-/// The product of two matrices; `b` may have any number of columns.
+/// The product of two matrices; `b` may have any number of columns. The time is that of the products of elements that are not zero.
 pub fn multiply<R: Ring>(ring: &mut R, a: &[Vec<R::Element>], b: &[Vec<R::Element>]) -> Matrix<R::Element> {
     let width = b.first().map_or(0, Vec::len);
     let zero = ring.number(&Rational::zero());
     let mut rows = Vec::with_capacity(a.len());
     for row in a {
-        let mut entries = Vec::with_capacity(width);
-        for column in 0..width {
-            let mut sum = zero.clone();
-            for (left, right) in row.iter().zip(b) {
-                let product = ring.mul(left, &right[column]);
-                sum = ring.add(&sum, &product);
+        budget::charge(VISITED.saturating_mul((row.len() + width) as u64));
+        let mut sums = vec![zero.clone(); width];
+        for (left, others) in row.iter().zip(b) {
+            if ring.is_zero(left) {
+                continue;
             }
-            entries.push(sum);
+            budget::charge(VISITED.saturating_mul(width as u64));
+            for (sum, right) in sums.iter_mut().zip(others) {
+                if ring.is_zero(right) {
+                    continue;
+                }
+                budget::charge(MULTIPLIED);
+                let product = ring.mul(left, right);
+                *sum = ring.add(sum, &product);
+            }
         }
-        rows.push(entries);
+        rows.push(sums);
     }
     rows
 }

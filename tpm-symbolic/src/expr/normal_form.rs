@@ -30,4 +30,7 @@ impl Ring for NormalForms<'_> {
     fn scale(&mut self, a: &Polynomial<ExprId>, factor: &Rational) -> Polynomial<ExprId> {
         a.scale(factor)
     }
+    fn is_zero(&self, a: &Polynomial<ExprId>) -> bool {
+        a.is_zero()
+    }
 }

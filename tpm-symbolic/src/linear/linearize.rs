@@ -12,7 +12,9 @@
 //! A and B is a polynomial over one common denominator.
 
 use crate::algebra::characteristic::{self, Matrix, Rationals};
+use crate::algebra::field::{Field as _, Residues};
 use crate::algebra::polynomial::{Monomial, Polynomial};
+use crate::budget;
 use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::singularity::first_singularity;
@@ -121,6 +123,9 @@ pub struct Linearization {
     /// B, the input matrix of the state space.
     pub b: Matrix<ExprId>,
 }
+
+/// Operations of a product of two residues, for the budget.
+const RESIDUE: u64 = 8;
 
 /// Most terms of an equation at the point, and of the determinant of M s^2 + D s + K. For longer ones the symbolic
 /// inverse takes minutes, or all memory.
@@ -373,25 +378,56 @@ impl StateSpace<Rational> {
         characteristic::characteristic(&mut Rationals, &self.a).coefficients
     }
 
+    /// c (s I - A)^-1 b for the output c x and one input, with common factors of numerator and denominator removed. `None` when `output`
+    /// has not one weight per state or there is no such input. For several of them, find the [`StateSpace::resolvent`] once.
+    #[must_use]
+    pub fn transfer_function(&self, output: &[Rational], input: usize) -> Option<TransferFunction> {
+        self.resolvent().transfer_function(output, input)
+    }
+
+    /// (s I - A)^-1, which all transfer functions have in common.
+    #[must_use]
+    pub fn resolvent(&self) -> Resolvent<'_> {
+        Resolvent { space: self, found: characteristic::characteristic(&mut Rationals, &self.a) }
+    }
+}
+
+/// (s I - A)^-1 of a state space.
+#[derive(Clone, Debug)]
+pub struct Resolvent<'a> {
+    space: &'a StateSpace<Rational>,
+    found: characteristic::Characteristic<Rational>,
+}
+
+impl Resolvent<'_> {
+    /// det(s I - A), coefficients from s^0 upwards.
+    #[must_use]
+    pub fn characteristic_polynomial(&self) -> &[Rational] {
+        &self.found.coefficients
+    }
+
     /// c (s I - A)^-1 b for the output c x and one input, with common factors of numerator and denominator removed.
     /// `None` when `output` has not one weight per state or there is no such input.
     #[must_use]
     pub fn transfer_function(&self, output: &[Rational], input: usize) -> Option<TransferFunction> {
-        if output.len() != self.a.len() || self.b.first().is_none_or(|row| input >= row.len()) {
+        let StateSpace { a, b } = self.space;
+        if output.len() != a.len() || b.first().is_none_or(|row| input >= row.len()) {
             return None;
         }
-        let resolvent = characteristic::characteristic(&mut Rationals, &self.a);
-        let numerator: Vec<Rational> = resolvent
+        let numerator: Vec<Rational> = self
+            .found
             .adjugate
             .iter()
             .map(|matrix| {
                 let row = |weights: &[Rational]| -> Rational {
-                    weights.iter().zip(&self.b).map(|(w, b)| w * &b[input]).sum()
+                    let parts = weights.iter().zip(b).filter(|(w, b)| !w.is_zero() && !b[input].is_zero());
+                    parts.map(|(w, b)| w * &b[input]).sum()
                 };
-                output.iter().zip(matrix).map(|(c, weights)| c * row(weights)).sum()
+                let rows = output.iter().zip(matrix).filter(|(c, _)| !c.is_zero());
+                rows.map(|(c, weights)| c * row(weights)).sum()
             })
             .collect();
-        Some(lowest_terms(numerator, resolvent.coefficients))
+        Some(lowest_terms(numerator, self.found.coefficients.clone()))
     }
 }
 
@@ -411,7 +447,13 @@ fn lowest_terms(numerator: Vec<Rational>, denominator: Vec<Rational>) -> Transfe
         return TransferFunction { numerator, denominator: vec![Rational::one()], cancelled: denominator };
     }
     let (mut a, mut b) = (denominator.clone(), numerator.clone());
+    if are_coprime(&a, &b) {
+        a = vec![Rational::one()];
+        b.clear();
+    }
     while !b.is_empty() {
+        // Remainders that are not made monic have coefficients whose lengths double from one to the next.
+        make_monic(&mut b);
         let rest = divide(a, &b).1;
         a = std::mem::replace(&mut b, rest);
     }
@@ -420,6 +462,34 @@ fn lowest_terms(numerator: Vec<Rational>, denominator: Vec<Rational>) -> Transfe
     let lead = make_monic(&mut denominator);
     numerator.iter_mut().for_each(|c| *c /= &lead);
     TransferFunction { numerator, denominator, cancelled: a }
+}
+
+/// Whether two polynomials have no common factor, as one prime shows: modulo a prime that divides neither leading coefficient, a common
+/// factor stays one. False where this prime does not show it.
+fn are_coprime(a: &[Rational], b: &[Rational]) -> bool {
+    let field = Residues::new(Residues::PRIMES[0]);
+    let modulo = |polynomial: &[Rational]| -> Option<Vec<u64>> {
+        let values: Vec<u64> = polynomial.iter().map(|c| field.number(c)).collect::<Option<_>>()?;
+        values.last().is_some_and(|lead| *lead != 0).then_some(values)
+    };
+    let (Some(mut a), Some(mut b)) = (modulo(a), modulo(b)) else { return false };
+    while b.len() > 1 {
+        let Some(inverse) = b.last().and_then(|lead| field.inverse(lead)) else { return false };
+        budget::charge((b.len() * a.len().saturating_sub(b.len() - 1)) as u64 * RESIDUE);
+        while a.len() >= b.len() {
+            let shift = a.len() - b.len();
+            let factor = field.mul(&a[a.len() - 1], &inverse);
+            for (i, c) in b.iter().enumerate() {
+                a[shift + i] = field.sub(&a[shift + i], &field.mul(c, &factor));
+            }
+            while a.last().is_some_and(|lead| *lead == 0) {
+                a.pop();
+            }
+        }
+        std::mem::swap(&mut a, &mut b);
+    }
+    // The last remainder is a number that is not zero, or nothing.
+    b.len() == 1
 }
 
 /// Divides by the leading coefficient, which it returns; 1 for the zero polynomial.

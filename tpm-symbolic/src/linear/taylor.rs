@@ -255,6 +255,10 @@ impl Ring for Expressions<'_> {
     fn scale(&mut self, a: &ExprId, factor: &Rational) -> ExprId {
         self.0.scale(*a, factor.clone())
     }
+
+    fn is_zero(&self, a: &ExprId) -> bool {
+        self.0.as_number(*a).is_some_and(Zero::is_zero)
+    }
 }
 
 impl Analytic for Expressions<'_> {

@@ -10,6 +10,7 @@
 
 use crate::algebra::characteristic::{self, Matrix, Ring};
 use crate::algebra::polynomial::Polynomial;
+use crate::budget;
 use crate::expr::graph::{ExprId, Graph};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::trigonometric;
@@ -33,6 +34,9 @@ struct InS<'a>(NormalForms<'a>);
 
 type Element = Vec<Polynomial<ExprId>>;
 
+/// Operations for a product of two coefficients, for the budget.
+const COEFFICIENT: u64 = 16;
+
 impl Ring for InS<'_> {
     type Element = Element;
 
@@ -51,8 +55,9 @@ impl Ring for InS<'_> {
 
     fn mul(&mut self, a: &Element, b: &Element) -> Element {
         let mut product = vec![Polynomial::zero(); (a.len() + b.len()).saturating_sub(1)];
-        for (i, left) in a.iter().enumerate() {
-            for (j, right) in b.iter().enumerate() {
+        budget::charge(COEFFICIENT.saturating_mul((a.len() * b.len()) as u64));
+        for (i, left) in a.iter().enumerate().filter(|(_, left)| !left.is_zero()) {
+            for (j, right) in b.iter().enumerate().filter(|(_, right)| !right.is_zero()) {
                 let term = self.0.mul(left, right);
                 product[i + j] = product[i + j].add(&term);
             }
@@ -62,6 +67,10 @@ impl Ring for InS<'_> {
 
     fn scale(&mut self, a: &Element, factor: &Rational) -> Element {
         a.iter().map(|coefficient| self.0.scale(coefficient, factor)).collect()
+    }
+
+    fn is_zero(&self, a: &Element) -> bool {
+        a.iter().all(Polynomial::is_zero)
     }
 }
 

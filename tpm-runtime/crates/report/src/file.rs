@@ -1,10 +1,8 @@
 //! Files that are written whole or not at all.
 
+use crate::temporary;
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::path::Path;
-
-/// The beginning of the names of temporary files.
-pub const TEMPORARY: &str = ".tpm-";
 
 /// Most symbolic links that are followed one after the other.
 const MOST_LINKS: usize = 40;
@@ -64,7 +62,8 @@ fn invalid(reason: String) -> std::io::Error {
 }
 
 /// Replaces a file, by way of a temporary one beside it, which is renamed when it is complete: whoever reads the file finds the old
-/// content or the new one. A symbolic link is replaced, and nothing is written through it.
+/// content or the new one. A symbolic link is replaced, and nothing is written through it. A file that was there keeps its permissions; a
+/// new one gets those that the user's mask leaves. Temporary files that killed processes left in the folder are removed.
 ///
 /// # Errors
 /// The system's reason; nothing is left behind then.
@@ -74,27 +73,37 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
         _ => Path::new("."),
     };
     operation()?;
-    let mut file = tempfile::Builder::new().prefix(TEMPORARY).tempfile_in(folder)?;
+    #[cfg_attr(not(feature = "faults"), expect(unused_mut, reason = "tests alone let temporary files stay"))]
+    let mut file = temporary::create(folder)?;
     #[cfg(feature = "faults")]
     file.disable_cleanup(faults::kills());
     if let Err(error) = operation() {
         // The injected fault is that of a full disk: a part of the content is written before the error.
-        file.write_all(&bytes[..bytes.len() / 2])?;
+        file.as_file().write_all(&bytes[..bytes.len() / 2])?;
         return Err(error);
     }
-    file.write_all(bytes)?;
+    file.as_file().write_all(bytes)?;
     operation()?;
     file.as_file().sync_all()?;
     operation()?;
-    // A temporary file is private to its owner. The result gets the permissions of the file that it replaces, or 0644.
     #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt as _;
-        let mode = std::fs::metadata(path).map_or(0o644, |present| present.permissions().mode());
-        file.as_file().set_permissions(std::fs::Permissions::from_mode(mode))?;
+    if let Ok(present) = std::fs::metadata(path) {
+        file.as_file().set_permissions(present.permissions())?;
     }
     file.persist(path).map_err(|error| error.error)?;
+    sync_folder(folder);
     Ok(())
+}
+
+/// Asks the system to keep the names of a folder, so that a renamed file is still there after a power failure. The file is written by
+/// then, and some file systems cannot do this for folders: a failure changes nothing that could be said.
+fn sync_folder(folder: &Path) {
+    #[cfg(unix)]
+    if let Ok(folder) = std::fs::File::open(folder) {
+        let _ = folder.sync_all();
+    }
+    #[cfg(not(unix))]
+    let _ = folder;
 }
 
 /// Called before every operation on a file that is written, so that tests can inject a fault there.
@@ -169,6 +178,23 @@ mod tests {
         for text in ["a long first text", "short"] {
             write_whole(&target, text.as_bytes()).expect("writable");
             assert_eq!(std::fs::read_to_string(&target).expect("readable"), text);
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_are_those_of_the_mask_or_of_the_file_that_was_there() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let mode = |path: &std::path::Path| std::fs::metadata(path).expect("there").permissions().mode() & 0o777;
+        let [fresh, plain] = ["fresh", "plain"].map(|name| folder.path().join(name));
+        std::fs::write(&plain, "made by the system, which follows the mask").expect("writable");
+        write_whole(&fresh, b"text").expect("writable");
+        assert_eq!(mode(&fresh), mode(&plain));
+        for own in [0o600, 0o640, 0o755] {
+            std::fs::set_permissions(&fresh, std::fs::Permissions::from_mode(own)).expect("ours");
+            write_whole(&fresh, b"again").expect("writable");
+            assert_eq!(mode(&fresh), own);
         }
     }
 

@@ -32,6 +32,8 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Number of samples in a period.
 const SAMPLES: usize = 1 << 13;
+/// The highest harmonic that every second sample shows.
+const MOST_HARMONICS: usize = SAMPLES / 4 - 1;
 /// Number of samples that are averaged over the interval around a sample at which an entry jumps.
 const INNER: usize = 64;
 /// Smallest change of an entry within one interval (a thousandth of a radian) that counts as a jump, as a share of the
@@ -83,6 +85,16 @@ pub enum NumericalError {
         /// The symbol.
         symbol: String,
     },
+    /// Harmonics are asked for that the samples of a period do not show.
+    #[error(
+        "without a table, the harmonics are found from samples that show them up to {most}, and {asked} are asked for; lower `harmonics` of the pattern, or the highest harmonic that is asked for, to {most} or less"
+    )]
+    Harmonics {
+        /// The harmonics that are asked for.
+        asked: usize,
+        /// The highest that the samples show.
+        most: usize,
+    },
     /// A term is not finite along the pattern at any setting.
     #[error("the rows are not finite along the pattern; state amplitudes at which they are")]
     NotFinite,
@@ -104,6 +116,9 @@ pub fn numerical_identifiability(
     prepared: &Prepared,
     patterns: &[PlayedPattern<'_>],
 ) -> Result<(Report, PhysicalIdentifiability), NumericalError> {
+    if let Some(asked) = patterns.iter().map(|played| played.harmonics).max().filter(|&most| most > MOST_HARMONICS) {
+        return Err(NumericalError::Harmonics { asked, most: MOST_HARMONICS });
+    }
     let model = Interpreted::new(&prepared.model, &prepared.form);
     let map = ParameterMap::new(prepared);
     let mut settings: Vec<Setting> = Vec::new();

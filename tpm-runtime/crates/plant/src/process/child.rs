@@ -1,12 +1,17 @@
 //! A child process that exchanges lines of text: its output, awaited with a time limit, and how it ended.
 //!
-//! Invariant: no call blocks for longer than it was given, whether the process reads, writes, hangs or floods. The process ends with
-//! this value: its input is closed, and where it has not ended soon after, it is killed.
+//! Invariant: no call blocks for longer than it was given, and no more is held than one line of each stream and what waits to be read by
+//! the process, whether it reads, writes, hangs or floods. The process ends with this value, and whatever it started: its input is closed,
+//! and where that does not end it soon, it is told to end, and then killed.
 
-use crate::process::protocol::quoted;
+use crate::process::group::Group;
+use crate::process::lines::{End, read_line, skip_line};
+use crate::process::protocol::{LONGEST_OTHER, quoted};
+use std::cell::Cell;
 use std::collections::VecDeque;
-use std::io::{BufRead as _, BufReader, ErrorKind, Read, Write as _};
-use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
+use std::io::{BufReader, ErrorKind, Read, Write as _};
+use std::process::{ChildStdin, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -16,10 +21,12 @@ use std::time::{Duration, Instant};
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Longest wait for the rest of a process's standard error once the process has ended.
 const LONGEST_ERROR_WAIT: Duration = Duration::from_millis(200);
-/// Longest line in bytes: a record of a million samples of ten signals.
-const LONGEST_LINE_BYTES: u64 = 1 << 28;
-/// Most lines of output that are buffered; beyond them the process blocks on writing.
-const MOST_BUFFERED_LINES: usize = 64;
+/// Longest wait for a process that was told to end.
+const MERCY: Duration = Duration::from_millis(500);
+/// Longest part of a line of the standard error that is kept, in bytes.
+const LONGEST_ERROR_LINE: usize = 1 << 12;
+/// Most bytes that wait to be read by the process when a line is added to them.
+const MOST_WAITING: usize = 1 << 24;
 /// Last lines of the standard error that are kept.
 const KEPT_ERROR_LINES: usize = 5;
 
@@ -28,22 +35,32 @@ const KEPT_ERROR_LINES: usize = 5;
 pub(super) enum Heard {
     /// A line, without its end.
     Line(String),
-    /// A line that is no text or too long, described in words.
+    /// A line that is no text, described in words.
     NoText(String),
+    /// A line that is longer than this number of bytes.
+    TooLong(usize),
     /// The process closed its output.
     Closed,
     /// No line came within the time.
     Silence,
     /// The wait was interrupted.
     Interrupted,
+    /// The process does not read its input, of which so many bytes wait.
+    Deaf(usize),
 }
 
 /// A running process.
 #[derive(Debug)]
 pub(super) struct Process {
-    child: Child,
+    group: Group,
     input: Option<Sender<String>>,
+    /// Bytes of the lines that the process has not read yet.
+    waiting: Arc<AtomicUsize>,
+    /// Whether a line was not sent because too much waited.
+    deaf: Cell<bool>,
     output: Receiver<Heard>,
+    /// Longest line that is read, in bytes.
+    longest: Arc<AtomicUsize>,
     last_words: Arc<Mutex<VecDeque<String>>>,
     listener: JoinHandle<()>,
     /// Longest wait for the process to end of itself once its input is closed.
@@ -52,8 +69,6 @@ pub(super) struct Process {
 
 impl Process {
     /// Starts a program with its arguments. The process has the time `grace` to end of itself once its input is closed.
-    /// On Unix the process has a process group of its own, so that Ctrl-C on a terminal reaches this program alone,
-    /// which then stops the machine in an orderly way.
     ///
     /// # Errors
     /// The system's reason.
@@ -61,32 +76,58 @@ impl Process {
         let (program, arguments) = words.split_first().ok_or_else(|| std::io::Error::from(ErrorKind::InvalidInput))?;
         let mut command = Command::new(program);
         command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        #[cfg(unix)]
-        std::os::unix::process::CommandExt::process_group(&mut command, 0);
-        let mut child = command.spawn()?;
+        let mut group = Group::start(&mut command)?;
+        let child = group.leader();
         let piped = "invariant: the stream was piped, and is taken once";
         let stdin = child.stdin.take().expect(piped);
         let stdout = child.stdout.take().expect(piped);
         let stderr = child.stderr.take().expect(piped);
         let (input, lines) = mpsc::channel();
-        thread::spawn(move || write(stdin, &lines));
-        let (heard, output) = mpsc::sync_channel(MOST_BUFFERED_LINES);
-        thread::spawn(move || read(stdout, &heard));
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let unread = Arc::clone(&waiting);
+        thread::spawn(move || write(stdin, &lines, &unread));
+        // A line is handed over before the next one is read.
+        let (heard, output) = mpsc::sync_channel(0);
+        let longest = Arc::new(AtomicUsize::new(LONGEST_OTHER));
+        let most = Arc::clone(&longest);
+        thread::spawn(move || read(stdout, &heard, &most));
         let last_words = Arc::new(Mutex::new(VecDeque::with_capacity(KEPT_ERROR_LINES)));
         let kept = Arc::clone(&last_words);
         let listener = thread::spawn(move || keep_last(stderr, &kept));
-        Ok(Process { child, input: Some(input), output, last_words, listener, grace })
+        Ok(Process {
+            group,
+            input: Some(input),
+            waiting,
+            deaf: Cell::new(false),
+            output,
+            longest,
+            last_words,
+            listener,
+            grace,
+        })
     }
 
-    /// Sends a line. A process that does not read it is noticed when its answer is awaited.
+    /// Lets lines have so many bytes from now on.
+    pub(super) fn allow(&self, longest: usize) {
+        self.longest.store(longest, Ordering::Relaxed);
+    }
+
+    /// Sends a line, unless too much waits already, which the next wait for an answer tells.
     pub(super) fn say(&self, line: String) {
-        if let Some(input) = &self.input {
-            let _ = input.send(line);
+        let Some(input) = &self.input else { return };
+        if self.waiting.load(Ordering::Relaxed) > MOST_WAITING {
+            self.deaf.set(true);
+            return;
         }
+        self.waiting.fetch_add(line.len(), Ordering::Relaxed);
+        let _ = input.send(line);
     }
 
     /// Waits at most `timeout` for the next line; the wait is interrupted when `go_on` returns false.
     pub(super) fn hear(&self, timeout: Duration, go_on: &dyn Fn() -> bool) -> Heard {
+        if self.deaf.get() {
+            return Heard::Deaf(self.waiting.load(Ordering::Relaxed));
+        }
         let began = Instant::now();
         loop {
             let left = timeout.saturating_sub(began.elapsed());
@@ -104,7 +145,7 @@ impl Process {
     /// of its standard error.
     pub(super) fn ending(&mut self) -> String {
         self.input = None;
-        let status = self.wait(self.grace);
+        let status = if self.group.wait(self.grace) { self.group.end(MERCY) } else { None };
         let deadline = Instant::now() + LONGEST_ERROR_WAIT;
         while status.is_some() && !self.listener.is_finished() && Instant::now() < deadline {
             thread::sleep(Duration::from_millis(1));
@@ -125,54 +166,45 @@ impl Process {
         let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
         format!("; its standard error ends with: {}", lines.join(" | "))
     }
-
-    fn wait(&mut self, timeout: Duration) -> Option<ExitStatus> {
-        let deadline = Instant::now() + timeout;
-        loop {
-            match self.child.try_wait() {
-                Ok(Some(status)) => return Some(status),
-                Ok(None) if Instant::now() < deadline => thread::sleep(Duration::from_millis(2)),
-                Ok(None) | Err(_) => return None,
-            }
-        }
-    }
 }
 
 impl Drop for Process {
     fn drop(&mut self) {
         self.input = None;
-        if self.wait(self.grace).is_none() {
-            // A process that has ended meanwhile cannot be killed, which is no fault.
-            let _ = self.child.kill();
-            let _ = self.child.wait();
-        }
+        self.group.wait(self.grace);
+        self.group.end(MERCY);
     }
 }
 
 /// Writes lines to the process until there are no more, or nobody reads them.
-fn write(mut stdin: ChildStdin, lines: &Receiver<String>) {
+fn write(mut stdin: ChildStdin, lines: &Receiver<String>, waiting: &AtomicUsize) {
     while let Ok(mut line) = lines.recv() {
+        let length = line.len();
         line.push('\n');
         if stdin.write_all(line.as_bytes()).and_then(|()| stdin.flush()).is_err() {
             return;
         }
+        waiting.fetch_sub(length, Ordering::Relaxed);
     }
 }
 
-/// Passes on the lines of the process until its output is closed, or nobody receives them.
-fn read(stdout: impl Read, heard: &SyncSender<Heard>) {
+/// Passes on the lines of the process until its output is closed, a line is too long, or nobody receives them.
+fn read(stdout: impl Read, heard: &SyncSender<Heard>, longest: &AtomicUsize) {
     let mut stdout = BufReader::new(stdout);
     loop {
         let mut bytes = Vec::new();
-        let line = match stdout.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', &mut bytes) {
-            Ok(0) | Err(_) => return,
-            Ok(_) => match String::from_utf8(bytes) {
-                Ok(line) if line.ends_with('\n') => Heard::Line(line.trim_end().to_string()),
-                Ok(line) if line.len() as u64 == LONGEST_LINE_BYTES => {
-                    Heard::NoText(format!("the line is longer than {LONGEST_LINE_BYTES} bytes"))
-                }
-                Ok(line) => Heard::NoText(format!("the line does not end: {}", quoted(&line))),
-                Err(fault) => Heard::NoText(format!("the line is no text: {}", quoted(&lossy(fault.as_bytes())))),
+        let most = || longest.load(Ordering::Relaxed);
+        let line = match read_line(&mut stdout, &mut bytes, most) {
+            Err(_) => return,
+            Ok(End::Stream) if bytes.is_empty() => return,
+            Ok(End::TooLong) => {
+                let _ = heard.send(Heard::TooLong(most()));
+                return;
+            }
+            Ok(end) => match (String::from_utf8(bytes), end) {
+                (Ok(line), End::Break) => Heard::Line(line.trim_end().to_string()),
+                (Ok(line), _) => Heard::NoText(format!("the line does not end: {}", quoted(&line))),
+                (Err(fault), _) => Heard::NoText(format!("the line is no text: {}", quoted(&lossy(fault.as_bytes())))),
             },
         };
         if heard.send(line).is_err() {
@@ -181,13 +213,18 @@ fn read(stdout: impl Read, heard: &SyncSender<Heard>) {
     }
 }
 
-/// Keeps the last lines of a stream.
+/// Keeps the last lines of a stream, each up to a length that is read at a glance.
 fn keep_last(stderr: impl Read, kept: &Mutex<VecDeque<String>>) {
     let mut stderr = BufReader::new(stderr);
     let mut bytes = Vec::new();
-    while let Ok(1..) = stderr.by_ref().take(LONGEST_LINE_BYTES).read_until(b'\n', &mut bytes) {
+    loop {
+        match read_line(&mut stderr, &mut bytes, || LONGEST_ERROR_LINE) {
+            Err(_) => return,
+            Ok(End::Stream) if bytes.is_empty() => return,
+            Ok(End::TooLong) if skip_line(&mut stderr).is_err() => return,
+            Ok(_) => {}
+        }
         let line = quoted(&lossy(&bytes));
-        bytes.clear();
         if line.trim().is_empty() {
             continue;
         }
@@ -251,5 +288,68 @@ mod tests {
         // An endless output is read no faster than lines are asked for.
         let flood = shell("yes", 200);
         assert!(matches!(hear(&flood, 5000), Heard::Line(line) if line == "y"));
+    }
+
+    #[test]
+    fn endless_lines_are_refused_at_their_limit() {
+        let endless = shell("yes | tr -d '\\n'", 200);
+        assert!(matches!(hear(&endless, 5000), Heard::TooLong(super::LONGEST_OTHER)));
+        // What may come later may be longer, also where the process is awaited already.
+        let later = shell("sleep 0.2; head -c 3000000 /dev/zero | tr '\\0' x; echo", 200);
+        later.allow(1 << 22);
+        assert!(matches!(hear(&later, 5000), Heard::Line(line) if line.len() == 3_000_000));
+        let mut noisy = shell("yes | tr -d '\\n' | head -c 10000000 >&2; echo >&2; echo last >&2; exit 1", 5000);
+        let ending = noisy.ending();
+        assert!(ending.len() < 400 && ending.contains("(4096 characters) | last"), "{ending}");
+    }
+
+    #[test]
+    fn nothing_more_waits_for_a_process_that_does_not_read() {
+        let deaf = shell("while true; do echo said; done", 200);
+        let mut said = 0;
+        while matches!(hear(&deaf, 5000), Heard::Line(_)) {
+            deaf.say("x".repeat(1 << 20));
+            said += 1;
+        }
+        assert!(matches!(hear(&deaf, 5000), Heard::Deaf(waiting) if waiting <= super::MOST_WAITING + (1 << 20)));
+        assert!(said < 20, "{said}");
+    }
+
+    /// Whether a process is there and has not ended.
+    #[cfg(target_os = "linux")]
+    fn lives(process: &str) -> bool {
+        let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).unwrap_or_default();
+        stat.rsplit_once(')').is_some_and(|(_, rest)| !rest.trim_start().starts_with(['Z', 'X']))
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn whatever_the_process_has_started_ends_with_it() {
+        let ends = [
+            ("a program that hangs", "exec sleep 60"),
+            ("one that ignores TERM", "exec sleep 60"),
+            ("one that has ended", "exit 0"),
+        ];
+        for (what, then) in ends {
+            let trap = if what.contains("TERM") { "trap '' TERM;" } else { "" };
+            let family = shell(&format!("{trap} sleep 61 <&0 & echo $!; sh -c 'sleep 62 & echo $!'; {then}"), 100);
+            let children: Vec<String> = (0..2)
+                .map(|_| match hear(&family, 5000) {
+                    Heard::Line(line) => line,
+                    other => panic!("{other:?}"),
+                })
+                .collect();
+            assert!(children.iter().all(|child| lives(child)), "{what}");
+            let began = Instant::now();
+            drop(family);
+            assert!(began.elapsed() < Duration::from_secs(2), "{what}: {:?}", began.elapsed());
+            for _ in 0..100 {
+                if !children.iter().any(|child| lives(child)) {
+                    break;
+                }
+                std::thread::sleep(Duration::from_millis(10));
+            }
+            assert!(!children.iter().any(|child| lives(child)), "{what}");
+        }
     }
 }

@@ -57,6 +57,28 @@ pub enum MachineFault {
         /// The last lines of its standard error.
         last_words: String,
     },
+    /// A line is longer than its message can be.
+    #[error(
+        "line {line} of its output is longer than {most} bytes, which nothing that belongs there takes; {awaited} was awaited; send a long record in several messages `samples`"
+    )]
+    LongLine {
+        /// Number of the line, from 1.
+        line: usize,
+        /// The most bytes of a line there.
+        most: usize,
+        /// What was awaited.
+        awaited: &'static str,
+    },
+    /// The program does not read what it is told.
+    #[error("it does not read its input, of which {waiting} bytes wait; {awaited} was awaited, after {lines} lines")]
+    Deaf {
+        /// Bytes that were not read.
+        waiting: usize,
+        /// What was awaited.
+        awaited: &'static str,
+        /// Number of lines received before.
+        lines: usize,
+    },
     /// A line is no message of the protocol.
     #[error("line {line} of its output is no message of {PROTOCOL}: {reason}: `{quoted}`")]
     Garbage {

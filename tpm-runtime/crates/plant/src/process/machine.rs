@@ -11,7 +11,7 @@ use tpm_core::model::Model;
 use tpm_motion::{Bench, BenchError, Record, Trial};
 
 /// Longest wait for a program to end of itself once its input is closed.
-const LONGEST_GRACE: Duration = Duration::from_secs(5);
+const LONGEST_GRACE: Duration = Duration::from_secs(2);
 
 /// How a program is started, and how long it is waited for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,7 +34,7 @@ pub struct MachineStop {
 }
 
 /// A machine behind a process, which is started when the first run is played. Dropping this value ends the process: its input is
-/// closed, and it is killed where it does not end soon after.
+/// closed, and it is told to end, and then killed with whatever it started, where it does not end soon after.
 pub struct ProcessMachine<'a> {
     model: &'a dyn Model<f64>,
     settings: ProcessSettings,
@@ -87,7 +87,12 @@ impl<'a> ProcessMachine<'a> {
             Some(open) => open,
             None => self.greet(&signals)?,
         };
-        talk.say(&signals.run(self.model, trial, self.settings.settle_periods));
+        // Every coordinate may come with its rate.
+        let columns = 2 * signals.coordinates.len() + signals.inputs.len();
+        talk.ask(
+            &signals.run(self.model, trial, self.settings.settle_periods),
+            trial.samples().saturating_mul(columns),
+        );
         let outcome = match plays {
             Plays::Runs => play_run(&mut talk, &signals, trial),
             Plays::Samples => play_samples(&mut talk, &signals, self.model.dims(), trial),

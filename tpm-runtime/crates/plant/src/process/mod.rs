@@ -8,6 +8,8 @@
 mod child;
 mod command;
 mod error;
+mod group;
+mod lines;
 mod machine;
 mod play;
 mod protocol;

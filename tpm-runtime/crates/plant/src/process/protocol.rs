@@ -5,6 +5,7 @@
 //! exactly, so that a run played by another program equals one that stays in memory.
 
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use tpm_motion::RunFile;
 
@@ -12,6 +13,9 @@ use tpm_motion::RunFile;
 pub const PROTOCOL: &str = "tpm.machine/1";
 /// Most characters of a line that an error quotes.
 const MOST_QUOTED_CHARACTERS: usize = 80;
+
+/// Longest line of a message without samples, in bytes.
+pub(super) const LONGEST_OTHER: usize = 1 << 20;
 
 /// A message from the campaign to the machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -137,13 +141,30 @@ impl FromMachine {
     /// # Errors
     /// What is wrong with the line, in words.
     pub fn parse(line: &str) -> Result<Self, String> {
-        serde_json::from_str(line).map_err(|error| {
+        Self::read(line).map_err(|error| {
             let bare = ["NaN", "Infinity"].into_iter().find(|word| error.is_syntax() && line.contains(word));
             match bare {
                 Some(word) => format!("JSON has no {word}: a reading that failed is null"),
                 None => error.to_string(),
             }
         })
+    }
+
+    /// Reads a message. That of samples, which alone is long, is read without a copy of everything in it, which serde makes of tagged
+    /// values.
+    fn read(line: &str) -> serde_json::Result<Self> {
+        #[derive(Deserialize)]
+        struct Kind<'a> {
+            #[serde(rename = "type", borrow)]
+            kind: Cow<'a, str>,
+        }
+        match serde_json::from_str::<Kind<'_>>(line) {
+            Ok(found) if found.kind == "samples" => serde_json::from_str(line).map(SamplesMessage::message),
+            _ if line.len() > LONGEST_OTHER => {
+                Err(serde::de::Error::custom(format!("no message but `samples` is longer than {LONGEST_OTHER} bytes")))
+            }
+            _ => serde_json::from_str(line),
+        }
     }
 
     /// The kind of the message, the value of its field `type`.
@@ -156,6 +177,26 @@ impl FromMachine {
             FromMachine::End { .. } => "end",
             FromMachine::Error { .. } => "error",
         }
+    }
+}
+
+/// The fields of [`FromMachine::Samples`], with that of the kind.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SamplesMessage {
+    #[serde(rename = "type")]
+    _kind: serde::de::IgnoredAny,
+    from: usize,
+    coordinates: BTreeMap<String, Vec<Option<f64>>>,
+    inputs: BTreeMap<String, Vec<f64>>,
+    #[serde(default)]
+    rates: BTreeMap<String, Vec<Option<f64>>>,
+}
+
+impl SamplesMessage {
+    fn message(self) -> FromMachine {
+        let SamplesMessage { from, coordinates, inputs, rates, .. } = self;
+        FromMachine::Samples { from, coordinates, inputs, rates }
     }
 }
 

@@ -2,13 +2,22 @@
 
 use crate::process::child::{Heard, Process};
 use crate::process::error::MachineFault;
-use crate::process::protocol::{FromMachine, ToMachine, quoted};
+use crate::process::protocol::{FromMachine, LONGEST_OTHER, ToMachine, quoted};
 use std::time::Duration;
 
-/// A program that was started, with the number of lines received from it.
+/// Most bytes that a number takes in a message: a sign, seventeen digits, an exponent, what stands between two numbers, with room for
+/// blanks.
+const BYTES_OF_A_NUMBER: usize = 32;
+/// Most bytes of a line, however long the run is: longer records come in several messages.
+const MOST_BYTES: usize = 1 << 25;
+
+/// A program that was started, with the number of lines received from it. Where this value is dropped while a run is played, by whatever
+/// way, the machine is told to stop first.
 pub(super) struct Talk<'a> {
     process: Process,
     lines: usize,
+    /// Whether the machine was asked for a run that has not ended.
+    playing: bool,
     /// Longest wait for a line.
     timeout: Duration,
     /// Whether to go on waiting.
@@ -18,12 +27,20 @@ pub(super) struct Talk<'a> {
 impl<'a> Talk<'a> {
     /// A talk with a program that has just been started.
     pub(super) const fn new(process: Process, timeout: Duration, go_on: &'a dyn Fn() -> bool) -> Self {
-        Talk { process, lines: 0, timeout, go_on }
+        Talk { process, lines: 0, playing: false, timeout, go_on }
     }
 
     /// Sends a message.
     pub(super) fn say(&self, message: &ToMachine) {
         self.process.say(message.line());
+    }
+
+    /// Asks for a run with so many numbers in its record, which bound the lines that may come.
+    pub(super) fn ask(&mut self, run: &ToMachine, numbers: usize) {
+        let record = numbers.saturating_mul(BYTES_OF_A_NUMBER).saturating_add(LONGEST_OTHER);
+        self.process.allow(record.min(MOST_BYTES));
+        self.playing = true;
+        self.say(run);
     }
 
     /// Tells the machine to stop.
@@ -42,7 +59,10 @@ impl<'a> Talk<'a> {
                 self.lines += 1;
                 match FromMachine::parse(&line) {
                     Ok(FromMachine::Error { message }) => Err(MachineFault::Said { message }),
-                    Ok(message) => Ok(message),
+                    Ok(message) => {
+                        self.playing &= !matches!(message, FromMachine::End { .. });
+                        Ok(message)
+                    }
                     Err(reason) => Err(MachineFault::Garbage { line: self.lines, reason, quoted: quoted(&line) }),
                 }
             }
@@ -56,6 +76,8 @@ impl<'a> Talk<'a> {
                 let (seconds, last_words) = (timeout.as_secs_f64(), self.process.last_words());
                 Err(MachineFault::Silent { seconds, awaited, lines, last_words })
             }
+            Heard::TooLong(most) => Err(MachineFault::LongLine { line: lines + 1, most, awaited }),
+            Heard::Deaf(waiting) => Err(MachineFault::Deaf { waiting, awaited, lines }),
             Heard::Interrupted => Err(MachineFault::Interrupted),
         }
     }
@@ -68,5 +90,13 @@ impl<'a> Talk<'a> {
     /// The fault of the last message, which does not fit.
     pub(super) const fn wrong(&self, reason: String) -> MachineFault {
         MachineFault::Content { line: self.lines, reason }
+    }
+}
+
+impl Drop for Talk<'_> {
+    fn drop(&mut self) {
+        if self.playing {
+            self.stop("the campaign has ended");
+        }
     }
 }
