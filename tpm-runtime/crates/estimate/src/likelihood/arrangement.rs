@@ -166,6 +166,9 @@ impl Regression<'_> {
         let mut targets = vec![Vec::new(); dims.rows];
         for path in &paths.paths {
             let few = path.excerpt(path.valid(lost), step);
+            if few.points == 0 {
+                continue;
+            }
             let along = self.rows.along(&few)?;
             for row in 0..dims.rows {
                 let mut target = along.place(row, Entry::Right).map_or(vec![0.0; few.points], |at| along.column(at));
