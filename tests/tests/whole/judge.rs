@@ -162,7 +162,10 @@ fn says_the_same_everywhere(result: &Identification, said: &Warning) {
     assert!(text.contains(&said.to_string()), "{said}\n{text}");
     let page = Document::of_identification(result, &[], &|_| None).html().expect("a page");
     assert_eq!(page.contains("Not complete"), is_distrust, "{said}");
-    assert_eq!(page.contains("The data show everything that was asked for"), !is_distrust, "{said}");
+    let explained = meaning.severity == Severity::Remark;
+    assert_eq!(page.contains("The data show everything that was asked for"), explained, "{said}");
+    let misfit = meaning.severity == Severity::Misfit;
+    assert_eq!(page.contains("has a value, but the model leaves"), misfit, "{said}");
 }
 
 #[test]

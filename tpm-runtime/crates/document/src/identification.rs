@@ -237,12 +237,16 @@ fn success(result: &Identification) -> String {
     let lists = result.parameters.iter().chain(&result.physical);
     let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
     let poor: Vec<&str> = poor.map(|parameter| parameter.name.as_str()).collect();
-    let mut text = "The data show everything that was asked for".to_owned();
-    text.push_str(if result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit) {
-        "; the model leaves something of what was measured unexplained"
+    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit);
+    let mut text = if misfit {
+        format!(
+            "Everything that was asked for has a value, but the model leaves {} % of {} unexplained",
+            digits(100.0 * result.residual, SHARE_DIGITS),
+            result.residual_of
+        )
     } else {
-        ", and the model explains what was measured"
-    });
+        "The data show everything that was asked for, and the model explains what was measured".to_owned()
+    };
     if !poor.is_empty() {
         text.push_str(&format!("; poorly determined: {}", poor.join(", ")));
     }
