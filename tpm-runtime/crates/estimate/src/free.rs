@@ -29,6 +29,14 @@ impl Settings {
         }
     }
 
+    /// Values of all parameters before anything is measured: their priors, zero where there is none, and held ones where they are held.
+    pub(super) fn start(&self, parameters: usize) -> Vec<f64> {
+        let mut values = self.prior.clone();
+        values.resize(parameters, 0.0);
+        self.hold(&mut values);
+        values
+    }
+
     /// Writes the values at which parameters are held.
     pub(super) fn hold(&self, values: &mut [f64]) {
         for frozen in &self.frozen {

@@ -80,9 +80,7 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
         .collect();
     let parts: Vec<Information> =
         estimates.iter().map(|estimate| Information::of(equations(estimate, &free.indices, &scale))).collect();
-    let mut prior = settings.prior.clone();
-    prior.resize(parameters, 0.0);
-    settings.hold(&mut prior);
+    let prior = settings.start(parameters);
     let start: Vec<f64> = free.of(&prior).iter().zip(&scale).map(|(value, scale)| value / scale).collect();
     let together = |parts: &mut dyn Iterator<Item = &Information>| {
         parts.fold(Information::empty(n), |pooled, part| pooled.pool(part))

@@ -74,46 +74,32 @@ fn exchanged(
         segments.iter().map(|log| rearranged(log, model.dims().coordinates, found.arrangement)).collect();
     let logs: Vec<&Log> = logs.iter().collect();
     let left_by_exchange = identify_from(model, None, &logs, options).ok()?.residual;
-    let exchange = exchange(model, found.arrangement)?;
+    let exchange = exchange(model, found.arrangement);
     (left_by_exchange < FAR_BETTER * left).then_some(Warning::Exchanged { exchange, left, left_by_exchange })
 }
 
-/// A log whose columns are arranged in another way.
+/// A log whose columns are arranged in another way; measured rates go with their coordinates.
 fn rearranged(log: &Log, coordinates: usize, arrangement: Arrangement) -> Log {
     let mut log = log.clone();
-    let negate = |values: &mut Vec<f64>| values.iter_mut().for_each(|x| *x = -*x);
-    match arrangement {
-        Arrangement::CoordinateAndInput(c, i) => {
-            log.channels.swap(c, coordinates + i);
-            if let Some(rate) = log.rates.get_mut(c) {
-                *rate = None;
-            }
-        }
-        Arrangement::Coordinates(a, b) | Arrangement::Both(a, b) => {
-            log.channels.swap(a, b);
-            if a.max(b) < log.rates.len() {
-                log.rates.swap(a, b);
-            }
-            if matches!(arrangement, Arrangement::Both(..)) {
-                log.channels.swap(coordinates + a, coordinates + b);
-            }
-        }
-        Arrangement::Inputs(a, b) => log.channels.swap(coordinates + a, coordinates + b),
-        Arrangement::CoordinateSign(c) => {
-            negate(&mut log.channels[c]);
-            log.rates.get_mut(c).and_then(Option::as_mut).into_iter().for_each(negate);
-        }
-        Arrangement::InputSign(i) => negate(&mut log.channels[coordinates + i]),
-        _ => {}
+    let rates = std::mem::take(&mut log.rates).into_iter().chain(std::iter::repeat(None));
+    let mut own: Vec<(Vec<f64>, Option<Vec<f64>>)> = log.channels.drain(..coordinates).zip(rates).collect();
+    let mut inputs: Vec<(Vec<f64>, Option<Vec<f64>>)> = log.channels.drain(..).map(|channel| (channel, None)).collect();
+    arrangement.arrange(&mut own, &mut inputs, |(channel, rate)| {
+        channel.iter_mut().chain(rate.iter_mut().flatten()).for_each(|x| *x = -*x);
+    });
+    (log.channels, log.rates) = own.into_iter().unzip();
+    if log.rates.iter().all(Option::is_none) {
+        log.rates.clear();
     }
+    log.channels.extend(inputs.into_iter().map(|(channel, _)| channel));
     log
 }
 
-/// An arrangement by the names of the model; nothing for one that has no words.
-fn exchange(model: &dyn Model<f64>, arrangement: Arrangement) -> Option<Exchange> {
+/// An arrangement by the names of the model.
+fn exchange(model: &dyn Model<f64>, arrangement: Arrangement) -> Exchange {
     let coordinate = |c: usize| -> String { model.coordinate(c).name.into() };
     let input = |i: usize| -> String { model.input(i).name.into() };
-    Some(match arrangement {
+    match arrangement {
         Arrangement::CoordinateAndInput(c, i) => Exchange::Columns { signals: vec![coordinate(c), input(i)] },
         Arrangement::Coordinates(a, b) => Exchange::Columns { signals: vec![coordinate(a), coordinate(b)] },
         Arrangement::Inputs(a, b) => Exchange::Columns { signals: vec![input(a), input(b)] },
@@ -122,8 +108,7 @@ fn exchange(model: &dyn Model<f64>, arrangement: Arrangement) -> Option<Exchange
         }
         Arrangement::CoordinateSign(c) => Exchange::Sign { signal: coordinate(c) },
         Arrangement::InputSign(i) => Exchange::Sign { signal: input(i) },
-        _ => return None,
-    })
+    }
 }
 
 /// [`identify_segments`] without a look for exchanged columns.

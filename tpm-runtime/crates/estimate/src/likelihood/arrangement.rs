@@ -1,13 +1,14 @@
 //! Columns of a record that stand for others: which exchange of columns, or which other sign, lets the model explain the forces.
 //!
-//! The motion is smoothed once, and anew where an input takes part in it. Every arrangement is a regression of its own, at a few hundred instants away from reversals:
+//! The motion is smoothed once, and anew where an input takes part in it. Every arrangement is a regression of its own, at a few hundred
+//! instants away from reversals:
 //!
 //! ```text
 //! min over theta of sum_j |Y_j(arranged motion) theta + known_j - (B u)_j|^2 / |(B u)_j|^2
 //! ```
 
 use crate::error::EstimateError;
-use crate::likelihood::pass::Look;
+use crate::likelihood::pass::{Look, without_held};
 use crate::likelihood::path::{Entry, Paths, Rows, band, lost};
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, TimeRecord};
@@ -23,7 +24,6 @@ const RIDGE: f64 = 1e-10;
 
 /// How columns of a record stand for others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum Arrangement {
     /// The columns of a coordinate and of an input are exchanged.
     CoordinateAndInput(usize, usize),
@@ -56,6 +56,21 @@ impl Arrangement {
         }
         all
     }
+
+    /// Arranges what belongs to the coordinates and to the inputs; `negate` is the other sign of it.
+    pub fn arrange<T>(self, coordinates: &mut [T], inputs: &mut [T], negate: impl FnOnce(&mut T)) {
+        match self {
+            Arrangement::CoordinateAndInput(c, i) => std::mem::swap(&mut coordinates[c], &mut inputs[i]),
+            Arrangement::Coordinates(a, b) => coordinates.swap(a, b),
+            Arrangement::Inputs(a, b) => inputs.swap(a, b),
+            Arrangement::Both(a, b) => {
+                coordinates.swap(a, b);
+                inputs.swap(a, b);
+            }
+            Arrangement::CoordinateSign(c) => negate(&mut coordinates[c]),
+            Arrangement::InputSign(i) => negate(&mut inputs[i]),
+        }
+    }
 }
 
 /// What arrangements of the columns leave of the forces.
@@ -87,9 +102,7 @@ pub fn best_arrangement(
     let rows = Rows { model, constants };
     let look = Look::first(model);
     let paths = Paths::new(rows, record, &motion, false, (&look.delays, &look.taken));
-    let mut held = settings.prior.clone();
-    held.resize(model.dims().parameters, 0.0);
-    settings.hold(&mut held);
+    let held = settings.start(model.dims().parameters);
     let regression = Regression { rows, free: &free, held: &held };
     let as_recorded = regression.left(&paths)?.ok_or(EstimateError::NoSignal)?;
     let of = |arrangement: &Arrangement| {
@@ -120,29 +133,16 @@ fn crossed<'a>(record: &TimeRecord<'a>, c: usize, i: usize) -> TimeRecord<'a> {
     record
 }
 
-/// A record, smoothed, with its columns arranged in another way; one of which the motion itself is another is returned as it is.
+/// A record, smoothed, with its columns arranged in another way, in which coordinates stay coordinates.
 fn arranged<'a>(paths: &Paths<'a>, arrangement: Arrangement) -> Paths<'a> {
     let model = paths.rows.model;
-    let dims = model.dims();
     paths.with(|path| {
-        let derivatives = |c: usize| -> Vec<Vec<f64>> {
-            (0..=model.coordinate_order(c)).map(|order| path.series(c, order)).collect()
-        };
-        let mut coordinates: Vec<Vec<Vec<f64>>> = (0..dims.coordinates).map(derivatives).collect();
-        let mut inputs = path.inputs.clone();
-        let negate = |values: &mut Vec<f64>| values.iter_mut().for_each(|x| *x = -*x);
-        match arrangement {
-            Arrangement::CoordinateAndInput(..) => {}
-            Arrangement::Coordinates(a, b) => coordinates.swap(a, b),
-            Arrangement::Inputs(a, b) => inputs.swap(a, b),
-            Arrangement::Both(a, b) => {
-                coordinates.swap(a, b);
-                inputs.swap(a, b);
-            }
-            Arrangement::CoordinateSign(c) => coordinates[c].iter_mut().for_each(negate),
-            Arrangement::InputSign(i) => negate(&mut inputs[i]),
-        }
-        (coordinates, inputs)
+        let derivatives = |c: usize| (0..=model.coordinate_order(c)).map(|order| path.series(c, order)).collect();
+        let mut coordinates: Vec<Vec<Vec<f64>>> = (0..model.dims().coordinates).map(derivatives).collect();
+        let mut inputs: Vec<Vec<Vec<f64>>> = path.inputs.iter().map(|input| vec![input.clone()]).collect();
+        arrangement
+            .arrange(&mut coordinates, &mut inputs, |signals| signals.iter_mut().flatten().for_each(|x| *x = -*x));
+        (coordinates, inputs.into_iter().flatten().collect())
     })
 }
 
@@ -162,49 +162,40 @@ impl Regression<'_> {
         let lost = lost(low_pass, paths.fastest());
         let points: usize = paths.paths.iter().map(|path| path.valid(lost).len()).sum();
         let step = (points / INSTANTS).max(1);
-        let mut matrices = vec![Vec::new(); dims.rows];
-        let mut targets = vec![Vec::new(); dims.rows];
+        let mut equations: Vec<(Vec<f64>, Vec<f64>)> = vec![(Vec::new(), Vec::new()); dims.rows];
         for path in &paths.paths {
             let few = path.excerpt(path.valid(lost), step);
             if few.points == 0 {
                 continue;
             }
             let along = self.rows.along(&few)?;
-            for row in 0..dims.rows {
-                let mut target = along.place(row, Entry::Right).map_or(vec![0.0; few.points], |at| along.column(at));
-                let columns = along.parameters(row);
-                for (j, column) in columns.iter().filter(|(j, _)| !self.free.contains(j) && self.held[*j] != 0.0) {
-                    target.iter_mut().zip(column).for_each(|(sum, x)| *sum -= self.held[*j] * x);
-                }
-                let place = |j: usize| columns.iter().find(|(own, _)| *own == j).map(|(_, column)| column);
-                let matrix = &mut matrices[row];
+            for (row, (entries, targets)) in equations.iter_mut().enumerate() {
+                let target = along.place(row, Entry::Right).map(|at| along.column(at));
+                let mut target = target.unwrap_or_else(|| vec![0.0; few.points]);
+                let columns = without_held(along.parameters(row), &mut target, (self.free, self.held));
+                let of = |j: &usize| columns.iter().find(|(own, _)| own == j).map(|(_, column)| column);
+                let columns: Vec<Option<&Vec<f64>>> = self.free.iter().map(of).collect();
                 for k in 0..few.points {
-                    matrix.extend(self.free.iter().map(|&j| place(j).map_or(0.0, |column| column[k])));
+                    entries.extend(columns.iter().map(|column| column.map_or(0.0, |column| column[k])));
                 }
-                targets[row].extend(target);
+                targets.extend(target);
             }
         }
-        let n = self.free.len();
-        let equations: Vec<(DMatrix<f64>, DVector<f64>)> = (matrices.into_iter().zip(targets))
-            .filter_map(|(matrix, target)| {
-                let force = root_mean_square(target.iter().copied());
-                let target = DVector::from_vec(target);
-                let matrix = DMatrix::from_row_slice(target.len(), n, &matrix);
-                (force > 0.0).then(|| (matrix / force, target / force))
-            })
-            .collect();
-        let total: usize = equations.iter().map(|(_, target)| target.len()).sum();
-        if total == 0 {
+        // Every row counts by the share of its own force.
+        let (mut entries, mut target) = (Vec::new(), Vec::new());
+        for (own, targets) in &equations {
+            let force = root_mean_square(targets.iter().copied());
+            if force > 0.0 {
+                entries.extend(own.iter().map(|x| x / force));
+                target.extend(targets.iter().map(|x| x / force));
+            }
+        }
+        if target.is_empty() {
             return Ok(None);
         }
-        let mut stacked = DMatrix::zeros(total, n);
-        let mut target = DVector::zeros(total);
-        let mut from = 0;
-        for (matrix, own) in &equations {
-            stacked.rows_mut(from, own.len()).copy_from(matrix);
-            target.rows_mut(from, own.len()).copy_from(own);
-            from += own.len();
-        }
+        let n = self.free.len();
+        let stacked = DMatrix::from_row_slice(target.len(), n, &entries);
+        let target = DVector::from_vec(target);
         let (stacked, _) = unit_columns(stacked);
         let gram = stacked.tr_mul(&stacked) + DMatrix::identity(n, n) * RIDGE;
         let Some(factor) = Cholesky::new(gram) else { return Ok(None) };

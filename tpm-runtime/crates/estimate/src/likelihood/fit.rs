@@ -152,7 +152,7 @@ pub fn estimate_any_motion(
             look.taken = taken;
             pass = Pass::new(rows, known, &look, &free, settings)?;
         }
-        let fitted = pass.fit(&free, &look.late)?;
+        let fitted = pass.with_terms()?.fit(&free, &look.late)?;
         let beyond = |(term, value): &(Term, f64)| (look.delays[term.of] + value).abs() > LONGEST_DELAY;
         if fitted.delays.is_empty() || moved < DELAY_SETTLED || fitted.delays.iter().any(beyond) {
             return Ok(fitted.result);
@@ -163,7 +163,7 @@ pub fn estimate_any_motion(
             look.late[term.of] = true;
         }
     }
-    Ok(Pass::new(rows, known, &look, &free, settings)?.fit(&free, &look.late)?.result)
+    Ok(Pass::new(rows, known, &look, &free, settings)?.with_terms()?.fit(&free, &look.late)?.result)
 }
 
 /// Columns that are asked for.

@@ -48,9 +48,21 @@ pub(super) struct Pass<'a> {
     pub(super) views: Vec<View>,
     /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
     pub(super) leading: Vec<Option<usize>>,
+    /// Which accelerations stand in which rows, row by row.
+    pub(super) coupled: Vec<Vec<bool>>,
+    /// Lines of all rows with the terms; none before these are asked for.
     pub(super) lines: Vec<RowLines>,
     /// How the rows feel the motion; nothing before first values are known.
     pub(super) felt: Option<Felt>,
+}
+
+/// Columns of parameters that are estimated; what the others make with their values is taken from the right-hand side.
+pub(super) fn without_held(columns: Signals, target: &mut [f64], (estimated, values): (&[usize], &[f64])) -> Signals {
+    let (kept, held): (Signals, Signals) = columns.into_iter().partition(|(j, _)| estimated.contains(j));
+    for (j, column) in held.iter().filter(|(j, _)| values[*j] != 0.0) {
+        target.iter_mut().zip(column).for_each(|(sum, x)| *sum -= values[*j] * x);
+    }
+    kept
 }
 
 impl Pass<'_> {
@@ -151,11 +163,7 @@ impl Pass<'_> {
 
     /// The columns of the parameters that are estimated; what the others make is taken from the right-hand side.
     pub(super) fn without_held(&self, columns: Signals, target: &mut [f64]) -> Signals {
-        let (kept, held): (Signals, Signals) = columns.into_iter().partition(|(j, _)| self.kept.contains(j));
-        for (j, column) in held.iter().filter(|(j, _)| self.theta[*j] != 0.0) {
-            target.iter_mut().zip(column).for_each(|(sum, x)| *sum -= self.theta[*j] * x);
-        }
-        kept
+        without_held(columns, target, (&self.kept, &self.theta))
     }
 
     /// The lines of all rows.

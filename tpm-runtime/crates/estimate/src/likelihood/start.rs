@@ -31,9 +31,7 @@ impl<'a> Pass<'a> {
         let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
         let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
         let scales = Scales::of(rows, &paths.paths, &along, deviations);
-        let mut theta = settings.prior.clone();
-        theta.resize(dims.parameters, 0.0);
-        settings.hold(&mut theta);
+        let theta = settings.start(dims.parameters);
         let mut pass = Pass {
             rows,
             record,
@@ -51,6 +49,7 @@ impl<'a> Pass<'a> {
             hidden: Vec::new(),
             views: Vec::new(),
             leading: vec![None; dims.rows],
+            coupled: Vec::new(),
             lines: Vec::new(),
             felt: None,
         };
@@ -58,7 +57,7 @@ impl<'a> Pass<'a> {
         Ok(pass)
     }
 
-    /// First values, what is not shown, which coordinates a row feels, and the floors; then the lines with all terms.
+    /// First values, what is not shown, and which coordinates a row feels.
     fn first(&mut self, free: &Free, settings: &Settings) -> Result<(), EstimateError> {
         let dims = self.rows.model.dims();
         self.views = self.views(&|row| if row < dims.coordinates { vec![row] } else { Vec::new() });
@@ -77,8 +76,18 @@ impl<'a> Pass<'a> {
         if self.leading.iter().any(Option::is_some) {
             self.scale_free(free)?;
         }
-        let coupled = |row: usize, c: usize| coefficients[row][c].iter().any(|a| *a != 0.0);
-        self.terms = self.scales.terms(self.rows.model, &coupled);
+        let coupled = |own: &Vec<Vec<f64>>| own.iter().map(|own| own.iter().any(|a| *a != 0.0)).collect();
+        self.coupled = coefficients.iter().map(coupled).collect();
+        self.felt = Some(felt);
+        Ok(())
+    }
+
+    /// Terms that the model may lack, and the lines of all rows with them.
+    ///
+    /// # Errors
+    /// As of [`all_rows`](Self::all_rows).
+    pub(super) fn with_terms(mut self) -> Result<Self, EstimateError> {
+        self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c]);
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
             let of = |term: &Term| match term.kind {
@@ -90,10 +99,8 @@ impl<'a> Pass<'a> {
             from += path.points as f64 * path.apart;
         }
         self.scale_terms();
-        self.lines = self.all_rows(&[])?;
-        self.set_floors(&felt);
-        self.felt = Some(felt);
-        Ok(())
+        self.lines = self.above_floors()?;
+        Ok(self)
     }
 
     /// Takes what parameters that are no longer estimated make from the right-hand side of a row.
@@ -270,16 +277,22 @@ impl<'a> Pass<'a> {
         }
     }
 
-    /// The noise that the sensors add to every line.
-    fn set_floors(&mut self, felt: &Felt) {
+    /// The lines of all rows, with the noise that the sensors add to every line.
+    ///
+    /// # Errors
+    /// As of [`all_rows`](Self::all_rows).
+    pub(super) fn above_floors(&self) -> Result<Vec<RowLines>, EstimateError> {
         let h = self.paths.sample_time;
-        for (j, row) in self.lines.iter_mut().enumerate() {
+        let mut lines = self.all_rows(&[])?;
+        let Some(felt) = &self.felt else { return Ok(lines) };
+        for (j, row) in lines.iter_mut().enumerate() {
             let view = self.views[j];
             for (floor, f) in row.floor.iter_mut().zip(&row.frequency) {
                 let w = 2.0 * std::f64::consts::PI * f;
                 *floor = felt.noise(j, &self.paths.measured, w, h) * view.low_pass.response(w).powi(2);
             }
         }
+        Ok(lines)
     }
 }
 

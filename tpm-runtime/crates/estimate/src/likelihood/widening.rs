@@ -52,8 +52,9 @@ impl Pass<'_> {
         let Some(felt) = self.felt.as_ref().filter(|_| self.taken.iter().all(|taken| *taken <= 0.0)) else {
             return Ok(None);
         };
-        let noise = Noise::first(&self.lines, true).found(&self.lines, &self.kept, self.right(), None, None).0;
-        let of_forces: Vec<f64> = (self.lines.iter().zip(&noise.variance))
+        let lines = self.above_floors()?;
+        let noise = Noise::first(&lines, true).found(&lines, &self.kept, self.right(), None, None).0;
+        let of_forces: Vec<f64> = (lines.iter().zip(&noise.variance))
             .map(|(row, variance)| {
                 let last = row.bands().saturating_sub(1);
                 let own =

@@ -95,9 +95,7 @@ fn solve_records(
 ) -> Result<Fitted, EstimateError> {
     let p = dims.parameters;
     let free = settings.free(p)?;
-    let mut start = settings.prior.clone();
-    start.resize(p, 0.0);
-    settings.hold(&mut start);
+    let start = settings.start(p);
     let prior_free = free.of(&start);
     let hidden: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
 

@@ -40,9 +40,7 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
     if (0..dims.rows).all(|row| counted(row) == 0) {
         return None;
     }
-    let mut prior = settings.prior.clone();
-    prior.resize(dims.parameters, 0.0);
-    settings.hold(&mut prior);
+    let prior = settings.start(dims.parameters);
     let start = DVector::from_vec(free.of(&prior));
     let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
     let mut solved = solve(&parts, &weights, &start, &known)?;
