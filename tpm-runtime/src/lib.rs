@@ -51,10 +51,9 @@ pub use tpm_macros::{model, model_file};
 #[cfg(feature = "std")]
 pub mod estimate {
     pub use tpm_estimate::{
-        Along, BandReport, CombinationReport, Domain, Estimate, EstimateError, ForceCourse, Frozen, InputShift,
-        LARGE_RESIDUAL, LineTable, Method, NumericalSettings, OutputErrorFault, POOR_DEVIATION,
-        POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Refine, ResidualOf, RowLines, Settings, Status,
-        Swiftness, Weights, named,
+        Along, CombinationReport, Domain, Estimate, EstimateError, ForceCourse, Frozen, InputShift, LARGE_RESIDUAL,
+        LineTable, Method, NumericalSettings, OutputErrorFault, POOR_DEVIATION, POOR_PHYSICAL_DEVIATION,
+        ParameterReport, PhysicalRemark, Refine, ResidualOf, RowLines, Settings, Status, Swiftness, Weights, named,
     };
 }
 

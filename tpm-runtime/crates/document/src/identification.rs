@@ -430,10 +430,7 @@ fn log(log: &LogReport) -> Vec<Block> {
                 format!("{} % of the motion", digits(100.0 * found.mismatch, SHARE_DIGITS)),
             ));
         }
-        Way::Time(found) => {
-            rows.push(("used".to_owned(), format!("{} samples in the time domain", found.samples)));
-            rows.push(("low pass".to_owned(), format!("{} Hz", number(found.cut_off))));
-        }
+        Way::Samples(found) => rows.push(("used".to_owned(), format!("{} samples one by one", found.samples))),
         Way::Spectral(found) => {
             let lines: usize = found.lines.lines.iter().sum();
             let used = found.lines.used.iter().copied().fold(0.0, f64::max);

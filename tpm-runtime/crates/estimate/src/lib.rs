@@ -37,6 +37,7 @@ mod projected;
 mod response;
 mod result;
 mod run;
+mod sampled;
 mod select;
 mod sensor;
 mod settings;
@@ -75,13 +76,13 @@ pub use response::ErrorResponse;
 pub use result::{Estimate, ResidualOf};
 pub use run::error_lines;
 pub use run::{Alone, OwnEstimate, Run};
+pub use sampled::{Sampled, estimate_sampled, is_static};
 pub use sensor::Sensor;
 pub use settings::{Domain, Frozen, NumericalSettings, Refine, Settings, Weights};
 pub use table::{LineTable, RowLines};
 pub use time_domain::Swiftness;
 pub use time_domain::{
-    BandReport, ForceCourse, InputShift, Missed, OneBand, Pace, Prediction, Stretch, TimeDomain, TimeRecord,
-    estimate_time_domain, input_shift, predict_in_band,
+    ForceCourse, InputShift, Missed, OneBand, Pace, Prediction, Stretch, TimeRecord, input_shift, predict_in_band,
 };
 pub use verdict::no_result;
 pub use verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, POOR_PHYSICAL_DEVIATION, Status};

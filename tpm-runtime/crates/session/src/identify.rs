@@ -5,12 +5,13 @@ use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::options::LogOptions;
+use crate::record::nothing;
 use crate::warning::{Exchange, Warning};
-use crate::{any_log, lines_log, periodic_log, summary};
+use crate::{lines_log, periodic_log, samples_log, summary};
 use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_core::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL};
+use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, is_static};
 use tpm_log::{Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
 
@@ -18,10 +19,6 @@ use tpm_motion::{Dynamics, Spectra};
 const CLEARLY_BETTER: f64 = 0.7;
 /// Share of the record that must be unexplained for exchanged columns to be looked for.
 const NOTICED: f64 = 0.1;
-/// Most coordinates of a machine that is simulated before anything else is tried: a simulation of more takes minutes.
-const MOST_SIMULATED: usize = 2;
-/// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
-const NOISE_FOLLOWED: f64 = 3.0;
 /// Columns are exchanged when the model then leaves less than this share of the residual.
 const FAR_BETTER: f64 = 0.1;
 /// What a regression alone must leave of what it leaves without an exchange, for the exchange to be tried in full.
@@ -130,6 +127,11 @@ pub(super) fn identify_from(
         [log] => Some(*log),
         _ => None,
     };
+    if is_static(model)
+        && let Some(found) = samples_log::identify(model, machine, segments, options)?
+    {
+        return result(model, segments, options, found).ok_or_else(nothing);
+    }
     let periodic = match (options.domain, whole) {
         (Some(Domain::Time), _) | (None, None) => None,
         (Some(Domain::Harmonics), _) => {
@@ -154,58 +156,58 @@ fn found(
     let dims = model.dims();
     let repeating = periodic.map(|(_, (periodic, _))| periodic);
     let by_lines = || lines_log::identify(model, machine, segments, repeating, options);
-    let may_be_lines = || {
-        options.domain != Some(Domain::Harmonics)
-            && !periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log))
+    let by_harmonics = || {
+        let identify = |(log, (periodic, spectra)): &(&Log, (Periodic, Spectra))| {
+            periodic_log::identify(model, machine, log, (periodic, spectra), options)
+        };
+        periodic.map(identify).transpose()
     };
-    let several = dims.coordinates > 1;
-    if dims.coordinates > MOST_SIMULATED && may_be_lines() {
-        match by_lines() {
-            // A record that is too short for lines may still have harmonics.
-            Err(LogFault::Estimate { source: EstimateError::NoSignal, .. }) => {}
-            found => return found,
-        }
+    // Harmonics of a motion without noise are exact, and so many coordinates are simulated from them.
+    let exact = periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
+    let asked = options.domain == Some(Domain::Harmonics);
+    if (asked || exact || dims.coordinates <= lines_log::MOST_SIMULATED)
+        && let Some(found) = by_harmonics()?
+    {
+        let better = |other: &Found| {
+            other.estimate.residual <= LARGE_RESIDUAL
+                && !other.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. }))
+                && (dims.coordinates > 1 || other.estimate.rank >= found.estimate.rank)
+        };
+        let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
+        let other = if enough { None } else { by_lines().ok().filter(better) };
+        return Ok(other.unwrap_or(found));
     }
-    let found = match periodic {
-        Some((log, (periodic, spectra))) => periodic_log::identify(model, machine, log, (periodic, spectra), options)?,
-        None => match (any_log::identify(model, machine, segments, options), options.domain, segments) {
-            // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
-            (Err(LogFault::Estimate { source: EstimateError::NoSignal, path }), None, [log]) => {
-                periodic_log::spectra(log, dims.coordinates, options)?;
-                return Err(LogFault::Estimate { source: EstimateError::NoSignal, path });
+    match by_lines() {
+        // A record that is too short for lines may still have harmonics, and may be simulated.
+        Err(LogFault::Estimate { source: EstimateError::NoSignal, path }) => {
+            if let Some(found) = by_harmonics()? {
+                return Ok(found);
             }
-            (found, ..) => found?,
-        },
-    };
-    // What a simulation does not follow to the noise of the sensors is told by the lines of the rows, which know what the model may lack, and
-    // which scales no row shows; but a simulation that settles finds the ratios of a row without an input better. A single coordinate is
-    // told by the lines where nothing else explains it, and they show no less.
-    let asked = if !several {
-        found.estimate.residual > LARGE_RESIDUAL && other_hold(options.reading.hold, found.hold_residuals).is_none()
-    } else if dims.inputs < dims.rows {
-        found.refinement.as_ref().is_none_or(|report| !report.used)
-    } else {
-        !follows(&found)
-    };
-    let better = |other: &Found| {
-        other.estimate.residual <= LARGE_RESIDUAL
-            && !other.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. }))
-            && (several || other.estimate.rank >= found.estimate.rank)
-    };
-    let other = (asked && may_be_lines()).then(by_lines).and_then(Result::ok).filter(better);
-    Ok(other.unwrap_or(found))
+            if let Some(found) = samples_log::identify(model, machine, segments, options)? {
+                return Ok(found);
+            }
+            // What shows nothing either way is refused by what keeps it from repeating, which says more.
+            if let (None, [log]) = (options.domain, segments) {
+                periodic_log::spectra(log, dims.coordinates, options)?;
+            }
+            Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
+        }
+        found => found,
+    }
 }
 
-/// Whether a simulation of the model, which lacks nothing, follows a record to the noise of its sensors.
-fn follows(found: &Found) -> bool {
-    let Some(report) = found.refinement.as_ref().filter(|report| report.used) else { return false };
-    let within = |(left, noise): (&f64, &f64)| *left <= NOISE_FOLLOWED * noise;
-    report.missing.is_empty() && report.residual.iter().zip(&report.sensor_noise).all(within)
-}
-
-/// The error of a record without samples.
-fn nothing() -> LogFault {
-    LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal }
+/// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is
+/// told by the lines of the rows, which know what the model may lack, and which scales no row shows; but a simulation that settles finds the
+/// ratios of a row without an input better. A single coordinate is told by the lines where nothing else explains it.
+fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
+    match &found.refinement {
+        _ if dims.coordinates == 1 => {
+            found.estimate.residual <= LARGE_RESIDUAL || other_hold(hold, found.hold_residuals).is_some()
+        }
+        Some(report) if dims.inputs < dims.rows => report.used,
+        Some(report) => lines_log::follows(report, &found.warnings),
+        None => false,
+    }
 }
 
 /// The result of what was found in the segments of a record; nothing without a segment.

@@ -20,7 +20,6 @@
 #[cfg(test)]
 mod actuator_tests;
 mod agreeing;
-mod any_log;
 mod campaign;
 mod compare;
 #[cfg(test)]
@@ -54,12 +53,16 @@ mod periodic_log;
 mod play;
 mod pooled_logs;
 mod reading;
+mod record;
 mod refine;
 mod refine_campaign;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;
 mod rows;
+mod samples_log;
+#[cfg(test)]
+mod samples_log_tests;
 mod separable;
 #[cfg(test)]
 mod separable_tests;
@@ -94,8 +97,8 @@ pub use inspect::{
 };
 pub use log_fault::LogFault;
 pub use log_report::{
-    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, SpectralReport, UntestedReport,
-    Way,
+    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, SamplesReport, SpectralReport,
+    UntestedReport, Way,
 };
 pub use machine::Machine;
 pub use meaning::{About, Concern, Meaning, Severity};

@@ -1,26 +1,30 @@
 //! A log of any motion, identified by the lines of its rows.
 
-use crate::any_log::{BLOCKS, MOST_SAMPLES, differing_rates, stretches};
 use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SpectralReport, Way};
 use crate::options::LogOptions;
+use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
 use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
-use tpm_core::model::{Label, Model};
+use tpm_core::model::{Dims, Label, Model};
 use tpm_estimate::{
-    Arranged, Course, Differentiable, EstimateError, Lacking, OfAnyMotion, Sensor, Stretch, TermKind, TimeRecord,
-    best_arrangement, estimate_any_motion,
+    Arranged, Course, Differentiable, Estimate, EstimateError, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand, Sensor,
+    Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 
 /// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
 /// simulation: below it the smoothed motion says all that a joint estimate would.
 const LIMITED_BY_SENSORS: f64 = 0.3;
+/// Most coordinates of a machine that is simulated whatever limits the information: a simulation of more takes minutes.
+pub(super) const MOST_SIMULATED: usize = 2;
+/// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
+const NOISE_FOLLOWED: f64 = 3.0;
 /// Largest distance of a stated period from a whole number of samples, as a share of it.
 const WHOLE: f64 = 1e-9;
 /// Samples to either side of the period that was found among which the best one is looked for.
@@ -33,13 +37,7 @@ const LEAST_VERTEX: f64 = 1e-3;
 
 /// The arrangement of the columns of a record by which a model explains it best; nothing where none can be evaluated.
 pub(super) fn arrangement(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions) -> Option<Arranged> {
-    let all = stretches(segments, model.dims().coordinates, &options.reading).ok()?;
-    let record = TimeRecord {
-        sample_time: segments.first()?.sample_time,
-        hold: options.reading.hold,
-        actuators: &options.actuators,
-        stretches: at_most(all, MOST_SAMPLES, BLOCKS),
-    };
+    let record = record(model, segments, options).ok()?;
     best_arrangement(model, &options.constants, &record, &options.estimation).ok().flatten()
 }
 
@@ -77,9 +75,9 @@ pub(super) fn identify(
     let report = &found.report;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
     let lacks = !found.lacking.is_empty();
-    let refined = if found.sensor_share() > LIMITED_BY_SENSORS || lacks {
+    let simulated = |estimate: &Estimate| {
         let start = Start {
-            estimate: &found.estimate,
+            estimate,
             excerpt: Excerpt::of_stretches(&all),
             course: Course::Any {
                 typical_period: found.typical_period,
@@ -93,19 +91,29 @@ pub(super) fn identify(
         };
         let restate = |values, covariance| found.restated(values, covariance, settings);
         refined(machine, start, Conditions::of_log(options), settings, &restate)
+    };
+    let refined = if dims.coordinates <= MOST_SIMULATED || found.sensor_share() > LIMITED_BY_SENSORS || lacks {
+        let by_lines = simulated(&found.estimate);
+        // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
+        let once_more = dims.inputs < dims.rows
+            && dims.coordinates <= MOST_SIMULATED
+            && !by_lines.report.as_ref().is_some_and(|report| follows(report, &by_lines.warnings));
+        let derivatives = machine.map(|machine| machine.derivatives);
+        let in_band =
+            || OneBand::new(&record).and_then(|band| band.estimate(model, derivatives, &options.constants, settings));
+        let other = once_more.then(in_band).and_then(Result::ok).map(|estimate| simulated(&estimate));
+        let left = |own: &Refined| {
+            let used = own.report.as_ref().is_some_and(|report| report.used);
+            if used { own.estimate.residual } else { f64::INFINITY }
+        };
+        match other {
+            Some(other) if left(&other) < left(&by_lines) => other,
+            _ => by_lines,
+        }
     } else {
         unrefined(&found)
     };
-    // A model that lacks something follows no record, so that its simulation tells less than the lines: all but one that explains the
-    // record after all, by a limit of an input.
-    let explains = |report: &RefinementReport| {
-        let limited = refined.warnings.iter().any(|warning| matches!(warning, Warning::Limited { .. }));
-        report.used && report.missing.len() <= usize::from(limited)
-    };
-    let refined = match &refined.report {
-        Some(report) if lacks && !explains(report) => unrefined(&found),
-        _ => refined,
-    };
+    let refined = if told_by_simulation(&refined, &found.estimate, dims) { refined } else { unrefined(&found) };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
@@ -128,6 +136,26 @@ pub(super) fn identify(
         refinement: refined.report,
         warnings,
     })
+}
+
+/// Whether a simulation of several coordinates follows a record to the noise of its sensors with a model that lacks nothing, but for a limit
+/// of an input.
+pub(super) fn follows(report: &RefinementReport, warnings: &[Warning]) -> bool {
+    let within = |(left, noise): (&f64, &f64)| *left <= NOISE_FOLLOWED * noise;
+    let limited = warnings.iter().any(|warning| matches!(warning, Warning::Limited { .. }));
+    report.used
+        && report.missing.len() <= usize::from(limited)
+        && report.residual.iter().zip(&report.sensor_noise).all(within)
+}
+
+/// Whether a simulation tells more than the lines from which it began. A model of several coordinates that lacks something follows no record,
+/// so that its simulation tells less; of a single one the simulation knows what it lacks, unless it follows no better than the lines do.
+fn told_by_simulation(refined: &Refined, lines: &Estimate, dims: Dims) -> bool {
+    let Some(report) = refined.report.as_ref().filter(|report| report.used) else { return false };
+    if dims.coordinates > 1 {
+        return dims.inputs < dims.rows || follows(report, &refined.warnings);
+    }
+    refined.estimate.residual <= LARGE_RESIDUAL || lines.residual > LARGE_RESIDUAL
 }
 
 /// Whether a record of a motion that repeats has no noise: then its harmonics are exact, while the smoothing of a motion and the window that

@@ -4,7 +4,7 @@ use crate::refinement_report::{MissingTerm, RefinementReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use tpm_core::harmonics::Hold;
-use tpm_estimate::{BandReport, LineReport};
+use tpm_estimate::LineReport;
 use tpm_log::ReadingReport;
 use tpm_report::{digits, number};
 
@@ -41,10 +41,17 @@ impl HoldResiduals {
 pub enum Way {
     /// By the harmonics of the part that repeats.
     Harmonics(PeriodicReport),
-    /// Sample by sample behind a low pass.
-    Time(BandReport),
+    /// Sample by sample.
+    Samples(SamplesReport),
     /// By the lines of the rows along the smoothed motion.
     Spectral(SpectralReport),
+}
+
+/// What was found about a log sample by sample.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SamplesReport {
+    /// Samples that were used.
+    pub samples: usize,
 }
 
 /// What was found about a log by the lines of its rows.
@@ -189,12 +196,12 @@ impl PeriodicReport {
 }
 
 impl LogReport {
-    /// What was found about the part that repeats; nothing in the time domain.
+    /// What was found about the part that repeats; nothing where harmonics were not used.
     #[must_use]
     pub const fn periodic(&self) -> Option<&PeriodicReport> {
         match &self.way {
             Way::Harmonics(periodic) => Some(periodic),
-            Way::Time(_) | Way::Spectral(_) => None,
+            Way::Samples(_) | Way::Spectral(_) => None,
         }
     }
 
@@ -205,15 +212,6 @@ impl LogReport {
             (Way::Spectral(own), _) if !own.missing.is_empty() => &own.missing,
             (_, Some(refinement)) => &refinement.missing,
             _ => &[],
-        }
-    }
-
-    /// What was found in the time domain; nothing where harmonics were used.
-    #[must_use]
-    pub const fn band(&self) -> Option<&BandReport> {
-        match &self.way {
-            Way::Time(band) => Some(band),
-            Way::Harmonics(_) | Way::Spectral(_) => None,
         }
     }
 }

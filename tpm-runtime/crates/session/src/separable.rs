@@ -5,12 +5,12 @@
 //! squares of rows that are linear about the best theta for z give the next z. Then the log is identified as any other, with rows linear
 //! about the last solution, until z has converged. The refinement at the end has theta and z together.
 
-use crate::any_log::{BLOCKS, MOST_SAMPLES, stretches};
 use crate::excerpt::at_most;
 use crate::identification::Identification;
 use crate::identify::identify_from;
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
+use crate::record::{BLOCKS, MOST_SAMPLES, stretches};
 use crate::refinement_report::NotRefined;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;

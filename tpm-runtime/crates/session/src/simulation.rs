@@ -8,10 +8,10 @@
 //! - Free run: every stretch begins with the smoothed state at its first sample and follows the recorded inputs, whatever loop made
 //!   them. Where it leaves the log, it has no fit: the time is told.
 
-use crate::any_log::stretches;
 use crate::excerpt::{Excerpt, at_most};
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
+use crate::record::stretches;
 use crate::whiteness::{CorrelationTest, FALSE_ALARM, independence, whiteness};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -202,7 +202,7 @@ fn of_parts(
         stretches: parts.to_vec(),
     };
     let pace = Pace::of(&record).map_err(|fault: EstimateError| format!("{fault}"))?;
-    let Pace { typical_period, reach, highest, steps } = pace;
+    let Pace { typical_period, reach, highest, steps, .. } = pace;
     let excerpt = Excerpt::joined(parts);
     let course = Course::Any { typical_period, reach, highest, copies: 1.0 };
     let signals = excerpt.signals(dims.coordinates, sample_time, options.reading.hold, (course, &steps));

@@ -163,7 +163,7 @@ fn pool_head(result: &Identification, pool: &PoolReport) -> String {
             part.log.samples.to_string(),
             match &part.log.way {
                 Way::Harmonics(found) => format!("{} periods of {} s", found.periods, number(found.period)),
-                Way::Time(found) => format!("time, up to {} Hz", number(found.cut_off)),
+                Way::Samples(_) => "samples one by one".into(),
                 Way::Spectral(found) => {
                     format!("lines up to {} Hz", number(found.lines.used.iter().copied().fold(0.0, f64::max)))
                 }
@@ -203,20 +203,7 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             found.window,
             result.harmonics,
         ),
-        Way::Time(found) => {
-            let highest = found.highest.iter().copied().fold(0.0, f64::max);
-            let rest = match found.at_rest {
-                share if share > 0.0 => format!("; {:.1} % of the equations near rest left out", 100.0 * share),
-                _ => String::new(),
-            };
-            let part = if found.samples < samples { format!(", {} of them in blocks", found.samples) } else { String::new() };
-            format!(
-                "used in the time domain{part}, motion up to {} Hz, low pass at {} Hz, {} instants{rest}; hold {hold}\n\n",
-                number(highest),
-                number(found.cut_off),
-                found.instants,
-            )
-        }
+        Way::Samples(found) => format!("{} samples used one by one; hold {hold}\n\n", found.samples),
         Way::Spectral(found) => {
             let part = match found.period {
                 Some(period) => format!("{} samples of whole periods of {} s", found.lines.samples, number(period)),

@@ -5,13 +5,13 @@
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a
 //! direction of the parameters that is open is not predicted: it is named.
 
-use crate::any_log::stretches;
 use crate::error::SessionError;
 use crate::log::{LogRequest, alone};
 use crate::log_fault::LogFault;
 use crate::model::Identifiable;
 use crate::options::LogOptions;
 use crate::periodic_log::{repeating, spectra};
+use crate::record::stretches;
 use crate::rows::Rows;
 use crate::simulation::{Simulation, simulate};
 use num_complex::Complex;

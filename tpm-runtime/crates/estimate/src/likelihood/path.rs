@@ -71,9 +71,16 @@ impl Measured {
         };
         together * h
     }
+
+    /// What smoothing makes of a derivative of the position at an angular frequency, when motions up to `fastest`, Hz, are followed.
+    fn smoothing(&self, w: f64, fastest: f64, derivative: usize) -> Complex<f64> {
+        let share = if self.rate_noise.is_some() { 1.0 } else { self.spectrum.share(w / (2.0 * PI)) };
+        Complex::new(0.0, w).powu(derivative as u32) * wide(fastest).response(w) * share
+    }
 }
 
 /// A stretch on its grid.
+#[derive(Clone)]
 pub(super) struct Path {
     /// Coordinates of the model.
     coordinates: usize,
@@ -159,6 +166,33 @@ impl<'a> Paths<'a> {
             (0..moving.inputs.len()).map(input).collect()
         };
         motion.stretches.iter().zip(&self.paths).map(of).collect()
+    }
+
+    /// The same record with noise of the size that the smoothed coordinates have added to them.
+    pub(super) fn with_noise(&self, motion: &Motion) -> Self {
+        let fastest = self.fastest();
+        let of = |(moving, path): (&Moving, &Path)| {
+            let mut noisy = path.clone();
+            for (c, own) in self.measured.iter().enumerate() {
+                for d in 0..=self.rows.model.coordinate_order(c) {
+                    let noise = moving.noise[c].filtered(path.points, |w| own.smoothing(w, fastest, d));
+                    noisy
+                        .motion
+                        .iter_mut()
+                        .skip(d * path.coordinates + c)
+                        .step_by(path.slots)
+                        .zip(&noise)
+                        .for_each(|(x, n)| *x += n);
+                }
+            }
+            noisy
+        };
+        Paths {
+            rows: self.rows,
+            sample_time: self.sample_time,
+            measured: self.measured.clone(),
+            paths: motion.stretches.iter().zip(&self.paths).map(of).collect(),
+        }
     }
 
     /// The same record with other coordinates, derivative by derivative, and other inputs.
@@ -300,16 +334,12 @@ fn on_grid(
     let narrow = measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
     let wanted = whole * f64::max(POINTS_PER_OSCILLATION * narrow, LEAST_POINTS * fastest);
     let points = quick(wanted.ceil() as usize).min(moving.points);
-    let wide = wide(fastest);
     let slots = dims.motion_len();
     let mut motion = vec![0.0; points * slots];
     for (c, signal) in moving.coordinates.iter().enumerate() {
         let own = &measured[c];
         for d in 0..=model.coordinate_order(c) {
-            let values = signal.filtered(points, |w| {
-                let share = if own.rate_noise.is_some() { 1.0 } else { own.spectrum.share(w / (2.0 * PI)) };
-                Complex::new(0.0, w).powu(d as u32) * wide.response(w) * share
-            });
+            let values = signal.filtered(points, |w| own.smoothing(w, fastest, d));
             for (k, value) in values.iter().enumerate() {
                 motion[k * slots + d * dims.coordinates + c] = *value;
             }

@@ -4,10 +4,10 @@ use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
 use crate::likelihood::library::{Columns, Scales, Term, TermKind};
-use crate::likelihood::lines::RowLines;
+use crate::likelihood::lines::{RowLines, Signals, row_lines};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
-use crate::likelihood::path::{Along, Felt, Paths, Rows};
+use crate::likelihood::path::{Along, Felt, Path, Paths, Rows};
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use tpm_numerics::singular::{Singular, unit_columns};
@@ -15,6 +15,8 @@ use tpm_numerics::{DMatrix, DVector};
 
 /// A direction of scaled parameters whose singular value is below this share of the largest is not shown.
 pub(super) const RANK: f64 = 1e-8;
+/// Share of its information that noise of the sensors alone would give: a direction above it is not shown.
+const MOST_NOISE_INFORMATION: f64 = 0.5;
 /// Known terms above this share of a row's force fix the scale of a row without an input.
 const KNOWN_SHARE: f64 = 1e-3;
 
@@ -118,6 +120,26 @@ impl<'a> Pass<'a> {
         }
     }
 
+    /// What noise of the sensors makes of the columns of the parameters: lines of all rows.
+    fn noise_lines(&self) -> Result<Vec<RowLines>, EstimateError> {
+        let noisy = self.paths.with_noise(self.motion);
+        let along: Vec<Along> = noisy.paths.iter().map(|path| self.rows.along(path)).collect::<Result<_, _>>()?;
+        let of_row = |row: usize| {
+            let of = |((own, noisy), path): ((&Along, &Along), &Path)| -> Signals {
+                let own = own.parameters(row);
+                let without = |(j, column): (usize, Vec<f64>)| {
+                    let exact = own.iter().find(|(other, _)| *other == j).map(|(_, column)| column.as_slice());
+                    (j, column.iter().enumerate().map(|(k, x)| x - exact.map_or(0.0, |exact| exact[k])).collect())
+                };
+                let columns = noisy.parameters(row).into_iter().map(without);
+                columns.chain([(self.right(), vec![0.0; path.points])]).collect()
+            };
+            let signals: Vec<Signals> = self.along.iter().zip(&along).zip(&self.paths.paths).map(of).collect();
+            row_lines(&self.paths.paths, self.views[row], &signals).ok_or(EstimateError::NoSignal)
+        };
+        (0..self.rows.model.dims().rows).map(of_row).collect()
+    }
+
     /// What the lines do not show, and which parameters are estimated.
     fn rank(&mut self, lines: &[RowLines], free: &Free, settings: &Settings) -> Result<(), EstimateError> {
         let noise = Noise::first(lines, false);
@@ -132,12 +154,30 @@ impl<'a> Pass<'a> {
             None => (factor, None),
         };
         let singular = Singular::new(&narrow, RANK);
-        if singular.rank() == 0 {
+        let in_scaled =
+            |directions: DMatrix<f64>| whole.map_or_else(|| directions.clone(), |basis| basis * &directions);
+        // Coordinates in which the information is the identity, and what noise alone would make of it there.
+        let mut shown = in_scaled(singular.right.clone());
+        for (mut column, value) in shown.column_iter_mut().zip(singular.values.iter()) {
+            column /= *value;
+        }
+        let of_noise = triangle(&self.noise_lines()?, &noise.variance, &free.indices, self.right());
+        let mut of_noise = of_noise.view((0, 0), (n, n)).into_owned();
+        for (mut column, scale) in of_noise.column_iter_mut().zip(&scale) {
+            column /= *scale;
+        }
+        let of_noise = of_noise * &shown;
+        let of_noise = of_noise.tr_mul(&of_noise).symmetric_eigen();
+        let by_noise = of_noise.eigenvalues.iter().zip(of_noise.eigenvectors.column_iter());
+        let by_noise: Vec<DVector<f64>> = (by_noise.filter(|(share, _)| **share > MOST_NOISE_INFORMATION))
+            .map(|(_, own)| (&shown * own).normalize())
+            .collect();
+        if singular.rank() == by_noise.len() {
             return Err(EstimateError::NoSignal);
         }
-        let null = singular.null();
-        let null = whole.map_or_else(|| null.clone(), |basis| basis * &null);
-        let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
+        let null = in_scaled(singular.null());
+        let lost = null.column_iter().map(|column| column.iter().copied().collect());
+        let lost = lost.chain(by_noise.iter().map(|own| own.iter().copied().collect())).collect();
         let lost = beside_known(&known, lost, &scale);
         self.hidden = known.into_iter().chain(lost).collect();
         let apart = set_apart(self.hidden.clone());

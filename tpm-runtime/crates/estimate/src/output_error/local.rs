@@ -4,7 +4,7 @@ use tpm_numerics::DMatrix;
 
 /// Derivatives 0 to `order` of a signal at every `stride`-th sample, sample by sample: those of the polynomial of degree `order + 1` that fits
 /// `2 half + 1` samples best, at the ends of the signal the nearest ones. Nothing where the signal is shorter.
-pub(super) fn derivatives(
+pub(crate) fn derivatives(
     signal: &[f64],
     sample_time: f64,
     half: usize,

@@ -21,7 +21,7 @@ mod explanation;
 mod fit;
 #[cfg(test)]
 mod fit_tests;
-mod local;
+pub(crate) mod local;
 mod misfit;
 mod noise;
 mod predictor;

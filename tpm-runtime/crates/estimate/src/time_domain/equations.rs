@@ -67,13 +67,6 @@ impl Equations {
         self.rows.first().map_or(0, |row| row.counts.len())
     }
 
-    /// Share of all equations that a sign leaves unknown.
-    pub(super) fn at_rest(&self) -> f64 {
-        let all: usize = self.rows.iter().map(|row| row.counts.len()).sum();
-        let left: usize = self.rows.iter().flat_map(|row| &row.counts).filter(|counts| !**counts).count();
-        left as f64 / all.max(1) as f64
-    }
-
     /// The equations of a record behind a low pass.
     ///
     /// # Errors

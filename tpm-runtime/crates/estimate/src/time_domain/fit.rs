@@ -25,11 +25,9 @@ struct Part {
 
 /// An estimate in one band.
 pub(super) struct Fitted {
-    pub estimate: Estimate,
+    pub(super) estimate: Estimate,
     /// What is left of every row, as a share of its force.
     pub(super) row_residuals: Vec<f64>,
-    /// Largest share of a row's force that one unit of a parameter makes, by parameter.
-    pub(super) felt: Vec<f64>,
 }
 
 /// Estimates the parameters in one band; nothing where no equation counts, or none says anything.
@@ -98,7 +96,7 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
         chi_squared: 1.0,
         model_error: vec![0.0; dims.rows],
     };
-    Some(Fitted { estimate, row_residuals, felt })
+    Some(Fitted { estimate, row_residuals })
 }
 
 fn part(row: &RowEquations, parameters: usize, free: &Free, settings: &Settings) -> Part {

@@ -1,4 +1,7 @@
-//! Estimates from any motion, in the time domain.
+//! Any motion in the time domain: what stands beside its lines.
+//!
+//! The noise and the frequencies of a record are found here; the shift of an input is looked for, the forces of given parameters are
+//! predicted, and models that differ in a nonlinear parameter are compared in one band.
 //!
 //! The rows `Phi(q, q', ...) theta + known = B u` hold at every instant, and still hold after the same low pass F on both sides,
 //! `F[Phi] theta + F[known] = F[B u]`, whatever the motion is: a chirp, a ramp, a hand that guides the machine. F has no phase and passes
@@ -13,7 +16,7 @@
 //! - Deviations contain the correlation of the residuals in time.
 //!
 //! ```text
-//! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one); predict; shift
+//! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> one_band; predict; shift
 //! ```
 
 pub(crate) mod band;
@@ -29,7 +32,6 @@ mod shift;
 mod tests;
 pub(crate) mod transform;
 
-pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub use bands::Swiftness;
 pub(crate) use bands::typical_period;
 pub(crate) use equations::LEAST_ARGUMENT;

@@ -59,8 +59,6 @@ pub(crate) struct Moving {
 /// A record by its frequencies.
 pub(crate) struct Motion {
     pub(crate) stretches: Vec<Moving>,
-    /// Deviation of every sensor's noise from sample to sample, unit of the coordinate.
-    pub(crate) white: Vec<f64>,
     /// Step of every sensor; zero where its values lie on no grid.
     pub(crate) steps: Vec<f64>,
     /// Highest angular frequency of every coordinate that stands out of its noise, rad/s.
@@ -131,7 +129,7 @@ impl Motion {
         }
         let gain = |(own, power): (f64, f64)| own / power.max(f64::MIN_POSITIVE);
         let rate_gains = gains.iter().zip(&rate_noise).map(|(&of, noise)| noise.map(|_| gain(of))).collect();
-        Ok(Motion { stretches, white, steps, highest, typical_period, rate_gains })
+        Ok(Motion { stretches, steps, highest, typical_period, rate_gains })
     }
 
     /// Highest angular frequency of any coordinate, rad/s.

@@ -3,7 +3,7 @@
 use crate::error::EstimateError;
 use crate::result::Estimate;
 use crate::settings::Settings;
-use crate::time_domain::band::cut_offs;
+use crate::time_domain::band::cut_off;
 use crate::time_domain::equations::{Equations, Machine};
 use crate::time_domain::fit::fit;
 use crate::time_domain::low_pass::LowPass;
@@ -25,22 +25,22 @@ impl std::fmt::Debug for OneBand<'_> {
 }
 
 impl<'a> OneBand<'a> {
-    /// A record in the middle of the bands that would be tried for an estimate.
+    /// A record in the band that suits its motion.
     ///
     /// # Errors
     /// [`EstimateError::NoSignal`] when the stretches are too short for any band.
     pub fn new(record: &'a TimeRecord<'a>) -> Result<Self, EstimateError> {
         let motion = Motion::new(record)?;
-        let cut_offs = cut_offs(&motion, record.sample_time);
-        let cut_off = cut_offs.get(cut_offs.len() / 2).copied().ok_or(EstimateError::NoSignal)?;
+        let cut_off = cut_off(&motion, record.sample_time).ok_or(EstimateError::NoSignal)?;
         Ok(Self { record, motion, low_pass: LowPass { cut_off } })
     }
 
     /// Estimates the parameters of a model; `derivatives` tell where signs jump.
     ///
     /// # Errors
-    /// [`EstimateError::NoSignal`] when the record shows no more than noise; the others are those of
-    /// [`estimate_time_domain`](crate::estimate_time_domain).
+    /// [`EstimateError::NoSignal`] when the record shows no more than noise; [`EstimateError::Model`] and [`EstimateError::NotFinite`] when
+    /// the rows cannot be evaluated on the motion; [`EstimateError::Frozen`] and [`EstimateError::AllFrozen`] when parameters are held that
+    /// do not exist, or all.
     pub fn estimate(
         &self,
         model: &dyn Model<f64>,

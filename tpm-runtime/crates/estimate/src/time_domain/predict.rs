@@ -1,7 +1,7 @@
 //! What given parameters miss of the forces of a record, in the time domain.
 
 use crate::error::EstimateError;
-use crate::time_domain::band::{cut_offs, reach};
+use crate::time_domain::band::{cut_off, reach};
 use crate::time_domain::equations::{Equations, Machine, RowEquations};
 use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
@@ -55,6 +55,8 @@ pub struct Pace {
     pub highest: Vec<f64>,
     /// Step of every sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
+    /// Measured rate over the rate of the measured position, by coordinate; nothing where the rate was not measured.
+    pub rate_gains: Vec<Option<f64>>,
 }
 
 impl Pace {
@@ -64,13 +66,13 @@ impl Pace {
     /// [`EstimateError::NoSignal`] when there are no samples.
     pub fn of(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
         let motion = Motion::new(record)?;
-        let cut_offs = cut_offs(&motion, record.sample_time);
-        let cut_off = cut_offs.get(cut_offs.len() / 2).copied().unwrap_or_else(|| motion.fastest()) / (2.0 * PI);
+        let cut_off = cut_off(&motion, record.sample_time).unwrap_or_else(|| motion.fastest()) / (2.0 * PI);
         Ok(Pace {
             typical_period: motion.typical_period / record.sample_time,
             reach: reach(cut_off.max(f64::MIN_POSITIVE), record.sample_time),
             highest: motion.highest.iter().map(|frequency| frequency / (2.0 * PI)).collect(),
             steps: motion.steps,
+            rate_gains: motion.rate_gains,
         })
     }
 }
@@ -91,9 +93,7 @@ pub fn predict_in_band(
 ) -> Result<Prediction, EstimateError> {
     let dims = model.dims();
     let motion = Motion::new(record)?;
-    let cut_offs = cut_offs(&motion, record.sample_time);
-    // The band in the middle of those that would be tried for an estimate.
-    let cut_off = cut_offs.get(cut_offs.len() / 2).copied().ok_or(EstimateError::NoSignal)?;
+    let cut_off = cut_off(&motion, record.sample_time).ok_or(EstimateError::NoSignal)?;
     let machine = Machine { model, derivatives, constants };
     let lost = Equations::lost(LowPass { cut_off });
     let equations = Equations::of(machine, record, &motion, LowPass { cut_off })?;

@@ -6,7 +6,7 @@
 
 use crate::error::EstimateError;
 use crate::settings::Settings;
-use crate::time_domain::band::cut_offs;
+use crate::time_domain::band::cut_off;
 use crate::time_domain::equations::{Equations, Machine};
 use crate::time_domain::fit::fit;
 use crate::time_domain::low_pass::LowPass;
@@ -84,8 +84,7 @@ pub fn input_shift(
     settings: &Settings,
 ) -> Result<Option<InputShift>, EstimateError> {
     let motion = Motion::new(record)?;
-    let cut_offs = cut_offs(&motion, record.sample_time);
-    let cut_off = cut_offs.get(cut_offs.len() / 2).copied().ok_or(EstimateError::NoSignal)?;
+    let cut_off = cut_off(&motion, record.sample_time).ok_or(EstimateError::NoSignal)?;
     let machine = Machine { model, derivatives, constants };
     let low_pass = LowPass { cut_off };
     let mut shifted = Shifted { machine, record, motion, low_pass, settings, independent: 1.0 };

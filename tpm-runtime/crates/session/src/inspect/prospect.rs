@@ -1,10 +1,10 @@
 //! What identification would make of a record.
 
-use crate::any_log::{MOST_SAMPLES, stretches};
 use crate::excerpt::blocks;
 use crate::log_fault::LogFault;
 use crate::log_report::LogReport;
 use crate::options::LogOptions;
+use crate::record::{MOST_SAMPLES, stretches};
 use crate::rows::Rows;
 use crate::warning::Warning;
 use tpm_estimate::{InputShift, Settings, TimeRecord, input_shift};

@@ -1,0 +1,102 @@
+//! A log that is used sample by sample: that of a static map, which is a regression, and one that is too short for the lines of its rows, which
+//! is simulated.
+
+use crate::excerpt::Excerpt;
+use crate::found::Found;
+use crate::log_fault::LogFault;
+use crate::log_report::{HoldResiduals, SamplesReport, Way};
+use crate::options::LogOptions;
+use crate::record::{differing_rates, record, stretches};
+use crate::refine::{Conditions, Refined, Start, refined};
+use crate::summary;
+use crate::warning::{Data, Warning};
+use tpm_core::model::Model;
+use tpm_estimate::{
+    Course, Differentiable, EstimateError, Pace, Sampled, Stretch, TimeRecord, estimate_sampled, is_static,
+};
+use tpm_log::Log;
+
+/// Widths of the polynomials along which a simulation may begin, in units of the one that follows the motion: noise asks for more, what
+/// jumps for less.
+const REACHES: [f64; 3] = [1.0, 2.0, 0.5];
+
+/// Identifies a model from the samples of a record one by one; nothing where a model with derivatives is not followed by any simulation.
+///
+/// # Errors
+/// [`LogFault`].
+pub(super) fn identify(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+) -> Result<Option<Found>, LogFault> {
+    let record = record(model, segments, options)?;
+    let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
+    let fault = |source| LogFault::Estimate { path: path.clone(), source };
+    if is_static(model) {
+        let found = estimate_sampled(model, &options.constants, &record, 0, &options.estimation).map_err(fault)?;
+        let warnings = summary::doubts(model, &found.estimate, Data::Log);
+        let own = Refined { estimate: found.estimate.clone(), report: None, warnings };
+        return Ok(Some(as_found(found, own, options)));
+    }
+    let pace = Pace::of(&record).map_err(fault)?;
+    let rates = differing_rates(model, &pace.rate_gains).collect::<Vec<Warning>>();
+    let mut best: Option<(Sampled, Refined)> = None;
+    for share in REACHES {
+        let reach = (share * pace.reach as f64).ceil() as usize;
+        let found = match estimate_sampled(model, &options.constants, &record, reach, &options.estimation) {
+            Ok(found) => found,
+            Err(EstimateError::NoSignal) => continue,
+            Err(source) => return Err(fault(source)),
+        };
+        let own = simulated(model, machine, (segments, &record), (&pace, &found), options)?;
+        let left = |own: &Refined| own.estimate.residual;
+        if own.report.as_ref().is_some_and(|report| report.used)
+            && best.as_ref().is_none_or(|(_, other)| left(&own) < left(other))
+        {
+            best = Some((found, own));
+        }
+    }
+    Ok(best.map(|(found, mut own)| {
+        let mut warnings = summary::doubts(model, &own.estimate, Data::Log);
+        warnings.extend(rates);
+        warnings.append(&mut own.warnings);
+        own.warnings = warnings;
+        as_found(found, own, options)
+    }))
+}
+
+/// What a simulation makes of an estimate along polynomials.
+fn simulated(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    (segments, record): (&[&Log], &TimeRecord<'_>),
+    (pace, found): (&Pace, &Sampled),
+    options: &LogOptions,
+) -> Result<Refined, LogFault> {
+    let all = stretches(segments, model.dims().coordinates, &options.reading)?;
+    let Pace { typical_period, reach, highest, .. } = pace.clone();
+    let start = Start {
+        estimate: &found.estimate,
+        excerpt: Excerpt::of_stretches(&all),
+        course: Course::Any { typical_period, reach, highest, copies: 1.0 },
+        steps: pace.steps.clone(),
+        samples: all.iter().map(Stretch::samples).sum(),
+        sample_time: record.sample_time,
+    };
+    let settings = &options.estimation;
+    let restate = |values, covariance| found.restated(values, covariance, settings);
+    Ok(refined(machine, start, Conditions::of_log(options), settings, &restate))
+}
+
+fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
+    Found {
+        harmonics: 0,
+        hold_residuals: HoldResiduals::of(options.reading.hold, found.estimate.residual, None),
+        way: Way::Samples(SamplesReport { samples: found.samples }),
+        row_residuals: found.row_residuals,
+        estimate: refined.estimate,
+        refinement: refined.report,
+        warnings: refined.warnings,
+    }
+}
