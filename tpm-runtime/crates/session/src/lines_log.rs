@@ -113,7 +113,7 @@ pub(super) fn identify(
     } else {
         unrefined(&found)
     };
-    let refined = if told_by_simulation(&refined, &found.estimate, dims) { refined } else { unrefined(&found) };
+    let refined = if told_by_simulation(&refined, &found, dims) { refined } else { unrefined(&found) };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
@@ -149,13 +149,21 @@ pub(super) fn follows(report: &RefinementReport, warnings: &[Warning]) -> bool {
 }
 
 /// Whether a simulation tells more than the lines from which it began. A model of several coordinates that lacks something follows no record,
-/// so that its simulation tells less; of a single one the simulation knows what it lacks, unless it follows no better than the lines do.
-fn told_by_simulation(refined: &Refined, lines: &Estimate, dims: Dims) -> bool {
+/// so that its simulation tells less. But the ratios of a row without an input it may find better: where the lines did not find them, or no
+/// term of theirs explains as much of what is left as one of the simulation does. Of a single coordinate it knows what the model lacks, unless
+/// it follows no better than the lines do.
+fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims) -> bool {
     let Some(report) = refined.report.as_ref().filter(|report| report.used) else { return false };
-    if dims.coordinates > 1 {
-        return dims.inputs < dims.rows || follows(report, &refined.warnings);
+    if follows(report, &refined.warnings) || lines.estimate.residual > LARGE_RESIDUAL {
+        return true;
     }
-    refined.estimate.residual <= LARGE_RESIDUAL || lines.residual > LARGE_RESIDUAL
+    if dims.coordinates > 1 {
+        let clearest = |gains: &mut dyn Iterator<Item = f64>| gains.fold(0.0, f64::max);
+        let by_lines = clearest(&mut lines.lacking.iter().map(|term| term.gain));
+        let by_simulation = clearest(&mut report.missing.iter().map(|term| term.gain));
+        return dims.inputs < dims.rows && (lines.report.free_row_left.is_some() || by_simulation > by_lines);
+    }
+    refined.estimate.residual <= LARGE_RESIDUAL
 }
 
 /// Whether a record of a motion that repeats has no noise: then its harmonics are exact, while the smoothing of a motion and the window that
