@@ -63,7 +63,7 @@ fn a_sweep_is_identified_and_predicts_another_one() {
     sweep(folder.path(), "b.csv", TRUTH, 10.0, 0.11);
     let (code, json, messages) = identify(folder.path(), &["--log", "a.csv"]);
     assert_eq!(code, Some(0), "{messages}");
-    assert_eq!(json["log"]["domain"], "time");
+    assert_eq!(json["log"]["domain"], "spectral");
     for ((value, std), truth) in parameters(&json).into_iter().zip(TRUTH) {
         assert!((value - truth).abs() < 4.0 * std && (value / truth - 1.0).abs() < 5e-3, "{value} +- {std}: {truth}");
     }

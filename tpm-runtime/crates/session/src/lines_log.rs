@@ -5,7 +5,7 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SpectralReport, Way};
 use crate::options::LogOptions;
-use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, record, stretches};
+use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, period_not_used, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
@@ -116,6 +116,9 @@ pub(super) fn identify(
     let refined = if told_by_simulation(&refined, &found, dims) { refined } else { unrefined(&found) };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
+    if periodic.is_none() {
+        warnings.extend(period_not_used(segments, &options.reading));
+    }
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
     if !settled {

@@ -82,3 +82,8 @@ pub(super) fn differing_rates(model: &dyn Model<f64>, gains: &[Option<f64>]) -> 
     };
     gains.iter().enumerate().filter_map(differs)
 }
+
+/// Says that a stated period is not used, where nothing of a record is taken to repeat.
+pub(super) fn period_not_used(segments: &[&Log], reading: &RecordSettings) -> Option<Warning> {
+    reading.period.map(|period| Warning::PeriodNotUsed { period, stretches: segments.len() })
+}

@@ -6,7 +6,7 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SamplesReport, Way};
 use crate::options::LogOptions;
-use crate::record::{differing_rates, record, stretches};
+use crate::record::{differing_rates, period_not_used, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
@@ -35,7 +35,8 @@ pub(super) fn identify(
     let fault = |source| LogFault::Estimate { path: path.clone(), source };
     if is_static(model) {
         let found = estimate_sampled(model, &options.constants, &record, 0, &options.estimation).map_err(fault)?;
-        let warnings = summary::doubts(model, &found.estimate, Data::Log);
+        let mut warnings = summary::doubts(model, &found.estimate, Data::Log);
+        warnings.extend(period_not_used(segments, &options.reading));
         let own = Refined { estimate: found.estimate.clone(), report: None, warnings };
         return Ok(Some(as_found(found, own, options)));
     }
@@ -60,6 +61,7 @@ pub(super) fn identify(
     Ok(best.map(|(found, mut own)| {
         let mut warnings = summary::doubts(model, &own.estimate, Data::Log);
         warnings.extend(rates);
+        warnings.extend(period_not_used(segments, &options.reading));
         warnings.append(&mut own.warnings);
         own.warnings = warnings;
         as_found(found, own, options)
