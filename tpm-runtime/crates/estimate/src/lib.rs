@@ -36,6 +36,7 @@ mod prior;
 mod projected;
 mod response;
 mod result;
+mod rows;
 mod run;
 mod sampled;
 mod select;

@@ -1,8 +1,9 @@
 //! The result that every estimator gives.
 
+use crate::free::Free;
 use crate::settings::Settings;
-use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, Status};
-use tpm_numerics::Matrix;
+use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, Status, Verdict};
+use tpm_numerics::{DMatrix, Matrix, root_mean_square};
 
 /// What a residual is a share of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
@@ -63,7 +64,44 @@ pub struct Estimate {
     pub model_error: Vec<f64>,
 }
 
+/// What weighted least squares over the rows of a model gave.
+pub(super) struct LeastSquares<'a> {
+    /// Values of all parameters.
+    pub(super) values: Vec<f64>,
+    /// Covariance of all parameters.
+    pub(super) covariance: DMatrix<f64>,
+    /// Directions of the free parameters that the equations do not show.
+    pub(super) hidden: &'a [Vec<f64>],
+    /// Whether a free parameter belongs to one of them.
+    pub(super) touched: &'a [bool],
+    pub(super) rank: usize,
+    pub(super) condition: f64,
+    /// What is left of every row, as a share of its force.
+    pub(super) row_residuals: &'a [f64],
+    /// Largest share of a row's force that one unit of a parameter makes, by parameter.
+    pub(super) felt: &'a [f64],
+}
+
 impl Estimate {
+    /// The estimate that least squares over the rows of a model gave.
+    pub(super) fn of_rows(free: &Free, found: LeastSquares<'_>) -> Self {
+        let LeastSquares { values, covariance, hidden, touched, rank, condition, row_residuals, felt } = found;
+        let verdict = Verdict::new(free, touched, &values, &covariance, |j, std| felt[j] * std);
+        Estimate {
+            values,
+            std: verdict.std,
+            covariance: Matrix::of(covariance),
+            status: verdict.status,
+            rank,
+            unobservable: hidden.iter().map(|direction| free.spread(direction)).collect(),
+            condition,
+            residual: root_mean_square(row_residuals.iter().copied()),
+            residual_of: ResidualOf::Force,
+            chi_squared: 1.0,
+            model_error: vec![0.0; row_residuals.len()],
+        }
+    }
+
     /// The estimate with values and covariance of all parameters that were found in another way. What is hidden, or held by the settings,
     /// stays as it is; `felt` gives the largest share of a row's force that a change of a parameter makes.
     pub(super) fn with_values(

@@ -9,15 +9,12 @@ use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{Information, Solution};
 use crate::output_error::local;
-use crate::result::{Estimate, ResidualOf};
+use crate::result::{Estimate, LeastSquares};
+use crate::rows::Rows;
 use crate::settings::Settings;
-use crate::time_domain::{Stretch, TimeRecord};
-use crate::verdict::Verdict;
-use tpm_core::model::{Dims, Model};
-use tpm_numerics::{DMatrix, DVector, Matrix, root_mean_square};
-
-/// Times that the rows are weighed by what they leave.
-const WEIGHING_PASSES: usize = 3;
+use crate::time_domain::{Stretch, TimeRecord, WEIGHING_PASSES};
+use tpm_core::model::Model;
+use tpm_numerics::{DMatrix, DVector, Matrix};
 
 /// An estimate from the rows at the samples.
 #[derive(Clone, Debug)]
@@ -70,18 +67,20 @@ pub fn estimate_sampled(
 ) -> Result<Sampled, EstimateError> {
     let dims = model.dims();
     let free = settings.free(dims.parameters)?;
-    let rows = rows(model, constants, (record, reach), &free, settings)?;
+    let rows = equations(Rows { model, constants }, (record, reach), &free, settings)?;
     let samples = rows.first().map_or(0, |row| row.entries.nrows());
     let mut weights: Vec<f64> = rows.iter().map(|row| 1.0 / row.force.max(f64::MIN_POSITIVE)).collect();
     let mut values = settings.start(dims.parameters);
     let prior = free.of(&values);
     let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
-    let mut solved = information(&rows, &weights).scaled().solve(&prior, None, &known);
+    let mut information = weighted(&rows, &weights);
+    let mut solved = information.scaled().solve(&prior, None, &known);
     for _ in 0..WEIGHING_PASSES {
         for (row, weight) in rows.iter().zip(&mut weights) {
             *weight = 1.0 / (row.left(&solved.values) + f64::EPSILON * row.force).max(f64::MIN_POSITIVE);
         }
-        solved = information(&rows, &weights).scaled().solve(&prior, None, &known);
+        information = weighted(&rows, &weights);
+        solved = information.scaled().solve(&prior, None, &known);
     }
     if samples == 0 || solved.rank == 0 {
         return Err(EstimateError::NoSignal);
@@ -99,22 +98,20 @@ pub fn estimate_sampled(
             rows.iter().map(of).fold(0.0, f64::max)
         })
         .collect();
-    let scaled = information(&rows, &weights);
-    let touched = scaled.scaled().touched(&solved.unobservable);
-    let verdict = Verdict::new(&free, &touched, &values, &whole, |j, std| felt[j] * std);
-    let estimate = Estimate {
-        values,
-        std: verdict.std,
-        covariance: Matrix::of(whole),
-        status: verdict.status,
-        rank: solved.rank,
-        unobservable: solved.unobservable.iter().map(|direction| free.spread(direction)).collect(),
-        condition: scaled.scaled().condition(&known),
-        residual: root_mean_square(row_residuals.iter().copied()),
-        residual_of: ResidualOf::Force,
-        chi_squared: 1.0,
-        model_error: vec![0.0; dims.rows],
-    };
+    let scaled = information.scaled();
+    let estimate = Estimate::of_rows(
+        &free,
+        LeastSquares {
+            values,
+            covariance: whole,
+            hidden: &solved.unobservable,
+            touched: &scaled.touched(&solved.unobservable),
+            rank: solved.rank,
+            condition: scaled.condition(&known),
+            row_residuals: &row_residuals,
+            felt: &felt,
+        },
+    );
     Ok(Sampled { estimate, row_residuals, samples, felt })
 }
 
@@ -131,29 +128,26 @@ impl Row {
 }
 
 /// The equations of all rows.
-fn rows(
-    model: &dyn Model<f64>,
-    constants: &[f64],
+fn equations(
+    of: Rows<'_>,
     (record, reach): (&TimeRecord<'_>, usize),
     free: &Free,
     settings: &Settings,
 ) -> Result<Vec<Row>, EstimateError> {
+    let model = of.model;
     let dims = model.dims();
     let n = free.indices.len();
     let mut entries: Vec<Vec<f64>> = vec![Vec::new(); dims.rows];
-    let mut scratch = Scratch::new(model, dims);
+    let mut scratch = of.scratch();
     for stretch in &record.stretches {
         let Some(motion) = motion(model, stretch, record.sample_time, reach) else { continue };
         for (k, instant) in motion.chunks_exact(dims.motion_len()).enumerate() {
-            scratch.evaluate(model, instant, constants)?;
+            of.evaluate(instant, &mut scratch)?;
             for (row, own) in entries.iter_mut().enumerate() {
-                let of = |j: usize| scratch.regressor[row * dims.parameters + j];
-                let acting: f64 = (stretch.inputs.iter().enumerate())
-                    .map(|(i, input)| scratch.map[row * dims.inputs + i] * input[k])
-                    .sum();
-                let held: f64 = settings.frozen.iter().map(|frozen| frozen.value * of(frozen.parameter)).sum();
-                own.extend(free.indices.iter().map(|&j| of(j)));
-                own.push(acting - scratch.known[row] - held);
+                let phi = |j: usize| scratch.regressor[row * dims.parameters + j];
+                let held: f64 = settings.frozen.iter().map(|frozen| frozen.value * phi(frozen.parameter)).sum();
+                own.extend(free.indices.iter().map(|&j| phi(j)));
+                own.push(of.right_of(&scratch, row, &|i| stretch.inputs[i][k]) - held);
             }
         }
     }
@@ -192,33 +186,8 @@ fn motion(model: &dyn Model<f64>, stretch: &Stretch<'_>, sample_time: f64, reach
     Some(motion)
 }
 
-/// Buffers in which a model is evaluated.
-struct Scratch {
-    regressor: Vec<f64>,
-    known: Vec<f64>,
-    map: Vec<f64>,
-    workspace: Vec<f64>,
-}
-
-impl Scratch {
-    fn new(model: &dyn Model<f64>, dims: Dims) -> Self {
-        Scratch {
-            regressor: vec![0.0; dims.regressor_len()],
-            known: vec![0.0; dims.rows],
-            map: vec![0.0; dims.input_map_len()],
-            workspace: vec![0.0; model.workspace_len()],
-        }
-    }
-
-    fn evaluate(&mut self, model: &dyn Model<f64>, instant: &[f64], constants: &[f64]) -> Result<(), EstimateError> {
-        model.regressor(instant, constants, &mut self.workspace, &mut self.regressor)?;
-        model.known(instant, constants, &mut self.workspace, &mut self.known)?;
-        Ok(model.input_map(instant, constants, &mut self.workspace, &mut self.map)?)
-    }
-}
-
 /// What weighted rows say.
-fn information(rows: &[Row], weights: &[f64]) -> Information {
+fn weighted(rows: &[Row], weights: &[f64]) -> Information {
     let n = rows.first().map_or(1, |row| row.entries.ncols());
     let of = |(row, weight): (&Row, &f64)| Information::of(&row.entries * weight.sqrt());
     rows.iter().zip(weights).map(of).reduce(|a, b| a.pool(&b)).unwrap_or_else(|| Information::empty(n - 1))

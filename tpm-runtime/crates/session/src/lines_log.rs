@@ -5,7 +5,7 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SpectralReport, Way};
 use crate::options::LogOptions;
-use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, period_not_used, record, stretches};
+use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, period_not_used, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
@@ -14,7 +14,7 @@ use crate::warning::{Data, Warning};
 use tpm_core::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, Course, Differentiable, Estimate, EstimateError, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand, Sensor,
-    Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
+    Stretch, TermKind, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 
@@ -37,7 +37,7 @@ const LEAST_VERTEX: f64 = 1e-3;
 
 /// The arrangement of the columns of a record by which a model explains it best; nothing where none can be evaluated.
 pub(super) fn arrangement(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions) -> Option<Arranged> {
-    let record = record(model, segments, options).ok()?;
+    let record = estimated(segments, model.dims().coordinates, options).ok()?;
     best_arrangement(model, &options.constants, &record, &options.estimation).ok().flatten()
 }
 
@@ -64,12 +64,7 @@ pub(super) fn identify(
         _ => (at_most(all.clone(), MOST_SAMPLES, BLOCKS), false),
     };
     let samples = used.iter().map(Stretch::samples).sum();
-    let record = TimeRecord {
-        sample_time: first.sample_time,
-        hold: options.reading.hold,
-        actuators: &options.actuators,
-        stretches: used,
-    };
+    let record = record(first.sample_time, options, used);
     let found = estimate_any_motion(model, &options.constants, &record, circular, settings)
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;

@@ -22,22 +22,23 @@ pub(super) fn nothing() -> LogFault {
     LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal }
 }
 
-/// The segments of a record as one, in blocks where it is long.
+/// Stretches of samples so far apart, s, with what the options say of their inputs.
+pub(super) fn record<'a>(sample_time: f64, options: &'a LogOptions, stretches: Vec<Stretch<'a>>) -> TimeRecord<'a> {
+    TimeRecord { sample_time, hold: options.reading.hold, actuators: &options.actuators, stretches }
+}
+
+/// The segments of a record as they are estimated from: in blocks where they are long together.
 ///
 /// # Errors
 /// As of [`stretches`].
-pub(super) fn record<'a>(
-    model: &dyn Model<f64>,
+pub(super) fn estimated<'a>(
     segments: &[&'a Log],
+    coordinates: usize,
     options: &'a LogOptions,
 ) -> Result<TimeRecord<'a>, LogFault> {
-    let all = stretches(segments, model.dims().coordinates, &options.reading)?;
-    Ok(TimeRecord {
-        sample_time: segments.first().ok_or_else(nothing)?.sample_time,
-        hold: options.reading.hold,
-        actuators: &options.actuators,
-        stretches: at_most(all, MOST_SAMPLES, BLOCKS),
-    })
+    let all = stretches(segments, coordinates, &options.reading)?;
+    let sample_time = segments.first().ok_or_else(nothing)?.sample_time;
+    Ok(record(sample_time, options, at_most(all, MOST_SAMPLES, BLOCKS)))
 }
 
 /// The stretches of a record from the first sample on that is used; there is one at least.

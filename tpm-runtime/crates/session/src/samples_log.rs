@@ -1,19 +1,17 @@
 //! A log that is used sample by sample: that of a static map, which is a regression, and one that is too short for the lines of its rows, which
 //! is simulated.
 
-use crate::excerpt::Excerpt;
+use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SamplesReport, Way};
 use crate::options::LogOptions;
-use crate::record::{differing_rates, period_not_used, record, stretches};
+use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, nothing, period_not_used, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
 use tpm_core::model::Model;
-use tpm_estimate::{
-    Course, Differentiable, EstimateError, Pace, Sampled, Stretch, TimeRecord, estimate_sampled, is_static,
-};
+use tpm_estimate::{Course, Differentiable, EstimateError, Pace, Sampled, Stretch, estimate_sampled, is_static};
 use tpm_log::Log;
 
 /// Widths of the polynomials along which a simulation may begin, in units of the one that follows the motion: noise asks for more, what
@@ -30,9 +28,10 @@ pub(super) fn identify(
     segments: &[&Log],
     options: &LogOptions,
 ) -> Result<Option<Found>, LogFault> {
-    let record = record(model, segments, options)?;
-    let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
-    let fault = |source| LogFault::Estimate { path: path.clone(), source };
+    let first = segments.first().ok_or_else(nothing)?;
+    let fault = |source| LogFault::Estimate { path: first.path.clone(), source };
+    let all = stretches(segments, model.dims().coordinates, &options.reading)?;
+    let record = record(first.sample_time, options, at_most(all.clone(), MOST_SAMPLES, BLOCKS));
     if is_static(model) {
         let found = estimate_sampled(model, &options.constants, &record, 0, &options.estimation).map_err(fault)?;
         let mut warnings = summary::doubts(model, &found.estimate, Data::Log);
@@ -50,7 +49,7 @@ pub(super) fn identify(
             Err(EstimateError::NoSignal) => continue,
             Err(source) => return Err(fault(source)),
         };
-        let own = simulated(model, machine, (segments, &record), (&pace, &found), options)?;
+        let own = simulated(machine, (&all, first.sample_time), (&pace, &found), options);
         let left = |own: &Refined| own.estimate.residual;
         if own.report.as_ref().is_some_and(|report| report.used)
             && best.as_ref().is_none_or(|(_, other)| left(&own) < left(other))
@@ -70,25 +69,23 @@ pub(super) fn identify(
 
 /// What a simulation makes of an estimate along polynomials.
 fn simulated(
-    model: &dyn Model<f64>,
     machine: Option<Differentiable<'_>>,
-    (segments, record): (&[&Log], &TimeRecord<'_>),
+    (all, sample_time): (&[Stretch<'_>], f64),
     (pace, found): (&Pace, &Sampled),
     options: &LogOptions,
-) -> Result<Refined, LogFault> {
-    let all = stretches(segments, model.dims().coordinates, &options.reading)?;
+) -> Refined {
     let Pace { typical_period, reach, highest, .. } = pace.clone();
     let start = Start {
         estimate: &found.estimate,
-        excerpt: Excerpt::of_stretches(&all),
+        excerpt: Excerpt::of_stretches(all),
         course: Course::Any { typical_period, reach, highest, copies: 1.0 },
         steps: pace.steps.clone(),
         samples: all.iter().map(Stretch::samples).sum(),
-        sample_time: record.sample_time,
+        sample_time,
     };
     let settings = &options.estimation;
     let restate = |values, covariance| found.restated(values, covariance, settings);
-    Ok(refined(machine, start, Conditions::of_log(options), settings, &restate))
+    refined(machine, start, Conditions::of_log(options), settings, &restate)
 }
 
 fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {

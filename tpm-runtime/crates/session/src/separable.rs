@@ -5,19 +5,16 @@
 //! squares of rows that are linear about the best theta for z give the next z. Then the log is identified as any other, with rows linear
 //! about the last solution, until z has converged. The refinement at the end has theta and z together.
 
-use crate::excerpt::at_most;
 use crate::identification::Identification;
 use crate::identify::identify_from;
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
-use crate::record::{BLOCKS, MOST_SAMPLES, stretches};
+use crate::record::estimated;
 use crate::refinement_report::NotRefined;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use tpm_core::model::{EvalError, Model};
-use tpm_estimate::{
-    Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status, TimeRecord,
-};
+use tpm_estimate::{Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status};
 use tpm_interpret::{InterpretedDerivatives, Separable};
 use tpm_log::Log;
 
@@ -63,14 +60,7 @@ pub(super) fn identify(
     // Far from a solution, weights that follow the estimates make harmonics run away; the time domain holds every log.
     let options = &LogOptions { domain: Some(options.domain.unwrap_or(Domain::Time)), ..options.clone() };
     let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
-    let whole = stretches(segments, model.dims().coordinates, &options.reading)?;
-    let used = at_most(whole, MOST_SAMPLES, BLOCKS);
-    let record = TimeRecord {
-        sample_time: segments.first().map_or(0.0, |log| log.sample_time),
-        hold: options.reading.hold,
-        actuators: &options.actuators,
-        stretches: used,
-    };
+    let record = estimated(segments, model.dims().coordinates, options)?;
     let band = OneBand::new(&record).map_err(|source| LogFault::Estimate { path: path.clone(), source })?;
     let minima = Search { model, derivatives, band, options }.minima();
     let start = minima.first().map_or_else(|| model.point().to_vec(), |best| best.point.clone());

@@ -11,14 +11,14 @@
 use crate::excerpt::{Excerpt, at_most};
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
-use crate::record::stretches;
+use crate::record::{record, stretches};
 use crate::whiteness::{CorrelationTest, FALSE_ALARM, independence, whiteness};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use tpm_codegen::identified::{Weights, display, remedy};
 use tpm_core::model::Model;
-use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Simulated, Stretch, TimeRecord};
+use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Simulated, Stretch};
 use tpm_log::Log;
 use tpm_motion::Dynamics;
 use tpm_numerics::root_mean_square;
@@ -195,12 +195,7 @@ fn of_parts(
 ) -> Result<Simulation, String> {
     let model = machine.model;
     let dims = model.dims();
-    let record = TimeRecord {
-        sample_time,
-        hold: options.reading.hold,
-        actuators: &options.actuators,
-        stretches: parts.to_vec(),
-    };
+    let record = record(sample_time, options, parts.to_vec());
     let pace = Pace::of(&record).map_err(|fault: EstimateError| format!("{fault}"))?;
     let Pace { typical_period, reach, highest, steps, .. } = pace;
     let excerpt = Excerpt::joined(parts);

@@ -11,7 +11,7 @@ use crate::log_fault::LogFault;
 use crate::model::Identifiable;
 use crate::options::LogOptions;
 use crate::periodic_log::{repeating, spectra};
-use crate::record::stretches;
+use crate::record::{record, stretches};
 use crate::rows::Rows;
 use crate::simulation::{Simulation, simulate};
 use num_complex::Complex;
@@ -19,7 +19,7 @@ use serde::Serialize;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_estimate::{Differentiable, Domain, ForceCourse, MeasuredMotion, Missed, TimeRecord, predict_in_band};
+use tpm_estimate::{Differentiable, Domain, ForceCourse, MeasuredMotion, Missed, predict_in_band};
 use tpm_log::{Log, ReadingReport, Recording};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
@@ -264,12 +264,7 @@ fn validate_segments(
         }
         _ => {
             let stretches = stretches(segments, dims.coordinates, &options.reading)?;
-            let record = TimeRecord {
-                sample_time: segments.first().map_or(0.0, |log| log.sample_time),
-                hold: options.reading.hold,
-                actuators: &options.actuators,
-                stretches,
-            };
+            let record = record(segments.first().map_or(0.0, |log| log.sample_time), options, stretches);
             let predicted = predict_in_band(model, derivatives, &options.constants, &record, parameters, &directions)
                 .map_err(fault)?;
             found.cut_off = Some(predicted.cut_off);

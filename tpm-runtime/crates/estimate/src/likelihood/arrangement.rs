@@ -9,7 +9,8 @@
 
 use crate::error::EstimateError;
 use crate::likelihood::pass::{Look, without_held};
-use crate::likelihood::path::{Entry, Paths, Rows, band, lost};
+use crate::likelihood::path::{Entry, Paths, band, lost};
+use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use rayon::prelude::*;

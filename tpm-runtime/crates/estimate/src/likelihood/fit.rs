@@ -7,13 +7,12 @@ use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
-use crate::likelihood::path::Rows;
 use crate::likelihood::split::{Solved, Split};
 use crate::likelihood::start::RANK;
-use crate::result::{Estimate, ResidualOf};
+use crate::result::{Estimate, LeastSquares};
+use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
-use crate::verdict::Verdict;
 use serde::Serialize;
 use tpm_core::model::Model;
 use tpm_numerics::singular::unit_columns;
@@ -358,23 +357,22 @@ impl Pass<'_> {
             let scale: Vec<f64> = scale.iter().map(|s| if *s > 0.0 { *s } else { 1.0 }).collect();
             crate::information::touched(&self.hidden, &scale)
         };
-        let verdict = Verdict::new(free, &touched, &values, &whole, |j, std| felt[j] * std);
         let mut condition = split.parameters.view((0, 0), (kept, kept)).into_owned();
         condition = unit_columns(condition).0;
         let condition = tpm_numerics::singular::condition(&condition, RANK);
-        let estimate = Estimate {
-            values,
-            std: verdict.std,
-            covariance: Matrix::of(whole),
-            status: verdict.status,
-            rank: kept,
-            unobservable: self.hidden.iter().map(|direction| free.spread(direction)).collect(),
-            condition,
-            residual: root_mean_square(row_residuals.iter().copied()),
-            residual_of: ResidualOf::Force,
-            chi_squared: 1.0,
-            model_error: vec![0.0; dims.rows],
-        };
+        let estimate = Estimate::of_rows(
+            free,
+            LeastSquares {
+                values,
+                covariance: whole,
+                hidden: &self.hidden,
+                touched: &touched,
+                rank: kept,
+                condition,
+                row_residuals: &row_residuals,
+                felt: &felt,
+            },
+        );
         let report = LineReport {
             followed: self.paths.measured.iter().map(|own| own.spectrum.followed).collect(),
             used: self.views.iter().map(|view| view.used).collect(),

@@ -1,6 +1,7 @@
 //! Terms that a model may lack, each a column along the smoothed motion.
 
-use crate::likelihood::path::{Along, Entry, Path, Rows};
+use crate::likelihood::path::{Along, Entry, Path};
+use crate::rows::Rows;
 use std::f64::consts::{PI, SQRT_2};
 use tpm_core::model::Model;
 use tpm_numerics::root_mean_square;

@@ -3,7 +3,8 @@
 use crate::error::EstimateError;
 use crate::likelihood::library::{Columns, Scales, Term};
 use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
-use crate::likelihood::path::{Along, Entry, Felt, Paths, Rows, band, lost};
+use crate::likelihood::path::{Along, Entry, Felt, Paths, band, lost};
+use crate::rows::Rows;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use tpm_core::model::Model;
 

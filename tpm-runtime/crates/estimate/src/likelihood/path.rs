@@ -2,6 +2,7 @@
 
 use crate::error::EstimateError;
 use crate::likelihood::spectrum::{Spectrum, rate_deviation};
+use crate::rows::{Rows, Scratch};
 use crate::sensor::Sensor;
 use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::motion::{Motion, Moving, TimeRecord};
@@ -41,13 +42,6 @@ const MOST_RELATIVE: usize = 3;
 const POINTS_PER_TASK: usize = 512;
 /// Points at which it is asked which entries of the regressor are zero by structure.
 const PROBES: usize = 64;
-
-/// A model with what is known when it is evaluated.
-#[derive(Clone, Copy)]
-pub(super) struct Rows<'a> {
-    pub(super) model: &'a dyn Model<f64>,
-    pub(super) constants: &'a [f64],
-}
 
 /// A coordinate as its sensor shows it.
 #[derive(Clone, Debug)]
@@ -400,25 +394,7 @@ impl Along {
     }
 }
 
-/// Memory of one evaluation.
-struct Scratch {
-    work: Vec<f64>,
-    regressor: Vec<f64>,
-    known: Vec<f64>,
-    map: Vec<f64>,
-}
-
 impl<'a> Rows<'a> {
-    fn scratch(self) -> Scratch {
-        let dims = self.model.dims();
-        Scratch {
-            work: vec![0.0; self.model.workspace_len()],
-            regressor: vec![0.0; dims.regressor_len()],
-            known: vec![0.0; dims.rows],
-            map: vec![0.0; dims.input_map_len()],
-        }
-    }
-
     /// The rows at a point of a path with a slot moved by something; means over the point's cell where a velocity changes its sign in it.
     fn evaluate_at(
         self,
@@ -460,18 +436,6 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    fn evaluate(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
-        self.model.regressor(instant, self.constants, &mut scratch.work, &mut scratch.regressor)?;
-        self.sides(instant, scratch)
-    }
-
-    /// The rows without their regressor: known terms and factors of the inputs.
-    fn sides(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
-        let Scratch { work, known, map, .. } = scratch;
-        self.model.known(instant, self.constants, work, known)?;
-        self.model.input_map(instant, self.constants, work, map)
-    }
-
     /// The value of one entry of a row.
     fn entry(self, scratch: &Scratch, (row, entry): (usize, Entry), path: &Path, k: usize) -> f64 {
         let dims = self.model.dims();
@@ -480,18 +444,6 @@ impl<'a> Rows<'a> {
             Entry::Right => self.right_of(scratch, row, &|i| path.inputs[i][k]),
             Entry::Rate(i) => scratch.map[row * dims.inputs + i] * path.input_rates[i][k],
         }
-    }
-
-    /// What a row does not owe to parameters: forces of inputs less known terms.
-    fn right_of(self, scratch: &Scratch, row: usize, inputs: &dyn Fn(usize) -> f64) -> f64 {
-        let count = self.model.dims().inputs;
-        (0..count).map(|i| scratch.map[row * count + i] * inputs(i)).sum::<f64>() - scratch.known[row]
-    }
-
-    /// What the parameters make in a row.
-    fn made(self, scratch: &Scratch, row: usize, theta: &[f64]) -> f64 {
-        let p = theta.len();
-        scratch.regressor[row * p..(row + 1) * p].iter().zip(theta).map(|(phi, theta)| phi * theta).sum()
     }
 
     /// Derivatives of all rows with respect to a coordinate along a path, at given parameters: those that change along it.

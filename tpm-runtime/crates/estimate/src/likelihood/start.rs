@@ -7,16 +7,16 @@ use crate::likelihood::library::{Columns, Scales, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
-use crate::likelihood::path::{Along, Felt, Path, Paths, Rows};
+use crate::likelihood::path::{Along, Felt, Path, Paths};
+use crate::rows::Rows;
 use crate::settings::Settings;
+use crate::time_domain::MOST_NOISE_INFORMATION;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use tpm_numerics::singular::{Singular, unit_columns};
 use tpm_numerics::{DMatrix, DVector};
 
 /// A direction of scaled parameters whose singular value is below this share of the largest is not shown.
 pub(super) const RANK: f64 = 1e-8;
-/// Share of its information that noise of the sensors alone would give: a direction above it is not shown.
-const MOST_NOISE_INFORMATION: f64 = 0.5;
 /// Known terms above this share of a row's force fix the scale of a row without an input.
 const KNOWN_SHARE: f64 = 1e-3;
 

@@ -2,18 +2,17 @@
 
 use crate::free::Free;
 use crate::information::{beside, beside_known, touched};
-use crate::result::{Estimate, ResidualOf};
+use crate::result::{Estimate, LeastSquares};
 use crate::settings::Settings;
 use crate::time_domain::equations::{Equations, RowEquations};
-use crate::verdict::Verdict;
 use tpm_core::model::Dims;
 use tpm_numerics::singular::{Singular, unit_columns};
-use tpm_numerics::{DMatrix, DVector, Matrix, root_mean_square, tolerance};
+use tpm_numerics::{DMatrix, DVector, tolerance};
 
 /// Share of its information that noise of the sensors alone would give: a direction above it is hidden.
-const MOST_NOISE_INFORMATION: f64 = 0.5;
+pub(crate) const MOST_NOISE_INFORMATION: f64 = 0.5;
 /// Times that the rows are weighed by what they leave.
-const WEIGHING_PASSES: usize = 3;
+pub(crate) const WEIGHING_PASSES: usize = 3;
 
 /// The weighted equations of one row, over the free parameters.
 struct Part {
@@ -82,20 +81,19 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
     let felt: Vec<f64> = (0..dims.parameters).map(felt).collect();
     let whole = free.spread_square(&covariance);
     let touched = touched(&solved.hidden, &solved.scale);
-    let verdict = Verdict::new(free, &touched, &values, &whole, |j, std| felt[j] * std);
-    let estimate = Estimate {
-        values,
-        std: verdict.std,
-        covariance: Matrix::of(whole),
-        status: verdict.status,
-        rank: solved.rank,
-        unobservable: solved.hidden.iter().map(|direction| free.spread(direction)).collect(),
-        condition: solved.condition,
-        residual: root_mean_square(row_residuals.iter().copied()),
-        residual_of: ResidualOf::Force,
-        chi_squared: 1.0,
-        model_error: vec![0.0; dims.rows],
-    };
+    let estimate = Estimate::of_rows(
+        free,
+        LeastSquares {
+            values,
+            covariance: whole,
+            hidden: &solved.hidden,
+            touched: &touched,
+            rank: solved.rank,
+            condition: solved.condition,
+            row_residuals: &row_residuals,
+            felt: &felt,
+        },
+    );
     Some(Fitted { estimate, row_residuals })
 }
 

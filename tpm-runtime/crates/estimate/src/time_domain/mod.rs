@@ -35,6 +35,7 @@ pub(crate) mod transform;
 pub use bands::Swiftness;
 pub(crate) use bands::typical_period;
 pub(crate) use equations::LEAST_ARGUMENT;
+pub(crate) use fit::{MOST_NOISE_INFORMATION, WEIGHING_PASSES};
 pub use motion::{Stretch, TimeRecord};
 pub use one_band::OneBand;
 pub use predict::{ForceCourse, Missed, Pace, Prediction, predict_in_band};

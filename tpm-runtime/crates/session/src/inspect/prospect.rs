@@ -4,10 +4,10 @@ use crate::excerpt::blocks;
 use crate::log_fault::LogFault;
 use crate::log_report::LogReport;
 use crate::options::LogOptions;
-use crate::record::{MOST_SAMPLES, stretches};
+use crate::record::{MOST_SAMPLES, record, stretches};
 use crate::rows::Rows;
 use crate::warning::Warning;
-use tpm_estimate::{InputShift, Settings, TimeRecord, input_shift};
+use tpm_estimate::{InputShift, Settings, input_shift};
 use tpm_log::{Log, Recording};
 
 /// Blocks of a long record in which the shift of the inputs is looked for, and the samples of all of them.
@@ -49,12 +49,7 @@ fn shift(rows: &Rows<'_>, segments: &[&Log], options: &LogOptions) -> Option<Inp
     let stretches = stretches(segments, model.dims().coordinates, &options.reading).ok()?;
     let samples: usize = segments.iter().map(|log| log.len()).sum();
     let stretches = if samples > BLOCKS.1 { blocks(&stretches, BLOCKS.0, BLOCKS.1 / BLOCKS.0) } else { stretches };
-    let record = TimeRecord {
-        sample_time: segments.first()?.sample_time,
-        hold: options.reading.hold,
-        actuators: &options.actuators,
-        stretches,
-    };
+    let record = record(segments.first()?.sample_time, options, stretches);
     let derivatives = rows.machine().map(|machine| machine.derivatives);
     let settings = Settings { prior: Vec::new(), ..options.estimation.clone() };
     input_shift(model, derivatives, &options.constants, &record, &settings).ok().flatten()

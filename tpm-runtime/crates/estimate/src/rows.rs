@@ -1,0 +1,54 @@
+//! The rows of a model at one instant of a motion.
+
+use tpm_core::model::{EvalError, Model};
+
+/// A model with what is known when it is evaluated.
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    pub(crate) model: &'a dyn Model<f64>,
+    pub(crate) constants: &'a [f64],
+}
+
+/// Memory of one evaluation.
+pub(crate) struct Scratch {
+    work: Vec<f64>,
+    pub(crate) regressor: Vec<f64>,
+    pub(crate) known: Vec<f64>,
+    pub(crate) map: Vec<f64>,
+}
+
+impl Rows<'_> {
+    pub(crate) fn scratch(self) -> Scratch {
+        let dims = self.model.dims();
+        Scratch {
+            work: vec![0.0; self.model.workspace_len()],
+            regressor: vec![0.0; dims.regressor_len()],
+            known: vec![0.0; dims.rows],
+            map: vec![0.0; dims.input_map_len()],
+        }
+    }
+
+    pub(crate) fn evaluate(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        self.model.regressor(instant, self.constants, &mut scratch.work, &mut scratch.regressor)?;
+        self.sides(instant, scratch)
+    }
+
+    /// The rows without their regressor: known terms and factors of the inputs.
+    pub(crate) fn sides(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        let Scratch { work, known, map, .. } = scratch;
+        self.model.known(instant, self.constants, work, known)?;
+        self.model.input_map(instant, self.constants, work, map)
+    }
+
+    /// What a row does not owe to parameters: forces of inputs less known terms.
+    pub(crate) fn right_of(self, scratch: &Scratch, row: usize, inputs: &dyn Fn(usize) -> f64) -> f64 {
+        let count = self.model.dims().inputs;
+        (0..count).map(|i| scratch.map[row * count + i] * inputs(i)).sum::<f64>() - scratch.known[row]
+    }
+
+    /// What the parameters make in a row.
+    pub(crate) fn made(self, scratch: &Scratch, row: usize, theta: &[f64]) -> f64 {
+        let p = theta.len();
+        scratch.regressor[row * p..(row + 1) * p].iter().zip(theta).map(|(phi, theta)| phi * theta).sum()
+    }
+}
