@@ -15,4 +15,7 @@ pub struct ReadingSettings {
     /// Offset that is added after the factor, in the model's unit: `signal = scale * column + offset`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub offset: BTreeMap<String, f64>,
+    /// Time from row to row, s, of a log that has no column of time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sample_time: Option<f64>,
 }
