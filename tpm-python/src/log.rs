@@ -97,6 +97,7 @@ fn take_column(request: &mut LogRequest, name: &str, value: &Bound<'_, PyAny>) -
     match name {
         "map" => request.reading.columns.map = value.extract()?,
         "scale" => request.reading.columns.scale = value.extract()?,
+        "sample_time" => request.reading.columns.sample_time = Some(value.extract()?),
         "offset" => request.reading.columns.offset = value.extract()?,
         _ => return Ok(false),
     }

@@ -90,6 +90,7 @@ impl Spelling for Keywords {
 pub(crate) fn remedy(found: &Remedy) -> Option<String> {
     Some(match found {
         Remedy::MapColumn { signal } => format!("map={{\"{signal}\": COLUMN}}"),
+        Remedy::Time => "map={\"t_s\": COLUMN}; without such a column sample_time=SECONDS".to_owned(),
         Remedy::MapColumns { signals } => {
             let columns: Vec<String> = signals.iter().map(|signal| format!("\"{signal}\": COLUMN")).collect();
             format!("map={{{}}}", columns.join(", "))

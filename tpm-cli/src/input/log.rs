@@ -40,9 +40,12 @@ pub(crate) struct ColumnArgs {
     /// not converted.
     #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = factor_assignment)]
     scale: Vec<(String, f64)>,
-    /// Added to a column after its factor.
-    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
+    /// Added to a column after its factor; a number or an expression such as -pi.
+    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = factor_assignment)]
     offset: Vec<(String, f64)>,
+    /// Time from row to row, of a log without a column of time.
+    #[arg(long, value_name = "SECONDS", requires = "log")]
+    sample_time: Option<f64>,
 }
 
 impl ColumnArgs {
@@ -59,6 +62,7 @@ impl ColumnArgs {
             map: once("--map", &self.map)?,
             scale: once("--scale", &self.scale)?,
             offset: once("--offset", &self.offset)?,
+            sample_time: self.sample_time,
         })
     }
 }

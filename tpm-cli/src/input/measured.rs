@@ -53,6 +53,9 @@ pub(crate) struct MeasuredArgs {
     /// Factor on a column (or on t_s, to seconds), such as pi/180 or 2*pi/4096.
     #[arg(long, value_name = "NAME=FACTOR", value_parser = factor_assignment)]
     scale: Vec<(String, f64)>,
+    /// Time from row to row, of a log without a column of time.
+    #[arg(long, value_name = "SECONDS")]
+    sample_time: Option<f64>,
     /// Samples in a segment; the largest power of two of which eight fit when not given.
     #[arg(long, value_name = "N")]
     segment: Option<usize>,
@@ -112,6 +115,7 @@ impl Measured {
         let options = ReadingSettings {
             map: once("--map", &args.map)?,
             scale: once("--scale", &args.scale)?,
+            sample_time: args.sample_time,
             ..ReadingSettings::default()
         };
         let (log, assumptions) =

@@ -34,6 +34,7 @@ impl Spelling for Flags {
 pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
     Some(match remedy {
         Remedy::MapColumn { signal } => format!("--map {signal}=COLUMN"),
+        Remedy::Time => "--map t_s=COLUMN; without such a column --sample-time SECONDS".to_owned(),
         Remedy::MapColumns { signals } => {
             signals.iter().map(|signal| format!("--map {signal}=COLUMN")).collect::<Vec<_>>().join(" ")
         }

@@ -84,6 +84,23 @@ pub enum Assumption {
         /// The line.
         line: u64,
     },
+    /// Lines of text between rows, which are left out.
+    TextBetweenRows {
+        /// How many there are.
+        count: u64,
+        /// Line of the first.
+        first: u64,
+    },
+    /// The stamps are dates with times of day.
+    Dates {
+        /// The column.
+        column: String,
+    },
+    /// The file has no time: rows are taken as evenly spaced by a stated time.
+    SampleTime {
+        /// Time from row to row, s.
+        seconds: f64,
+    },
     /// A signal was found in a column of another name, or converted.
     Column {
         /// The signal.
@@ -147,12 +164,26 @@ impl fmt::Display for Assumption {
             Assumption::CutLine { line } => {
                 write!(f, "line {line}, the last one, was cut short while it was written, and is not used")
             }
+            Assumption::TextBetweenRows { count: 1, first } => {
+                write!(f, "line {first} is text between rows; it is left out, and the record is split there")
+            }
+            Assumption::TextBetweenRows { count, first } => write!(
+                f,
+                "{count} lines are text between rows, the first is line {first}; they are left out, and the record is split there"
+            ),
+            Assumption::Dates { column } => {
+                write!(f, "time is column `{column}`, dates and times of day; it is counted from the first one")
+            }
+            Assumption::SampleTime { seconds } => {
+                write!(f, "rows are taken as {} s apart, as stated; no column of time is read", number(*seconds))
+            }
             Assumption::Column { signal, column, unit, model_unit, factor } => {
                 write!(f, "`{signal}` is column `{column}`")?;
                 match (unit, model_unit) {
                     (Some(unit), Some(own)) if *factor != 1.0 => {
                         write!(f, ", converted from {unit} to {own}: times {}", number(*factor))
                     }
+                    (None, Some(own)) if *factor == 1.0 => write!(f, ", which states no unit: taken as {own}"),
                     (Some(unit), None) => write!(f, " in {unit}, not converted: `{signal}` has no unit in the model"),
                     _ => Ok(()),
                 }

@@ -48,6 +48,11 @@ pub(super) trait Columns {
     /// Text of a selected field of the last row, for messages.
     fn text(&self, field: usize) -> String;
 
+    /// Whether the stamps read so far are dates, counted in seconds from the first one.
+    fn dated(&self) -> bool {
+        false
+    }
+
     /// The digits to which the stamps read so far were printed.
     fn resolution(&self) -> Resolution {
         Resolution::default()

@@ -2,7 +2,8 @@
 
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns};
-use crate::dialect::{Dialect, is_comment, number, split};
+use crate::dates::Date;
+use crate::dialect::{Counted, Dialect, is_comment, number, split};
 use crate::error::LogError;
 use crate::stamps::{Resolution, last_digit};
 use std::io::Read;
@@ -16,6 +17,8 @@ const BLOCK_BYTES: usize = 1 << 18;
 const LONGEST_LINE_BYTES: usize = 1 << 24;
 /// Fewest lines from which a dialect is found, where the file has so many.
 const FEWEST_HEAD_LINES: usize = 8;
+/// Most characters of a line of text that a message shows.
+const LONGEST_SHOWN_TEXT: usize = 60;
 /// The byte order mark of UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
@@ -120,6 +123,12 @@ pub(super) struct Csv<R> {
     /// Number of comments, and the line of the first.
     comments: (u64, u64),
     cut: Option<u64>,
+    /// Whole seconds of the first stamp, where stamps are dates.
+    epoch: Option<i64>,
+    /// Number of lines of text between rows, and the first of them.
+    between: (u64, u64),
+    /// Whether the last line is text.
+    is_text: bool,
 }
 
 impl<R: Read> Csv<R> {
@@ -170,6 +179,9 @@ impl<R: Read> Csv<R> {
             resolution: Resolution::default(),
             comments: (0, 0),
             cut: None,
+            epoch: None,
+            between: (0, 0),
+            is_text: false,
         };
         // Comments above the first row of numbers are counted; the other lines there were parsed with the dialect.
         while csv.line + 1 < csv.dialect.data_line {
@@ -204,6 +216,53 @@ impl<R: Read> Csv<R> {
     fn field(&self, field: usize) -> &[u8] {
         let (from, to) = self.fields[self.wanted[field]];
         &self.lines.buffer[self.last.start + from as usize..self.last.start + to as usize]
+    }
+
+    /// The stamp of the last row where it is a date: seconds from the whole second of the first one.
+    fn date(&mut self, field: usize) -> Option<f64> {
+        let stamps_before = self.resolution != Resolution::default();
+        if field > 0 || self.epoch.is_none() && stamps_before {
+            return None;
+        }
+        let date = Date::of(self.field(field))?;
+        let epoch = *self.epoch.get_or_insert(date.seconds);
+        let stamp = (date.seconds - epoch) as f64 + date.fraction;
+        self.resolution.take(stamp, date.last_digit);
+        Some(stamp)
+    }
+
+    /// Takes the last line as one of text, as a console writes it between rows, if it is one: its fields are too few or too many and
+    /// most of them no numbers, or none of them is a number. Names of other columns in their places are a header of another table.
+    fn take_text(&mut self, values: &mut [f64]) -> bool {
+        let line = &self.lines.buffer[self.last.clone()];
+        let mut places = Vec::new();
+        let counted = Counted::of(line, self.dialect.separator, self.dialect.decimal.unwrap_or(b'.'), &mut places);
+        let columns = self.dialect.header.len();
+        let text = |&(from, to): &(u32, u32)| &line[from as usize..to as usize];
+        let mut names =
+            places.iter().zip(&self.dialect.header).filter(|(place, own)| text(place) != own.text.as_bytes());
+        let moved = names.any(|(place, _)| self.dialect.header.iter().any(|of| of.text.as_bytes() == text(place)));
+        // A quote that is opened and not closed has swallowed what stands behind it.
+        let open_quote = line.iter().filter(|byte| **byte == b'"').count() % 2 == 1;
+        let foreign = if counted.fields == columns { counted.numbers == 0 && !moved } else { !counted.is_data() };
+        let is_text = foreign && !open_quote;
+        if is_text {
+            self.is_text = true;
+            self.between = (self.between.0 + 1, if self.between.0 == 0 { self.line } else { self.between.1 });
+            values.fill(f64::NAN);
+        }
+        is_text
+    }
+
+    /// Whether no row follows, which takes the lines that are left up to the next row.
+    fn nothing_follows(&mut self) -> Result<bool, LogError> {
+        while let Some((range, _)) = self.take()? {
+            let text = &self.lines.buffer[range];
+            if !text.trim_ascii().is_empty() && !is_comment(text) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Whether a text is a number with another decimal sign than the numbers before.
@@ -267,6 +326,7 @@ impl<R: Read> Columns for Csv<R> {
     }
 
     fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError> {
+        self.is_text = false;
         loop {
             let Some((range, cut)) = self.take()? else { return Ok(None) };
             let text = &self.lines.buffer[range.clone()];
@@ -287,18 +347,30 @@ impl<R: Read> Columns for Csv<R> {
                     self.cut = Some(self.line);
                     return Ok(None);
                 }
+                if self.take_text(values) {
+                    return Ok(Some(self.line));
+                }
                 let quotes = self.lines.buffer[self.last.clone()].iter().filter(|byte| **byte == b'"').count();
+                let (line, found, quote) = (self.line, self.fields.len(), quotes % 2 == 1);
+                if found < columns && !quote && self.nothing_follows()? {
+                    self.cut = Some(line);
+                    return Ok(None);
+                }
                 return Err(LogError::FieldCount {
-                    quote: quotes % 2 == 1,
+                    quote,
                     path: self.path.clone(),
-                    line: self.line,
-                    found: self.fields.len() as u64,
+                    line,
+                    found: found as u64,
                     expected: columns as u64,
                 });
             }
             for (field, value) in values.iter_mut().enumerate().take(self.wanted.len()) {
                 let read = number(self.field(field), self.dialect.decimal.unwrap_or(b'.'));
                 *value = match read {
+                    // Stamps are dates throughout.
+                    Some(number) if field == 0 && self.epoch.is_some() && number.is_finite() => {
+                        return Err(self.fault(field));
+                    }
                     Some(number) => number,
                     // The first fraction of the file decides which decimal sign is used.
                     None if self.dialect.decimal.is_none() && self.field(field).contains(&b',') => {
@@ -307,13 +379,17 @@ impl<R: Read> Columns for Csv<R> {
                         self.dialect.assumptions.push(Assumption::DecimalComma);
                         number
                     }
-                    None => return Err(self.fault(field)),
+                    None => match self.date(field) {
+                        Some(stamp) => stamp,
+                        None if self.take_text(values) => return Ok(Some(self.line)),
+                        None => return Err(self.fault(field)),
+                    },
                 };
                 if self.dialect.decimal.is_none() && self.field(field).contains(&b'.') {
                     self.dialect.decimal = Some(b'.');
                 }
             }
-            if values.first().is_some_and(|stamp| stamp.is_finite()) {
+            if self.epoch.is_none() && values.first().is_some_and(|stamp| stamp.is_finite()) {
                 let digit = last_digit(self.field(0), self.dialect.decimal.unwrap_or(b'.'));
                 self.resolution.take(values[0], digit);
             }
@@ -322,7 +398,15 @@ impl<R: Read> Columns for Csv<R> {
     }
 
     fn text(&self, field: usize) -> String {
+        if self.is_text {
+            let line = String::from_utf8_lossy(&self.lines.buffer[self.last.clone()]);
+            return line.trim().chars().take(LONGEST_SHOWN_TEXT).collect();
+        }
         String::from_utf8_lossy(self.field(field)).into_owned()
+    }
+
+    fn dated(&self) -> bool {
+        self.epoch.is_some()
     }
 
     fn resolution(&self) -> Resolution {
@@ -333,6 +417,9 @@ impl<R: Read> Columns for Csv<R> {
         let mut assumptions = self.dialect.assumptions.clone();
         if self.comments.0 > 0 {
             assumptions.push(Assumption::Comments { count: self.comments.0, first: self.comments.1 });
+        }
+        if self.between.0 > 0 {
+            assumptions.push(Assumption::TextBetweenRows { count: self.between.0, first: self.between.1 });
         }
         assumptions.extend(self.cut.map(|line| Assumption::CutLine { line }));
         assumptions

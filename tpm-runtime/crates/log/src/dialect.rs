@@ -2,6 +2,7 @@
 
 use crate::assumption::{Assumption, Separator};
 use crate::columns::ColumnName;
+use crate::dates::Date;
 use crate::unit::unit_of;
 
 /// Most lines of numbers from which separator and decimal sign are found.
@@ -114,29 +115,32 @@ pub(super) fn number(field: &[u8], decimal: u8) -> Option<f64> {
     parsed.or_else(|| MISSING_WORDS.iter().any(|word| word.eq_ignore_ascii_case(text)).then_some(f64::NAN))
 }
 
-/// Fields of a line, and how many of them are numbers.
-struct Counted {
-    fields: usize,
-    numbers: usize,
+/// Fields of a line, and how many of them are numbers or dates.
+pub(super) struct Counted {
+    pub(super) fields: usize,
+    pub(super) numbers: usize,
     all: bool,
 }
 
 impl Counted {
-    fn of(line: &[u8], separator: Separator, decimal: u8, places: &mut Vec<(u32, u32)>) -> Self {
+    pub(super) fn of(line: &[u8], separator: Separator, decimal: u8, places: &mut Vec<(u32, u32)>) -> Self {
         split(line, separator, places);
         let mut fields = places.len();
         // Some programs end every line with a separator.
         if fields > 1 && places.last().is_some_and(|(from, to)| from == to) {
             fields -= 1;
         }
-        let read: Vec<Option<f64>> =
-            places[..fields].iter().map(|&(from, to)| number(&line[from as usize..to as usize], decimal)).collect();
+        let value = |&(from, to): &(u32, u32)| {
+            let field = &line[from as usize..to as usize];
+            number(field, decimal).or_else(|| Date::of(field).map(|date| date.fraction))
+        };
+        let read: Vec<Option<f64>> = places[..fields].iter().map(value).collect();
         let numbers = read.iter().flatten().filter(|value| !value.is_nan()).count();
         Counted { fields, numbers, all: read.iter().all(Option::is_some) }
     }
 
     /// Whether the line is one of numbers, even if some of them are missing.
-    fn is_data(&self) -> bool {
+    pub(super) fn is_data(&self) -> bool {
         self.numbers > 0 && 2 * self.numbers >= self.fields
     }
 }

@@ -1,5 +1,6 @@
 //! Faults of a log that cannot be read.
 
+use crate::options::TIME;
 use std::fmt;
 use tpm_report::Remedy;
 
@@ -191,6 +192,27 @@ pub enum LogError {
         /// The value given.
         value: f64,
     },
+    /// A stated sample time is not usable.
+    #[error("sample time of {seconds} s: the time from row to row must be finite and above zero")]
+    SampleTime {
+        /// The time that was given, s.
+        seconds: f64,
+    },
+    /// A sample time is stated, and settings for a column of time too.
+    #[error("a sample time is stated, so that no column of time is read, and settings of `t_s` too; state one of both")]
+    TwoTimes,
+    /// A date stands where a number is needed, or a factor is stated for dates.
+    #[error("{path}:{line}: column `{column}` holds dates, which {why}")]
+    Dates {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The column.
+        column: String,
+        /// Why they are not read, and what to do.
+        why: &'static str,
+    },
     /// A line has more or fewer fields than the header.
     #[error(
         "{path}:{line}: {found} fields, the header has {expected}; {}",
@@ -326,6 +348,7 @@ impl LogError {
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
+            LogError::MissingColumn { name, .. } if name == TIME => Some(Remedy::Time),
             LogError::MissingColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
             LogError::Constant { signal, .. } => Some(Remedy::MapColumn { signal: signal.clone() }),
             LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),

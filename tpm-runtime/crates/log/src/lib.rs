@@ -6,9 +6,11 @@
 //! Invariant: nothing about a log is assumed silently. Columns, sample time, period, steady part, hold and harmonics
 //! are read or found, checked, and reported with the result; every fault is an error that names the line.
 
+mod answers;
 mod assumption;
 mod columns;
 mod csv;
+mod dates;
 mod dialect;
 mod error;
 mod fingerprint;
@@ -29,6 +31,8 @@ mod periodic;
 mod read;
 #[cfg(test)]
 mod reading_tests;
+#[cfg(test)]
+mod recorded_tests;
 mod recording;
 mod repeated;
 mod report;
@@ -39,6 +43,7 @@ mod stored;
 mod survey;
 mod table;
 mod unit;
+mod wraps;
 
 pub use assumption::{Assumption, Separator};
 pub use error::{Adjustment, LogError, UnitMismatch};
@@ -50,7 +55,7 @@ pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub use read::rate_column;
 pub use read::{Log, Rates};
 pub use recording::Recording;
-pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why};
+pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 pub use resample::InterpolationError;
 pub use source::{LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};

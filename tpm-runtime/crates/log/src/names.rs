@@ -2,19 +2,17 @@
 //!
 //! Names, units and factors are settled here alone, whatever the format of the file is. A signal is looked for under
 //! its name first, then under its name with a unit: `q [deg]`, `q (deg)`, `q_deg`. The time is `t_s`, else one of `t`, `time`,
-//! `timestamp`, `stamp`, with a unit or without, else a stamp in two columns of seconds and fractions, as ROS writes it. Where several
+//! `timestamp`, `stamp`, or the like, with a unit or without, else a stamp in two columns of seconds and fractions, as ROS writes it. Where several
 //! columns may be meant, none is chosen.
 
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns};
 use crate::error::{Adjustment, LogError, UnitMismatch};
-use crate::options::ReadingSettings;
+use crate::options::{ReadingSettings, TIME};
 use crate::unit::{UnitFault, conversion, unit_of};
 
-/// Name of the time in settings, and of the column of time in the plainest files.
-pub(super) const TIME: &str = "t_s";
-/// Names of columns of time, in small letters.
-const TIMES: [&str; 4] = ["t", "time", "timestamp", "stamp"];
+/// Names of columns of time, in small letters, as English and other European programs write them.
+const TIMES: [&str; 10] = ["t", "time", "timestamp", "stamp", "datetime", "zeit", "temps", "tiempo", "tempo", "tijd"];
 /// Ends of the names of the two columns of a stamp, in small letters: seconds, and fractions with their size in seconds.
 const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "tv_sec"];
 const FRACTIONS: [(&str, f64); 8] = [
@@ -56,6 +54,13 @@ pub(super) enum Time {
         /// Its name.
         column: String,
         factor: Option<f64>,
+        /// Whether that factor was stated.
+        scaled: bool,
+    },
+    /// No column: rows are evenly spaced.
+    Rows {
+        /// Time from row to row, s.
+        seconds: f64,
     },
     /// Two columns, whole seconds and fractions.
     Two {
@@ -172,6 +177,7 @@ impl Names<'_> {
         let of_time = |index: usize| match &time {
             Time::One { index: one, .. } => *one == index,
             Time::Two { seconds, fractions, .. } => [*seconds, *fractions].contains(&index),
+            Time::Rows { .. } => false,
         };
         let (mut signals, mut optional) = (Vec::new(), Vec::new());
         for index in (0..names.len()).filter(|index| !of_time(*index) && !left_out.contains(&names[*index])) {
@@ -296,12 +302,15 @@ impl Names<'_> {
             },
         };
         let converted = factor != 1.0 && scale.is_none() || unit.is_some() && signal.unit.is_none();
-        if !mapped || converted {
+        // A column that was named, and says nothing of its unit.
+        let silent = column != signal.name && unit.is_none() && scale.is_none() && signal.unit.is_some();
+        if !mapped || converted || silent {
             said.push(Assumption::Column {
                 signal: signal.name.clone(),
                 column: column.clone(),
                 unit: unit.map(str::to_owned),
-                model_unit: signal.unit.clone(),
+                // A stated factor leads to the model's unit, whatever that of the column is.
+                model_unit: signal.unit.clone().filter(|_| scale.is_none()),
                 factor,
             });
         }
@@ -326,6 +335,16 @@ impl Names<'_> {
     }
 
     fn time(&self, said: &mut Vec<Assumption>) -> Result<Time, LogError> {
+        if let Some(seconds) = self.options.sample_time {
+            if !(seconds.is_finite() && seconds > 0.0) {
+                return Err(LogError::SampleTime { seconds });
+            }
+            if self.options.map.contains_key(TIME) || self.options.scale.contains_key(TIME) {
+                return Err(LogError::TwoTimes);
+            }
+            said.push(Assumption::SampleTime { seconds });
+            return Ok(Time::Rows { seconds });
+        }
         let wanted = self.wanted(TIME);
         let scale = self.options.scale.get(TIME).copied();
         let found = match self.find(wanted, TIME, Some("s"))? {
@@ -391,7 +410,7 @@ impl Names<'_> {
                 factor: 1.0,
             });
         }
-        Ok(Time::One { index: found.index, column, factor })
+        Ok(Time::One { index: found.index, column, factor, scaled: scale.is_some() })
     }
 
     fn said_two(&self, two: Time, scale: Option<f64>, said: &mut Vec<Assumption>) -> Time {
@@ -457,6 +476,7 @@ impl Names<'_> {
 fn pair_name(time: &Time) -> String {
     match time {
         Time::One { column, .. } | Time::Two { column, .. } => column.clone(),
+        Time::Rows { .. } => String::new(),
     }
 }
 

@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+/// Name of the time in settings, and of the column of time in the plainest files.
+pub(super) const TIME: &str = "t_s";
+
 /// How the columns of a log become the signals of a model.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ReadingSettings {
@@ -15,4 +18,7 @@ pub struct ReadingSettings {
     /// Offset that is added after the factor, in the model's unit: `signal = scale * column + offset`.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub offset: BTreeMap<String, f64>,
+    /// Time from row to row, s, of a log that has no column of time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sample_time: Option<f64>,
 }

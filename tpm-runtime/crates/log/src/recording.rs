@@ -3,6 +3,7 @@
 //! Invariant: nothing is filled in. Where readings are missing or time jumps, the record is split; every segment is an evenly sampled
 //! [`Log`], and all have the same sample time.
 
+use crate::answers::without_answers;
 use crate::assumption::Assumption;
 use crate::columns::Columns;
 use crate::error::LogError;
@@ -13,11 +14,12 @@ use crate::names::Signal;
 use crate::options::ReadingSettings;
 use crate::read::{LEAST_SAMPLES, Log, jitter, rate_signals, signals};
 use crate::repeated::{repeated_readings, without_repeats};
-use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why};
+use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 use crate::resample::{InterpolationError, interpolation_error, on_grid, readings_before, rougher_at_stamps};
 use crate::source::LogSource;
 use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
 use crate::table::{Hole, Table};
+use crate::wraps::{unwrap, wraps};
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
@@ -127,9 +129,11 @@ impl Recording {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         let mut table = Table::read(columns, name, signals, rates, options)?;
+        let wrapped = follow_wraps(&mut table, coordinates);
         let repeated = replace_repeated(&mut table, coordinates);
         let mut read = Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))?;
         read.report.repeated = repeated;
+        read.report.wrapped = wrapped;
         Ok(read)
     }
 
@@ -206,6 +210,18 @@ impl Recording {
     }
 }
 
+/// Follows the readings of the coordinates (the first channels) over their wraps.
+fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Vec<Wrapped> {
+    let mut all = Vec::new();
+    for (signal, channel) in coordinates.iter().zip(&mut table.channels) {
+        let Some((range, places)) = wraps(channel, signal.unit.as_deref()) else { continue };
+        unwrap(channel, range, &places);
+        let (signal, line) = (signal.name.clone(), table.lines[places[0]]);
+        all.push(Wrapped { signal, range, count: places.len(), line });
+    }
+    all
+}
+
 /// Replaces readings of the coordinates (the first channels) that repeat the reading before by values interpolated from
 /// fresh readings.
 fn replace_repeated(table: &mut Table, coordinates: &[Signal]) -> Vec<Repeated> {
@@ -236,7 +252,8 @@ fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> 
     }
     for (signal, channel) in coordinates.iter().zip(&table.channels) {
         let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
-        cuts.extend(joins(&without_repeats(channel)).into_iter().map(joined));
+        let jumps = joins(&without_repeats(channel));
+        cuts.extend(without_answers(jumps, &table.channels[coordinates.len()..]).into_iter().map(joined));
     }
     // Of several cuts at one sample the cause is kept: missing readings cause a gap, and a gap causes a jump of the
     // motion.

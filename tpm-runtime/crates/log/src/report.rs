@@ -183,6 +183,31 @@ impl fmt::Display for Repeated {
     }
 }
 
+/// A coordinate whose readings wrap around, and are followed over their wraps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Wrapped {
+    /// The coordinate.
+    pub signal: String,
+    /// The range after which its readings begin again, in the unit of the coordinate.
+    pub range: f64,
+    /// How often they do.
+    pub count: usize,
+    /// Line of the first reading behind a wrap.
+    pub line: u64,
+}
+
+impl fmt::Display for Wrapped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Wrapped { signal, range, count, line } = self;
+        let times = if *count == 1 { "time" } else { "times" };
+        write!(
+            f,
+            "`{signal}` jumps by its whole range, {}, {count} {times}, first in line {line}: the reading wraps around, and is unwrapped",
+            number(*range)
+        )
+    }
+}
+
 /// What was assumed in reading a record, how it was split, and what was left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -197,6 +222,8 @@ pub struct ReadingReport {
     pub left_out: Vec<LeftOut>,
     /// Stamps that are not even.
     pub uneven: Option<Unevenness>,
+    /// Coordinates whose readings wrap around.
+    pub wrapped: Vec<Wrapped>,
     /// Readings of coordinates that repeat the reading before, and were replaced. They are no part of the remarks,
     /// since they are reported by the estimator that uses the record.
     pub repeated: Vec<Repeated>,
@@ -217,6 +244,7 @@ impl ReadingReport {
     #[must_use]
     pub fn remarks(&self) -> Vec<String> {
         let mut remarks: Vec<String> = self.assumptions.iter().map(|assumption| assumption.to_string()).collect();
+        remarks.extend(self.wrapped.iter().map(|wrapped| wrapped.to_string()));
         remarks.extend(self.uneven.iter().map(|uneven| uneven.to_string()));
         let missing: Vec<&LeftOut> = self.left_out.iter().filter(|part| part.why != Why::Short).collect();
         let short: Vec<&LeftOut> = self.left_out.iter().filter(|part| part.why == Why::Short).collect();
@@ -281,6 +309,8 @@ impl Serialize for ReadingReport {
             left_out: &'a [LeftOut],
             #[serde(skip_serializing_if = "Option::is_none")]
             uneven: Option<&'a Unevenness>,
+            #[serde(skip_serializing_if = "<[Wrapped]>::is_empty")]
+            wrapped: &'a [Wrapped],
             #[serde(skip_serializing_if = "<[Repeated]>::is_empty")]
             repeated: &'a [Repeated],
             #[serde(skip_serializing_if = "Option::is_none")]
@@ -293,6 +323,7 @@ impl Serialize for ReadingReport {
             segments: &self.segments,
             left_out: &self.left_out,
             uneven: self.uneven.as_ref(),
+            wrapped: &self.wrapped,
             repeated: &self.repeated,
             used: self.used,
             remarks: self.remarks(),

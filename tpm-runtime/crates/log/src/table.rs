@@ -98,11 +98,11 @@ impl Table {
         table.fill(columns, &plan)?;
         table.resolution = match plan.time {
             Time::One { .. } => columns.resolution(),
-            Time::Two { .. } => Resolution::default(),
+            Time::Two { .. } | Time::Rows { .. } => Resolution::default(),
         };
         table.assumptions = columns.assumptions();
         table.assumptions.extend(plan.assumptions);
-        table.settle_time(&plan.time)?;
+        table.settle_time(&plan.time, columns.dated())?;
         Ok(table)
     }
 
@@ -167,6 +167,7 @@ impl Table {
         match plan.time {
             Time::One { index, .. } => wanted.push(index),
             Time::Two { seconds, fractions, .. } => wanted.extend([seconds, fractions]),
+            Time::Rows { .. } => {}
         }
         let stamps = wanted.len();
         let needed = plan.places.iter();
@@ -178,7 +179,9 @@ impl Table {
         let mut readings = Vec::with_capacity(plan.places.len());
         let required = stamps + plan.places.len();
         let (mut first_second, unit) = (None, if let Time::Two { unit, .. } = plan.time { unit } else { 1.0 });
+        let mut row = 0_u64;
         while let Some(line) = columns.next_row(&mut values)? {
+            row += 1;
             let scaled = values[stamps..required].iter().zip(&plan.places);
             readings.clear();
             readings.extend(scaled.map(|(value, place)| place.factor * value + place.offset));
@@ -190,11 +193,11 @@ impl Table {
                 self.miss(line, column);
                 continue;
             }
-            self.time.push(if stamps == 1 {
-                values[0]
-            } else {
+            self.time.push(match stamps {
+                0 => row as f64,
+                1 => values[0],
                 // Whole seconds are subtracted before fractions are added, so that no digit is lost.
-                (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1]
+                _ => (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1],
             });
             self.channels.iter_mut().zip(&readings).for_each(|(channel, &reading)| channel.push(reading));
             let present = plan.optional.iter().flatten().zip(&values[required..]);
@@ -219,11 +222,18 @@ impl Table {
         }
     }
 
-    /// Finds the unit of the stamps.
-    fn settle_time(&mut self, time: &Time) -> Result<(), LogError> {
+    /// Finds the unit of the stamps, which may be dates.
+    fn settle_time(&mut self, time: &Time, dated: bool) -> Result<(), LogError> {
+        if dated {
+            return self.settle_dates(time);
+        }
         let (index_name, known) = match time {
             Time::Two { unit, factor, .. } => {
                 self.factor = unit * factor;
+                return Ok(());
+            }
+            Time::Rows { seconds } => {
+                self.factor = *seconds;
                 return Ok(());
             }
             Time::One { column, factor, .. } => (column, *factor),
@@ -254,6 +264,26 @@ impl Table {
         self.factor = factor;
         self.assumptions.push(Assumption::Time { column: index_name.clone(), unit: unit.to_owned(), stated: false });
         Ok(())
+    }
+
+    /// Dates are seconds, whatever the name of their column says.
+    fn settle_dates(&mut self, time: &Time) -> Result<(), LogError> {
+        let fault = |column: &String, why: &'static str| {
+            Err(LogError::Dates { path: self.path.clone(), line: self.header_line, column: column.clone(), why })
+        };
+        match time {
+            Time::Rows { .. } => fault(&self.columns[0], "are no readings; name another column"),
+            Time::Two { column, .. } => fault(column, "are a whole stamp by themselves; name that column as the time"),
+            Time::One { column, scaled: true, .. } => {
+                fault(column, "are read in seconds; state no factor for the time")
+            }
+            Time::One { column, .. } => {
+                self.factor = 1.0;
+                self.assumptions.retain(|of| !matches!(of, Assumption::Time { .. }));
+                self.assumptions.push(Assumption::Dates { column: column.clone() });
+                Ok(())
+            }
+        }
     }
 
     /// The stamps.

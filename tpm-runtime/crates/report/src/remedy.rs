@@ -15,6 +15,8 @@ pub enum Remedy {
         /// The signal, as the model names it.
         signal: String,
     },
+    /// Name the column of the time, or state the time from row to row of a file that has none.
+    Time,
     /// Name the columns of the file in which these signals of the model stand.
     MapColumns {
         /// The signals, as the model names them.

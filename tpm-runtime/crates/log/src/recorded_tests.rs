@@ -1,0 +1,136 @@
+//! Reading of logs as they were recorded: without a column of time, with dates, with lines of a console between rows.
+
+use crate::names::Signal;
+use crate::{Assumption, LogError, ReadingSettings, Recording};
+
+const ROWS: usize = 400;
+
+fn sample(i: usize) -> (f64, f64) {
+    let t = 0.002 * i as f64;
+    (0.125 * (7.0 * t).sin(), 3.0 * (2.0 * t).cos())
+}
+
+fn read(text: &str, options: &ReadingSettings) -> Result<Recording, LogError> {
+    let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
+    let signals = [signal("x", "m"), signal("u", "N")];
+    Recording::read_signals(text.as_bytes(), "run.csv", (&signals[..1], &signals), &[], options)
+}
+
+fn table(head: &str, row: impl Fn(usize, f64, f64) -> String) -> String {
+    let rows = (0..ROWS).map(|i| row(i, sample(i).0, sample(i).1) + "\n");
+    format!("{head}\n{}", rows.collect::<String>())
+}
+
+fn plain(i: usize, x: f64, u: f64) -> String {
+    format!("{:.3},{x:.9},{u:.9}", 0.002 * i as f64)
+}
+
+/// The segments hold the samples of these rows, 2 ms apart.
+fn holds(recording: &Recording, rows: &[(usize, usize)]) {
+    assert_eq!(recording.segments.len(), rows.len(), "{:?}", recording.report);
+    for (log, &(from, to)) in recording.segments.iter().zip(rows) {
+        assert!((log.sample_time - 0.002).abs() < 1e-9, "{}", log.sample_time);
+        assert_eq!(log.len(), to - from);
+        for (k, i) in (from..to).enumerate() {
+            let far = (log.channels[0][k] - sample(i).0).abs().max((log.channels[1][k] - sample(i).1).abs());
+            assert!(far < 1e-8, "row {i}: {far}");
+        }
+    }
+}
+
+#[test]
+fn a_table_without_time_is_read_with_its_sample_time() {
+    let text = table("x,u", |_, x, u| format!("{x:.9},{u:.9}"));
+    let stated = ReadingSettings { sample_time: Some(0.002), ..ReadingSettings::default() };
+    let recording = read(&text, &stated).expect("a sound table");
+    holds(&recording, &[(0, ROWS)]);
+    assert!(recording.report.assumptions.contains(&Assumption::SampleTime { seconds: 0.002 }));
+    // A row without a reading takes its time too.
+    let text = table("x,u", |i, x, u| if i == 150 { format!(",{u:.9}") } else { format!("{x:.9},{u:.9}") });
+    let recording = read(&text, &stated).expect("a sound table");
+    holds(&recording, &[(0, 150), (151, ROWS)]);
+    assert!((recording.report.segments[1].start - 0.302).abs() < 1e-12);
+    // Without it the error names the setting.
+    let error = read(&text, &ReadingSettings::default()).expect_err("no time");
+    assert_eq!(error.remedy(), Some(tpm_report::Remedy::Time), "{error}");
+    for seconds in [0.0, -0.1, f64::NAN, f64::INFINITY] {
+        let options = ReadingSettings { sample_time: Some(seconds), ..ReadingSettings::default() };
+        assert!(matches!(read(&text, &options), Err(LogError::SampleTime { .. })), "{seconds}");
+    }
+    let mut twice = stated;
+    twice.map.insert("t_s".into(), "u".into());
+    assert!(matches!(read(&text, &twice), Err(LogError::TwoTimes)));
+}
+
+#[test]
+fn dates_are_time() {
+    let options = ReadingSettings::default();
+    let stamp = |i: usize| (2 * i / 1_000 + 58, 2 * i % 1_000);
+    // Stamps pass a minute and midnight, and a zone with its own midnight stands behind them.
+    let date = |i: usize| {
+        let (second, ms) = stamp(i + 900);
+        let (day, hour, minute, second) = if second < 60 { (28, 23, 59, second) } else { (29, 0, 0, second - 60) };
+        format!("2024-02-{day}T{hour:02}:{minute:02}:{second:02}.{ms:03}+02:00")
+    };
+    let text = table("DateTime,x,u", |i, x, u| format!("{},{x:.9},{u:.9}", date(i)));
+    let recording = read(&text, &options).expect("dates");
+    holds(&recording, &[(0, ROWS)]);
+    assert!(recording.report.assumptions.contains(&Assumption::Dates { column: "DateTime".into() }));
+    // The name of the column does not make dates milliseconds.
+    let named = text.replace("DateTime", "time_ms").replace('T', " ");
+    holds(&read(&named, &options).expect("dates"), &[(0, ROWS)]);
+    // Numbers among dates, dates among numbers, and a factor for dates.
+    let mixed = table("time,x,u", |i, x, u| if i == 9 { plain(i, x, u) } else { format!("{},{x},{u}", date(i)) });
+    assert!(matches!(read(&mixed, &options), Err(LogError::NotANumber { line: 11, .. })));
+    let mixed = table("time,x,u", |i, x, u| if i != 9 { plain(i, x, u) } else { format!("{},{x},{u}", date(i)) });
+    assert!(matches!(read(&mixed, &options), Err(LogError::NotANumber { line: 11, .. })));
+    let mut scaled = ReadingSettings::default();
+    scaled.scale.insert("t_s".into(), 1e-3);
+    assert!(matches!(read(&text, &scaled), Err(LogError::Dates { .. })));
+}
+
+#[test]
+fn lines_of_a_console_are_left_out() {
+    let options = ReadingSettings::default();
+    for between in ["Acceleration: 5.90", "d", "[WARN] overrun, 12 us, axis 3, retried", "a,b,c", "t_s,x,u"] {
+        let mut lines: Vec<String> = table("t_s,x,u", plain).lines().map(str::to_owned).collect();
+        lines.insert(201, between.to_owned());
+        let recording = read(&(lines.join("\n") + "\n"), &options).unwrap_or_else(|error| panic!("{between}: {error}"));
+        holds(&recording, &[(0, 200), (200, ROWS)]);
+        let said = Assumption::TextBetweenRows { count: 1, first: 202 };
+        assert!(recording.report.assumptions.contains(&said), "{between}: {:?}", recording.report);
+    }
+    // A row that lacks a field, one with a letter in a number and the header of another table are no text.
+    for (row, fault) in [("0.4,1", "2 fields"), ("0.4,1o,2", "`1o`"), ("t_s,u,x", "`t_s`")] {
+        let mut lines: Vec<String> = table("t_s,x,u", plain).lines().map(str::to_owned).collect();
+        lines.insert(201, row.to_owned());
+        let error = read(&(lines.join("\n") + "\n"), &options).expect_err(row);
+        assert!(error.to_string().contains(fault) && error.to_string().contains(":202:"), "{error}");
+    }
+}
+
+#[test]
+fn a_last_row_that_lacks_fields_was_cut_off() {
+    for end in ["0.4,1.2", "0.4,1.2\n", "0.4,1.2\n\n", "0.4\n# stopped\n"] {
+        let recording = read(&(table("t_s,x,u", plain) + end), &ReadingSettings::default()).expect(end);
+        holds(&recording, &[(0, ROWS)]);
+        let line = ROWS as u64 + 2;
+        assert!(
+            recording.report.assumptions.contains(&Assumption::CutLine { line }),
+            "{end:?}: {:?}",
+            recording.report
+        );
+    }
+}
+
+#[test]
+fn a_column_without_a_unit_is_said_to_be_in_the_units_of_the_model() {
+    let mut options = ReadingSettings::default();
+    options.map.insert("x".into(), "weg".into());
+    let recording = read(&table("t_s,weg,u", plain), &options).expect("sound");
+    let remarks = recording.report.remarks().join("; ");
+    assert!(remarks.contains("`x` is column `weg`, which states no unit: taken as m"), "{remarks}");
+    options.scale.insert("x".into(), 1.0);
+    let remarks = read(&table("t_s,weg,u", plain), &options).expect("sound").report.remarks().join("; ");
+    assert!(!remarks.contains("taken as"), "{remarks}");
+}
