@@ -128,6 +128,24 @@ mod tests {
     }
 
     #[test]
+    fn numerical_converges_on_every_machine_from_priors_10_and_30_percent_off() {
+        for name in ["two carts", "three carts", "arm, thesis pattern", "arm, 3w and 2w", "rotary pendulum"] {
+            for off in [0.1, 0.3] {
+                let found = quiet::from_priors(machine(name), Method::Numerical, off, 8).expect("simulated");
+                assert!(found.updates[1].is_some(), "{name}, {off}: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn numerical_finds_chains_and_the_pendulum_through_noise() {
+        for name in ["two carts", "rotary pendulum"] {
+            let found = holds(machine(name), Method::Numerical);
+            assert!(found.hidden_numbers == 0, "{name}: {found:?}");
+        }
+    }
+
+    #[test]
     fn an_estimator_without_meaning_says_so() {
         let refused = noisy::campaigns(machine("two carts"), Method::Effort, 1).expect("simulated").refused;
         assert!(refused.keys().all(|reason| reason.contains("no input acts in")) && refused.len() == 1, "{refused:?}");

@@ -44,6 +44,8 @@ use tpm_numerics::{Cholesky, DMatrix, DVector, alarm, tolerance};
 const MOST_SECANT_STEPS: f64 = 2.0;
 /// A secant is worth a run if it divides the power of the error by this much; otherwise the matrix is measured anew.
 const LEAST_POWER_DIVISOR: f64 = 4.0;
+/// Most change of what is known of the response's bend by one update.
+const MOST_RESIZED: f64 = 100.0;
 /// An earlier update counts while its linearisation misses this share of the power of noise.
 const MOST_MISSED: f64 = 0.1;
 /// A matrix that secants have carried is believed while the square of an update's length is at most this share of that before.
@@ -69,6 +71,8 @@ pub(super) struct Numerical {
     before: Option<Earlier>,
     /// What the last whole matrix said of the response.
     response: Option<Response>,
+    /// How much more the response bends than a perturbation allows for at first.
+    bend: f64,
     /// Per perturbed run so far.
     columns: Vec<Column>,
     /// Whether M is whole, so that every further run corrects it.
@@ -163,7 +167,7 @@ impl Base {
         run: &Run<'_>,
         error: Lines,
         highest: usize,
-        response: Option<&Response>,
+        (response, bend): (Option<&Response>, f64),
         table: Option<&dyn LineTable>,
         settings: &Settings,
     ) -> Result<Self, EstimateError> {
@@ -210,7 +214,7 @@ impl Base {
             parameters: run.trial.parameters.clone(),
             variance,
             moved: vec![0.0; perturbed.len()],
-            perturbations: Perturbations::new(perturbed, &sizes, &alone, response, noise),
+            perturbations: Perturbations::new(perturbed, &sizes, &alone, response, noise, bend),
             dependent,
             zero: (0..dims.parameters).map(zero).collect(),
             shift: MeanShift::new(model, run, &along, highest)?,
@@ -352,6 +356,7 @@ impl Numerical {
             base: None,
             before: None,
             response: None,
+            bend: 1.0,
             columns: Vec::new(),
             known: false,
             damping: Damping::default(),
@@ -383,7 +388,8 @@ impl Numerical {
             missed.iter().enumerate().flat_map(|(c, lines)| lines.iter().enumerate().map(move |(k, z)| (c, k, z)));
         let certain = lines.filter(|(c, k, line)| line.norm_sqr() > alarm::PREDICTION_MISSES * noise(*c, *k));
         let worst = certain.map(|(.., line)| line.norm_sqr()).fold(0.0, f64::max);
-        (length > 0.0).then(|| worst / bent(length))
+        // Within a step noise says more than curvature.
+        (length > 0.0).then(|| worst / bent(length.max(1.0)))
     }
 
     /// Compares a run on the reference of the base with the prediction of M: what it missed is the error of the linearisation in the last
@@ -426,6 +432,15 @@ impl Numerical {
         }
     }
 
+    /// By how much the last update bent more than perturbations were sized for: a step of these then errs by as much as noise.
+    fn bent_more(&self) -> f64 {
+        let of = |last: &Measured| {
+            let noise: f64 = last.base.variance.iter().flatten().sum();
+            Some((last.curvature? / noise).sqrt().clamp(MOST_RESIZED.recip(), MOST_RESIZED))
+        };
+        self.updates.last().and_then(of).unwrap_or(1.0)
+    }
+
     /// Keeps the base as that of the matrix before, unless the next one has its parameters.
     fn leave(&mut self, next: &[f64]) {
         let Some(base) = self.base.as_ref().filter(|base| base.parameters != next) else { return };
@@ -434,6 +449,7 @@ impl Numerical {
 
     /// Begins a matrix with a run as its base.
     fn begin(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: Lines) -> Result<(), EstimateError> {
+        self.bend *= self.bent_more();
         if let Some(base) = &self.base {
             self.response = base.perturbations.response(&self.columns).or(self.response.take());
         }
@@ -447,7 +463,15 @@ impl Numerical {
             self.settings = self.designs.take(model, run.trial, &self.settings)?;
         }
         let table = self.table.as_deref();
-        self.base = Some(Base::new(model, run, error, self.harmonics, self.response.as_ref(), table, &self.settings)?);
+        self.base = Some(Base::new(
+            model,
+            run,
+            error,
+            self.harmonics,
+            (self.response.as_ref(), self.bend),
+            table,
+            &self.settings,
+        )?);
         Ok(())
     }
 
@@ -648,7 +672,16 @@ impl Estimator for Numerical {
     }
 
     fn play(&self, current: &[f64]) -> Vec<f64> {
-        let Some(base) = self.base.as_ref().filter(|_| !self.known) else { return self.damping.towards(current) };
+        let Some(base) = &self.base else { return current.to_vec() };
+        if self.known {
+            let update: Vec<f64> = current.iter().zip(&base.parameters).map(|(to, from)| to - from).collect();
+            let mut bounded = current.to_vec();
+            let excess = base.perturbations.excess(&base.in_steps(&update), &self.columns);
+            for (&j, excess) in base.perturbations.parameters.iter().zip(excess) {
+                bounded[j] -= excess;
+            }
+            return self.damping.towards(&bounded);
+        }
         let mut changed = base.parameters.clone();
         if self.columns.len() < base.perturbations.count() {
             for (j, change) in base.perturbations.change(self.columns.len()) {
@@ -662,7 +695,7 @@ impl Estimator for Numerical {
         match self.base.as_mut().filter(|_| !self.known) {
             Some(base) => {
                 // Half the steps that are still to come.
-                base.perturbations.halve(self.columns.len());
+                base.perturbations.scale(self.columns.len(), 0.5);
                 true
             }
             None => self.damping.take_back(),
@@ -710,6 +743,11 @@ impl Estimator for Numerical {
             self.check_prediction(run, &error);
             // The next run goes less far. Where that helps no more, or the matrix is of another place, it is measured anew.
             if carried || self.damping.is_exhausted() {
+                let more = self.bent_more();
+                self.bend *= more;
+                if let Some(base) = self.base.as_mut() {
+                    base.perturbations.scale(0, more.sqrt().recip());
+                }
                 self.columns.clear();
                 self.known = false;
             }

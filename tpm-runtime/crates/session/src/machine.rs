@@ -8,6 +8,7 @@ use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, Source};
 use crate::play::{Watch, play_on_simulated};
 use crate::summary;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 use tpm_campaign::{Campaign, RunReport, Store};
@@ -17,7 +18,7 @@ use tpm_interpret::{Interpreted, InterpretedDerivatives};
 use tpm_motion::trajectory::ReferencePattern;
 use tpm_physical::{Eliminated, PatternTables, PhysicalSettings};
 use tpm_plant::stability::LoopStability;
-use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 /// A model as a machine.
 #[derive(Clone, Debug)]
@@ -29,6 +30,16 @@ pub struct Machine {
     source: Prepared,
     /// Exact tables of the plant under its patterns, made when an estimator first needs them.
     tables: OnceLock<Arc<PatternTables>>,
+}
+
+/// A model's own equations, before coordinates are eliminated.
+pub(super) fn with_all_coordinates(prepared: &Prepared) -> Result<Cow<'_, Prepared>, PrepareError> {
+    if prepared.model.eliminations.is_empty() {
+        return Ok(Cow::Borrowed(prepared));
+    }
+    let mut model = prepared.model.clone();
+    model.eliminations.clear();
+    prepare(model).map(Cow::Owned)
 }
 
 impl Machine {
@@ -43,15 +54,7 @@ impl Machine {
         experiment: &Experiment,
         bounds: &BTreeMap<String, (f64, f64)>,
     ) -> Result<Self, MachineError> {
-        let own;
-        let whole = if prepared.model.eliminations.is_empty() {
-            prepared
-        } else {
-            let mut model = prepared.model.clone();
-            model.eliminations.clear();
-            own = prepare(model)?;
-            &own
-        };
+        let whole = &*with_all_coordinates(prepared)?;
         let plant = Interpreted::new(&whole.model, &whole.form);
         let constant = |name: &str| experiment.constants.get(name).copied();
         let of_rows = |pattern| tpm_interpret::pattern::of_rows(pattern, &whole.model, &whole.form, constant);

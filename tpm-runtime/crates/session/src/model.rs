@@ -1,5 +1,7 @@
 //! A model that is read at run time, from its file or from the text that a compiled model carries.
 
+use crate::error::MachineError;
+use crate::machine::with_all_coordinates;
 use std::borrow::Cow;
 use std::path::Path;
 use tpm_codegen::language::AtTerm;
@@ -93,6 +95,23 @@ impl DeclaredModel {
             .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
         let evaluated = Interpreted::new(&prepared.model, &prepared.form);
         Ok(Self { source, parsed, prepared, evaluated })
+    }
+
+    /// Names of its eliminated coordinates.
+    pub(super) fn eliminated(&self) -> Vec<String> {
+        let model = &self.prepared.model;
+        let targets = model.eliminations.iter().flat_map(|elimination| &elimination.coordinates);
+        targets.map(|coordinate| model.coordinates[coordinate.0 as usize].name.to_string()).collect()
+    }
+
+    /// The model with nothing eliminated.
+    ///
+    /// # Errors
+    /// [`MachineError`] when its own equations have no form that is linear in parameters.
+    pub(super) fn with_all_coordinates(&self) -> Result<Self, MachineError> {
+        let prepared = with_all_coordinates(&self.prepared)?.into_owned();
+        let evaluated = Interpreted::new(&prepared.model, &prepared.form);
+        Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
     }
 
     /// The derivatives of its rows.

@@ -1,9 +1,10 @@
 //! Which combinations of the parameters the perturbed runs of `numerical` change, and by how much.
 //!
 //! A column of the matrix errs by the noise over the step, and by its curvature times the step. The response is taken to bend by as much
-//! as it changes when a parameter changes by its whole value; both errors are then alike at the mean, by ratio, of that value and of the
-//! step that changes the error by its noise. Combinations that hardly show need the longest steps. Once a matrix is known, its principal
-//! directions are perturbed, each by a step of its own, and before that one parameter at a time.
+//! as it changes when a parameter changes by its whole value, until updates have shown how much more or less it bends; both errors are
+//! then alike at the mean, by ratio, of that value and of the step that changes the error by its noise. Combinations that hardly show need
+//! the longest steps. Once a matrix is known, its principal directions are perturbed, each by a step of its own, and before that one
+//! parameter at a time.
 //!
 //! Invariant: changes are independent; what is given in steps is in multiples of them.
 
@@ -14,6 +15,11 @@ use tpm_numerics::{DMatrix, DVector};
 /// Largest change in a perturbed run, as a share of the parameters' values, or of the values at which they make the whole force.
 const MOST_PERTURBATION: f64 = 0.5;
 
+/// A perturbed run changes the error by this many times its noise, if the largest change allows.
+const LEAST_OVER_NOISE: f64 = 5.0;
+/// Largest change that an update plays along a principal direction, in values of the parameters.
+const MOST_UPDATE: f64 = 2.0;
+
 /// The changes of the perturbed runs.
 #[derive(Clone)]
 pub(super) struct Perturbations {
@@ -22,6 +28,8 @@ pub(super) struct Perturbations {
     /// Change of every one of these parameters, a column for every run.
     changes: DMatrix<f64>,
     inverse: DMatrix<f64>,
+    /// Sizes of these parameters.
+    sizes: DVector<f64>,
 }
 
 /// How much changes of parameters change the error: `c' R c` is the power of its lines for the changes c.
@@ -33,14 +41,15 @@ pub(super) struct Response {
 }
 
 impl Perturbations {
-    /// Changes for parameters of such sizes, given what is expected of each parameter alone or measured of all, and the power of the
-    /// noise in all lines.
+    /// Changes for parameters of such sizes, given what is expected of each parameter alone or measured of all, the power of the noise in
+    /// all lines, and how much the response bends.
     pub(super) fn new(
         parameters: Vec<usize>,
         sizes: &[f64],
         alone: &[f64],
         measured: Option<&Response>,
         noise: f64,
+        bend: f64,
     ) -> Self {
         let scale = DMatrix::from_diagonal(&DVector::from_column_slice(sizes));
         let expected = DMatrix::from_diagonal(&DVector::from_column_slice(alone));
@@ -48,7 +57,11 @@ impl Perturbations {
         let response = known.map_or(expected, |measured| measured.matrix.clone());
         let principal = (&scale * response * &scale).symmetric_eigen();
         let step = |power: f64| {
-            if power > 0.0 { MOST_PERTURBATION.min((noise / power).sqrt().sqrt()) } else { MOST_PERTURBATION }
+            if power <= 0.0 {
+                return MOST_PERTURBATION;
+            }
+            let of_noise = (noise / power).sqrt();
+            (of_noise / bend).sqrt().max(LEAST_OVER_NOISE * of_noise).min(MOST_PERTURBATION)
         };
         let steps = principal.eigenvalues.map(step);
         let changes = scale.clone() * &principal.eigenvectors * DMatrix::from_diagonal(&steps);
@@ -56,7 +69,7 @@ impl Perturbations {
         let inverse = DMatrix::from_diagonal(&steps.map(f64::recip))
             * principal.eigenvectors.transpose()
             * DMatrix::from_diagonal(&scale.diagonal().map(f64::recip));
-        Perturbations { parameters, changes, inverse }
+        Perturbations { parameters, changes, inverse, sizes: DVector::from_column_slice(sizes) }
     }
 
     /// Number of perturbed runs.
@@ -69,17 +82,28 @@ impl Perturbations {
         self.parameters.iter().copied().zip(self.changes.column(run).iter().copied().collect::<Vec<f64>>())
     }
 
-    /// Halves the changes of the runs from the given one on.
-    pub(super) fn halve(&mut self, from: usize) {
+    /// Multiplies the changes of the runs from the given one on.
+    pub(super) fn scale(&mut self, from: usize, factor: f64) {
         for run in from..self.count() {
-            self.changes.column_mut(run).scale_mut(0.5);
-            self.inverse.row_mut(run).scale_mut(2.0);
+            self.changes.column_mut(run).scale_mut(factor);
+            self.inverse.row_mut(run).scale_mut(factor.recip());
         }
     }
 
     /// Changes of the perturbed parameters in steps.
     pub(super) fn in_steps(&self, change: &[f64]) -> Vec<f64> {
         (&self.inverse * DVector::from_column_slice(change)).iter().copied().collect()
+    }
+
+    /// What is too much in an update, given in steps, as changes of the perturbed parameters: along a principal direction that hardly
+    /// shows, noise makes updates beyond any linearisation.
+    pub(super) fn excess(&self, steps: &[f64], columns: &[Column]) -> Vec<f64> {
+        let Some(Response { matrix, .. }) = self.response(columns) else { return vec![0.0; self.count()] };
+        let scale = DMatrix::from_diagonal(&self.sizes);
+        let principal = (&scale * matrix * &scale).symmetric_eigen();
+        let update = (&self.changes * DVector::from_column_slice(steps)).component_div(&self.sizes);
+        let beyond = principal.eigenvectors.tr_mul(&update).map(|along| along - along.clamp(-MOST_UPDATE, MOST_UPDATE));
+        (scale * principal.eigenvectors * beyond).iter().copied().collect()
     }
 
     /// Columns per parameter of those per step.
@@ -120,7 +144,7 @@ mod tests {
     fn a_combination_that_hardly_shows_is_perturbed_by_a_longer_step() {
         // Two parameters whose columns are nearly alike: their sum shows a thousand times as much as their difference.
         let noise = 1e-6_f64;
-        let first = Perturbations::new(vec![0, 2], &[2.0, 3.0], &[0.25, 1.0 / 9.0], None, noise * noise);
+        let first = Perturbations::new(vec![0, 2], &[2.0, 3.0], &[0.25, 1.0 / 9.0], None, noise * noise, 1.0);
         let changes: Vec<Vec<f64>> = (0..2).map(|i| first.change(i).map(|(_, change)| change).collect()).collect();
         for change in &changes {
             let [a, b] = [change[0] / 2.0, change[1] / 3.0].map(f64::abs);
@@ -132,7 +156,7 @@ mod tests {
         };
         let columns: Vec<Column> = changes.iter().map(|change| column(change)).collect();
         let response = first.response(&columns).expect("whole");
-        let next = Perturbations::new(vec![0, 2], &[2.0, 3.0], &[0.0, 0.0], Some(&response), noise * noise);
+        let next = Perturbations::new(vec![0, 2], &[2.0, 3.0], &[0.0, 0.0], Some(&response), noise * noise, 1.0);
         let mut found: Vec<f64> = (0..2)
             .map(|i| {
                 let change: Vec<f64> = next.change(i).map(|(_, change)| change).collect();
