@@ -21,6 +21,8 @@ pub struct Campaigns {
     pub covered: (usize, usize),
     /// Median deviation of every number, by its name.
     pub deviations: Vec<(String, f64)>,
+    /// Errors of every number, value less truth, by its name.
+    pub errors: BTreeMap<String, Vec<f64>>,
     /// Ranks that the campaigns found.
     pub ranks: Vec<usize>,
     /// Why campaigns gave no number, and how many.
@@ -103,6 +105,7 @@ impl Campaigns {
         let mut worst = None;
         for (name, value, std, truth) in numbers(result) {
             stds.entry(name.clone()).or_default().push(std);
+            self.errors.entry(name.clone()).or_default().push(value - truth);
             let error = (value - truth).abs() / std;
             self.covered.0 += usize::from(error < COVERED);
             self.covered.1 += 1;
@@ -146,6 +149,27 @@ impl Campaigns {
         Cell { text, note: None }
     }
 
+    /// The largest bias of a number, its mean error over the spread of its errors, with how uncertain so few campaigns leave it and its
+    /// name; nothing where no number is in two campaigns.
+    #[must_use]
+    pub fn bias(&self) -> Option<(f64, f64, &str)> {
+        let of = |(name, errors): (&'_ String, &'_ Vec<f64>)| {
+            let count = errors.len() as f64;
+            let mean = errors.iter().sum::<f64>() / count;
+            let spread = (errors.iter().map(|error| (error - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
+            (errors.len() > 1 && spread > 0.0).then(|| (mean / spread, count.sqrt().recip()))
+        };
+        let known = self.errors.iter().filter_map(|entry| of(entry).map(|(bias, by)| (bias, by, entry.0.as_str())));
+        known.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
+    }
+
+    /// That bias as a cell.
+    #[must_use]
+    pub fn bias_cell(&self) -> Cell {
+        let text = self.bias().map(|(bias, by, name)| format!("{bias:+.2}({by:.2}) {name}"));
+        Cell { text: text.unwrap_or_else(|| "-".into()), note: None }
+    }
+
     /// Largest ratio of the deviations to other ones; nothing where no number is in both.
     #[must_use]
     pub fn ratio(&self, other: &[(String, f64)]) -> Option<f64> {
@@ -158,5 +182,21 @@ impl Campaigns {
     #[must_use]
     pub fn beside(&self, other: &[(String, f64)]) -> Cell {
         Cell { text: self.ratio(other).map_or_else(|| "-".into(), |ratio| format!("{ratio:.2}")), note: None }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Campaigns;
+
+    #[test]
+    fn bias_is_in_spreads_of_the_campaigns() {
+        let mut found = Campaigns::default();
+        assert!(found.bias().is_none() && found.bias_cell().text == "-");
+        found.errors.insert("m".into(), vec![1.0, 3.0, 2.0, 2.0]);
+        found.errors.insert("k".into(), vec![-0.1, 0.1, 0.0, 0.0]);
+        found.errors.insert("once".into(), vec![9.0]);
+        let (bias, by, name) = found.bias().expect("numbers");
+        assert!((bias - 6.0_f64.sqrt()).abs() < 1e-12 && (by - 0.5).abs() < 1e-12 && name == "m", "{bias} {by} {name}");
     }
 }

@@ -26,6 +26,22 @@ pub fn updates(machine: &Shipped) -> Result<Vec<Cell>, Box<dyn Error>> {
     Ok(found.iter().map(cell).collect())
 }
 
+/// The updates of one estimator at the first stage, from estimates of which every other one is as much too large, by this share of the
+/// true values, as the others are too small.
+///
+/// # Errors
+/// Whatever keeps the machine from being simulated.
+pub fn from_priors(machine: &Shipped, method: Method, off: f64, most: usize) -> Result<Convergence, Box<dyn Error>> {
+    let mut experiment = machine.experiment();
+    for (i, (name, value)) in experiment.plant.parameters.iter().enumerate() {
+        let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+        experiment.prior.insert(name.clone(), value * (1.0 + off * sign));
+    }
+    let session = machine.session(experiment)?;
+    let (plant, pattern, experiment) = (session.machine().plant(), session.machine().pattern(), session.experiment());
+    Ok(convergence(plant, pattern, experiment, method, 0, most, STEPS / 4)?)
+}
+
 fn cell(found: &Convergence) -> Cell {
     let each = if found.runs_per_update > 1 { format!(" [{}]", found.runs_per_update) } else { String::new() };
     match (found.updates[1], found.errors.last(), &found.reason) {

@@ -41,7 +41,7 @@ fn machine(experiment: &Experiment) -> Machine {
 }
 
 fn arm(experiment: &Experiment) -> ClosedLoopArm {
-    experiment.other_plant(machine(experiment).plant()).expect("fits").expect("an arm")
+    experiment.closed_loop_arm(machine(experiment).plant()).expect("fits").expect("an arm")
 }
 
 /// The coefficients whose torques along the reference are nearest to the arm's own (least squares over equal times, each

@@ -62,6 +62,7 @@ fn findings() -> Vec<Warning> {
         Warning::LongSimulation(LongSimulation { work: 1e12, most: 1e11 }),
         Warning::OnePeriod,
         Warning::PeriodNotUsed { period: 2.0, stretches: 2 },
+        Warning::AllCoordinates { coordinates: vec![x()] },
         Warning::RepeatedReadings { repeated: Repeated { signal: x(), count: 3, line: 7 } },
         Warning::LoneReadings { coordinate: x(), count: 2, line: 5, farthest: 0.1, unit: Some(m()) },
         Warning::RateDiffers { coordinate: x(), gain: 1.1 },
@@ -106,6 +107,7 @@ fn findings() -> Vec<Warning> {
             | Warning::LongSimulation(_)
             | Warning::OnePeriod
             | Warning::PeriodNotUsed { .. }
+            | Warning::AllCoordinates { .. }
             | Warning::RepeatedReadings { .. }
             | Warning::LoneReadings { .. }
             | Warning::RateDiffers { .. }

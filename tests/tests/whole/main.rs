@@ -41,6 +41,7 @@ mod inertias;
 mod judge;
 mod licences;
 mod lines;
+mod matrices;
 mod measured;
 mod numerics_room;
 mod packages;

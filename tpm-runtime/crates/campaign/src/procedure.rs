@@ -827,7 +827,11 @@ impl<'m> Campaign<'m> {
             None
         };
         if planned.as_ref().is_some_and(|planned| planned.share >= share) {
-            // The feed-forward alone would exceed the permitted share of the limit, so the trial is not played.
+            // The feed-forward alone would exceed the permitted share of the limit, so the trial is not played. An estimate of a
+            // linearisation may be wrong about the force, and is gone to less far.
+            if !self.estimator.is_final() && self.estimator.take_back() {
+                return self.prepare();
+            }
             self.outcome = Some(Outcome::EffortShare);
             self.stop = planned;
         } else {

@@ -1,7 +1,7 @@
 //! `numerical`: the matrix of the tracking error's harmonics from runs with one parameter changed at a time (Feng, Eqn 3.28).
 //!
-//! To first order `E = M (theta' - theta)`, theta' being the parameters of the feed-forward. A base run and one run per parameter give M
-//! by differences; parameters whose columns follow from the others, because no reference shows a combination, need no run. On request M
+//! To first order `E = M (theta' - theta)`, theta' being the parameters of the feed-forward. A base run and one run per parameter, or per
+//! combination of them, give M by differences; parameters whose columns follow from the others, because no reference shows a combination, need no run. On request M
 //! is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are cleared, only as many equations as unknowns are
 //! kept (Eqn 3.29), and once M is known every run is an update, and M is corrected by the change of the error since the run before
 //! (secant). Invariant: M belongs to one reference; another reference begins anew.
@@ -14,17 +14,17 @@
 //! quotient of differences, with the product of update and step. Terms that are even in a velocity have a mean that the noise of the
 //! sensors makes round the loop; it is in the error of the base run and in none of the differences, and is taken out.
 
-use crate::along::Along;
+mod base;
+mod perturbations;
+
+use self::base::{Base, MeanShift, squares, unknowns, variances};
+use self::perturbations::{Column, Lines, Response};
 use crate::applies::{check_reference, check_runs};
 use crate::damping::Damping;
 use crate::designs::Designs;
 use crate::equations::Equations;
 use crate::error::EstimateError;
 use crate::estimator::Estimator;
-use crate::first_order::fed_back;
-use crate::information::reduced;
-use crate::noise::{noise_along, rounding_shares};
-use crate::response::answer;
 use crate::result::Estimate;
 use crate::run::{Run, error_lines};
 use crate::settings::{NumericalSettings, Settings};
@@ -34,22 +34,16 @@ use num_complex::Complex;
 use std::sync::Arc;
 use tpm_core::model::Model;
 use tpm_motion::Trial;
-use tpm_motion::trajectory::Trajectory;
-use tpm_numerics::{Cholesky, DMatrix, DVector, alarm, tolerance};
+use tpm_numerics::{Cholesky, DMatrix, DVector, alarm};
 
-/// Largest change of a parameter in a perturbed run, as a share of its value, or of the value at which it makes the whole force.
-const MOST_PERTURBATION: f64 = 0.5;
-/// A perturbed run is to change the error by this many times its noise, if the largest change allows.
-const PERTURBATION_OVER_NOISE: f64 = 30.0;
-/// A perturbed run is to change the error by this share of it, so that the difference is a derivative.
-const PERTURBATION_OF_ERROR: f64 = 0.1;
-/// A matrix holds about a run when secants have carried that run no farther than this, in steps.
-const MOST_SECANT_STEPS: f64 = 2.0;
 /// A secant is worth a run if it divides the power of the error by this much; otherwise the matrix is measured anew.
 const LEAST_POWER_DIVISOR: f64 = 4.0;
-
-/// Phasors per coordinate and harmonic.
-type Lines = Vec<Vec<Complex<f64>>>;
+/// Most change of what is known of the response's bend by one update.
+const MOST_RESIZED: f64 = 100.0;
+/// An earlier update counts while its linearisation misses this share of the power of noise.
+const MOST_MISSED: f64 = 0.1;
+/// A matrix that secants have carried is believed while the square of an update's length is at most this share of that before.
+const LEAST_CONTRACTION: f64 = 1.0 / 16.0;
 
 /// The estimator `numerical`.
 pub(super) struct Numerical {
@@ -61,8 +55,16 @@ pub(super) struct Numerical {
     updates: Vec<Measured>,
     /// Whether the last run made an update.
     ready: bool,
+    /// The last estimate.
+    values: Vec<f64>,
     base: Option<Base>,
-    /// Per perturbed parameter so far.
+    /// The base of the matrix before, on the same reference.
+    before: Option<Earlier>,
+    /// What the last whole matrix said of the response.
+    response: Option<Response>,
+    /// How much more the response bends than a perturbation allows for at first.
+    bend: f64,
+    /// Per perturbed run so far.
     columns: Vec<Column>,
     /// Whether M is whole, so that every further run corrects it.
     known: bool,
@@ -70,69 +72,10 @@ pub(super) struct Numerical {
     harmonics: usize,
 }
 
-/// A measured column of M.
-#[derive(Clone)]
-struct Column {
-    /// Change of every coordinate's error lines per change of the parameter.
-    lines: Lines,
-    /// How much of the noise of every run since the matrix was begun is in the column for one step.
-    noise: Vec<f64>,
-}
-
-/// The run with which perturbed runs are compared.
-#[derive(Clone)]
-struct Base {
-    reference: Trajectory,
+/// A run that was the base of a matrix before.
+struct Earlier {
     parameters: Vec<f64>,
     error: Lines,
-    /// How much of the noise of every run since the matrix was begun is in the error: all of one run.
-    noise: Vec<f64>,
-    variance: Vec<Vec<f64>>,
-    /// Change of every parameter in a perturbed run.
-    steps: Vec<f64>,
-    /// The parameters that are perturbed.
-    perturbed: Vec<usize>,
-    /// How far secants have carried the base from where M was measured, in steps of the perturbed parameters.
-    moved: Vec<f64>,
-    /// The other parameters that are free: each with a direction that no reference shows, in which its own component is one.
-    dependent: Vec<(usize, Vec<f64>)>,
-    /// Entries that are zero in the exact table, per parameter and harmonic.
-    zero: Vec<Vec<bool>>,
-    /// What noise makes of the mean of the error; nothing where it is not known.
-    shift: Option<MeanShift>,
-    /// Rounding to counts that other runs on the reference repeat, per coordinate, as a share of the variance; and as much of it as the
-    /// variance does not have already.
-    repeated: Vec<(f64, f64)>,
-}
-
-/// What the motion that noise causes makes of the means of the tracking error.
-#[derive(Clone)]
-struct MeanShift {
-    /// Per coordinate: for every parameter of value one and, last, for the known term.
-    coordinates: Vec<Vec<f64>>,
-    /// Standard deviation of the whole, as a share of it.
-    uncertainty: f64,
-}
-
-impl MeanShift {
-    fn new(
-        model: &dyn Model<f64>,
-        run: &Run<'_>,
-        along: &Along,
-        highest: usize,
-    ) -> Result<Option<Self>, EstimateError> {
-        let theta = &run.trial.parameters;
-        let found = noise_along(model, run, along, theta, highest)?;
-        let Some((rows, uncertainty)) = found.and_then(|noise| noise.shifts) else { return Ok(None) };
-        let width = theta.len() + 1;
-        let forces = DMatrix::from_fn(rows.len(), width, |row, j| Complex::new(rows[row][j], 0.0));
-        let moved = answer(along, run.trial, theta, run.hold, 0, &forces);
-        let of = |moved: DMatrix<Complex<f64>>| {
-            let coordinates = moved.row_iter().map(|row| row.iter().map(|shift| shift.re).collect()).collect();
-            MeanShift { coordinates, uncertainty }
-        };
-        Ok(moved.map(of))
-    }
 }
 
 /// A matrix with the run that it was applied to.
@@ -142,124 +85,9 @@ struct Measured {
     /// Error of the linearisation in a line, as a variance for an update of length one in steps; nothing before another run on the
     /// reference has shown it.
     curvature: Option<f64>,
-    /// Per perturbed parameter.
+    /// Per perturbed run.
     columns: Vec<Column>,
     base: Base,
-}
-
-impl Base {
-    fn new(
-        model: &dyn Model<f64>,
-        run: &Run<'_>,
-        error: Lines,
-        highest: usize,
-        table: Option<&dyn LineTable>,
-        settings: &Settings,
-    ) -> Result<Self, EstimateError> {
-        let dims = model.dims();
-        let along = Along::of_trial(model, run.trial, highest, table)?;
-        let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
-        let force =
-            run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
-        let rounding = rounding_shares(run.spectra, run.hold, dims);
-        let variance = with_rounding(run, &rounding, highest);
-        let noise = variance.iter().flatten().sum::<f64>().sqrt();
-        let size = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
-        let target = (PERTURBATION_OF_ERROR * size).max(PERTURBATION_OVER_NOISE * noise);
-        // Square of the size of H^-1, row by row and harmonic by harmonic.
-        let stiffness = |r: usize, k: usize| {
-            let felt = along.response(r, &run.trial.parameters, k);
-            let gain = fed_back(run.trial, &along, run.hold, r, k);
-            felt.iter().zip(gain).map(|(j, gain)| (j + gain).norm_sqr()).sum::<f64>()
-        };
-        // What changes the error as much as wanted, and no more than half of the value, or than what makes half of the applied force
-        // when the value is nearly nothing.
-        let step = |j: usize| {
-            let felt = (0..dims.rows).map(|r| power(along.regressor(r, j))).fold(0.0, f64::max).sqrt();
-            let whole = if felt > 0.0 { force / felt } else { 1.0 };
-            let value = run.trial.parameters[j].abs();
-            let most = MOST_PERTURBATION * if value > 0.1 * whole { value } else { whole };
-            let lines =
-                (0..dims.rows).flat_map(|r| along.regressor(r, j).iter().enumerate().map(move |line| (r, line)));
-            let moved = |(r, (k, line)): (usize, (usize, &Complex<f64>))| match stiffness(r, k) {
-                stiffness if stiffness > 0.0 => line.norm_sqr() / stiffness,
-                _ => 0.0,
-            };
-            let moved = lines.map(moved).sum::<f64>().sqrt();
-            if moved > 0.0 { most.min(target / moved) } else { most }
-        };
-        let zero = |j: usize| {
-            let largest = (0..dims.rows).flat_map(|r| along.regressor(r, j)).map(|z| z.norm()).fold(0.0, f64::max);
-            let line = |k: usize| {
-                (0..dims.rows).all(|r| along.regressor(r, j)[k].norm() <= tolerance::REGRESSOR_LINE * largest)
-            };
-            (0..=highest).map(line).collect()
-        };
-        let (perturbed, dependent) = unknowns(settings, dims.parameters)?;
-        Ok(Base {
-            reference: run.trial.trajectory.clone(),
-            parameters: run.trial.parameters.clone(),
-            variance,
-            steps: (0..dims.parameters).map(step).collect(),
-            moved: vec![0.0; perturbed.len()],
-            perturbed,
-            dependent,
-            zero: (0..dims.parameters).map(zero).collect(),
-            shift: MeanShift::new(model, run, &along, highest)?,
-            repeated: rounding.iter().map(|(in_one, repeated)| (*repeated, f64::max(repeated - in_one, 0.0))).collect(),
-            error,
-            noise: vec![1.0],
-        })
-    }
-
-    /// Whether a run has the reference of the base run. Open coordinates are not compared: their reference follows from the
-    /// parameters.
-    fn is_of(&self, run: &Run<'_>) -> bool {
-        self.reference.prescribes_as(&run.trial.trajectory, &run.trial.open)
-    }
-
-    /// A change of the parameters as one of the perturbed parameters alone, in steps: the others follow from directions that change no
-    /// row.
-    fn in_steps(&self, change: &[f64]) -> Vec<f64> {
-        let of = |&j: &usize| {
-            let beside: f64 = self.dependent.iter().map(|(own, direction)| direction[j] * change[*own]).sum();
-            (change[j] - beside) / self.steps[j]
-        };
-        self.perturbed.iter().map(of).collect()
-    }
-
-    /// Whether M was measured about the base.
-    fn is_fresh(&self) -> bool {
-        squares(&self.moved) <= MOST_SECANT_STEPS * MOST_SECANT_STEPS
-    }
-
-    /// The columns of all parameters.
-    fn matrix(&self, columns: Vec<Lines>) -> Vec<Lines> {
-        let none: Lines = self.error.iter().map(|lines| vec![Complex::new(0.0, 0.0); lines.len()]).collect();
-        let mut matrix = vec![none; self.parameters.len()];
-        for (&j, column) in self.perturbed.iter().zip(columns) {
-            for (own, direction) in &self.dependent {
-                for (sum, line) in matrix[*own].iter_mut().flatten().zip(column.iter().flatten()) {
-                    *sum -= line * direction[j];
-                }
-            }
-            matrix[j] = column;
-        }
-        matrix
-    }
-}
-
-/// The parameters whose columns need a run, and those whose columns follow from hidden directions.
-#[expect(clippy::type_complexity, reason = "a list of indices, and one of directions by their index")]
-fn unknowns(settings: &Settings, parameters: usize) -> Result<(Vec<usize>, Vec<(usize, Vec<f64>)>), EstimateError> {
-    let free = settings.free(parameters)?;
-    let dependent = reduced(settings.hidden.clone());
-    let follows = |j: &usize| dependent.iter().any(|(own, _)| own == j);
-    Ok((free.indices.into_iter().filter(|j| !follows(j)).collect(), dependent))
-}
-
-fn squares(step: &[f64]) -> f64 {
-    step.iter().map(|step| step * step).sum()
 }
 
 /// How much of the noise of every run remains in the error of a base run without what columns say of a change, given in steps.
@@ -290,21 +118,6 @@ fn reliability(
     Some((inverse.tr_mul(&(kept * factor.l().transpose())), inverse.tr_mul(&(&inverse * shared))))
 }
 
-/// Variances of the error's lines: noise, and rounding to counts as far as it repeats with the motion.
-fn variances(model: &dyn Model<f64>, run: &Run<'_>, highest: usize) -> Vec<Vec<f64>> {
-    with_rounding(run, &rounding_shares(run.spectra, run.hold, model.dims()), highest)
-}
-
-/// The same, given what rounding adds to every coordinate as a share of its noise.
-fn with_rounding(run: &Run<'_>, shares: &[(f64, f64)], highest: usize) -> Vec<Vec<f64>> {
-    let of = |(c, (rounding, _)): (usize, &(f64, f64))| {
-        let peak = run.spectra.lines[c].iter().map(|line| line.norm()).fold(0.0, f64::max);
-        let least = (tolerance::READING * peak).powi(2) + f64::MIN_POSITIVE;
-        (0..=highest).map(|k| run.spectra.variance(c, k) * (1.0 + rounding) + least).collect()
-    };
-    shares.iter().enumerate().map(of).collect()
-}
-
 /// The power of an error of the linearisation, in that of an update of the length one: the update with these squares was foreseen by
 /// quotients of differences over steps of the length one.
 fn bent(squares: f64) -> f64 {
@@ -320,7 +133,11 @@ impl Numerical {
             table,
             updates: Vec::new(),
             ready: false,
+            values: Vec::new(),
             base: None,
+            before: None,
+            response: None,
+            bend: 1.0,
             columns: Vec::new(),
             known: false,
             damping: Damping::default(),
@@ -328,36 +145,43 @@ impl Numerical {
         }
     }
 
-    /// What a run shows beyond the prediction of M from the base, and the way to it from there in steps.
-    fn missed(&self, base: &Base, run: &Run<'_>, error: &Lines) -> (Lines, Vec<f64>) {
-        let change: Vec<f64> =
-            run.trial.parameters.iter().zip(&base.parameters).map(|(now, before)| now - before).collect();
+    /// What a run with such parameters shows beyond the prediction of M from the base, and the way to it from there in steps.
+    fn missed(&self, base: &Base, parameters: &[f64], error: &Lines) -> (Lines, Vec<f64>) {
+        let change: Vec<f64> = parameters.iter().zip(&base.parameters).map(|(now, before)| now - before).collect();
         let step = base.in_steps(&change);
         let mut missed = error.clone();
         for (c, lines) in missed.iter_mut().enumerate() {
             for (k, line) in lines.iter_mut().enumerate() {
-                let columns = self.columns.iter().zip(&step).zip(&base.perturbed);
-                let foreseen: Complex<f64> = columns.map(|((m, s), &j)| m.lines[c][k] * (*s * base.steps[j])).sum();
+                let foreseen: Complex<f64> = self.columns.iter().zip(&step).map(|(m, step)| m.lines[c][k] * step).sum();
                 *line -= base.error[c][k] + foreseen;
             }
         }
         (missed, step)
     }
 
-    /// Compares a run on the reference of the base with the prediction of M: what it missed is the error of the linearisation in the last
-    /// update.
-    fn check_prediction(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: &Lines) {
-        let Some(base) = &self.base else { return };
-        let (missed, step) = self.missed(base, run, error);
+    /// Error of the linearisation that a run shows on the reference of the base, as a variance of a line for an update of length one in
+    /// steps; nothing for the base itself.
+    fn curvature(&self, base: &Base, parameters: &[f64], error: &Lines) -> Option<f64> {
+        let (missed, step) = self.missed(base, parameters, error);
         let length = squares(&step);
-        let variance = variances(model, run, self.harmonics);
-        let noise = |c: usize, k: usize| variance[c][k] + base.variance[c][k];
+        let noise = |c: usize, k: usize| 2.0 * base.variance[c][k];
         let lines =
             missed.iter().enumerate().flat_map(|(c, lines)| lines.iter().enumerate().map(move |(k, z)| (c, k, z)));
         let certain = lines.filter(|(c, k, line)| line.norm_sqr() > alarm::PREDICTION_MISSES * noise(*c, *k));
-        let worst = certain.map(|(.., line)| line.norm_sqr()).fold(0.0, f64::max);
-        if let Some(last) = self.updates.last_mut().filter(|_| length > 0.0) {
-            last.curvature = Some(last.curvature.unwrap_or(0.0).max(worst / bent(length)));
+        // What does not stand out may be as large as noise.
+        let lines = base.variance.iter().flatten();
+        let unseen = lines.clone().sum::<f64>() / lines.count().max(1) as f64;
+        let worst = certain.map(|(.., line)| line.norm_sqr()).fold(unseen, f64::max);
+        // Within a step noise says more than curvature.
+        (length > 0.0).then(|| worst / bent(length.max(1.0)))
+    }
+
+    /// Compares a run on the reference of the base with the prediction of M: what it missed is the error of the linearisation in the last
+    /// update.
+    fn check_prediction(&mut self, run: &Run<'_>, error: &Lines) {
+        let shown = self.base.as_ref().and_then(|base| self.curvature(base, &run.trial.parameters, error));
+        if let (Some(last), Some(shown)) = (self.updates.last_mut(), shown) {
+            last.curvature = Some(last.curvature.unwrap_or(0.0).max(shown));
         }
     }
 
@@ -365,7 +189,7 @@ impl Numerical {
     /// base.
     fn correct(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: Lines) {
         let Some(base) = &self.base else { return };
-        let (missed, step) = self.missed(base, run, &error);
+        let (missed, step) = self.missed(base, &run.trial.parameters, &error);
         let length = squares(&step);
         let variance = variances(model, run, self.harmonics);
         // Noise is no change of M: the share of what was missed that stands out of it corrects M.
@@ -373,14 +197,15 @@ impl Numerical {
         let of_noise: f64 = variance.iter().chain(&base.variance).flatten().sum();
         let share = if all > of_noise && length > 0.0 { (1.0 - of_noise / all) / length } else { 0.0 };
         let noise = remaining(&base.noise, &self.columns, &step);
-        for ((column, step), &j) in self.columns.iter_mut().zip(&step).zip(&base.perturbed) {
+        for (column, step) in self.columns.iter_mut().zip(&step) {
             for (line, missed) in column.lines.iter_mut().flatten().zip(missed.iter().flatten()) {
-                *line += missed * (share * step / base.steps[j]);
+                *line += missed * (share * step);
             }
             // What was missed has the noise of the new run, without that of the base and of the columns.
             column.noise.iter_mut().zip(&noise).for_each(|(own, noise)| *own -= noise * share * step);
             column.noise.push(share * step);
         }
+        self.leave(&run.trial.parameters);
         if let Some(base) = self.base.as_mut() {
             base.moved.iter_mut().zip(&step).for_each(|(moved, step)| *moved += step);
             base.variance = variance;
@@ -391,37 +216,129 @@ impl Numerical {
         }
     }
 
+    /// By how much the last update bent more than perturbations were sized for: a step of these then errs by as much as noise.
+    fn bent_more(&self) -> f64 {
+        let of = |last: &Measured| {
+            let noise: f64 = last.base.variance.iter().flatten().sum();
+            Some((last.curvature? / noise).sqrt().clamp(MOST_RESIZED.recip(), MOST_RESIZED))
+        };
+        self.updates.last().and_then(of).unwrap_or(1.0)
+    }
+
+    /// Keeps the base as that of the matrix before, unless the next one has its parameters.
+    fn leave(&mut self, next: &[f64]) {
+        let Some(base) = self.base.as_ref().filter(|base| base.parameters != next) else { return };
+        self.before = Some(Earlier { parameters: base.parameters.clone(), error: base.error.clone() });
+    }
+
     /// Begins a matrix with a run as its base.
     fn begin(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: Lines) -> Result<(), EstimateError> {
+        self.bend *= self.bent_more();
+        if let Some(base) = &self.base {
+            self.response = base.perturbations.response(&self.columns).or(self.response.take());
+        }
+        match &self.base {
+            Some(base) if base.error[0].len() == error[0].len() && base.is_of(run) => self.leave(&run.trial.parameters),
+            _ => self.before = None,
+        }
         self.columns.clear();
         self.known = false;
-        if self.base.as_ref().is_none_or(|base| !base.is_of(run)) {
+        if self.before.is_none() {
             self.settings = self.designs.take(model, run.trial, &self.settings)?;
         }
-        self.base = Some(Base::new(model, run, error, self.harmonics, self.table.as_deref(), &self.settings)?);
+        let table = self.table.as_deref();
+        self.base = Some(Base::new(
+            model,
+            run,
+            error,
+            self.harmonics,
+            (self.response.as_ref(), self.bend),
+            table,
+            &self.settings,
+        )?);
         Ok(())
     }
 
-    /// The estimate from all updates, each weighted where the parameters are about their own estimate.
+    /// The estimate from the last update and from the earlier ones that are linear to within noise there. The errors of linearisations
+    /// are no noise: matrices of two places contradict each other most along combinations that hardly show.
     fn solve(&self) -> Result<Estimate, EstimateError> {
-        let current = self.updates.last().map_or(&[][..], |update| update.base.parameters.as_slice());
+        let Some((last, earlier)) = self.updates.split_last() else { return Err(EstimateError::NoSignal) };
+        let current = last.base.parameters.as_slice();
         let rank = unknowns(&self.settings, current.len())?.0.len();
         solve_reweighted(&self.settings, current, |theta| {
-            let of = |update: &Measured| {
-                let same = |other: &&Measured| other.base.reference == update.base.reference;
-                let others = self.updates.iter().filter(same).count() - 1;
+            let pooled: Vec<&Measured> =
+                earlier.iter().filter(|update| update.is_linear(theta)).chain(std::iter::once(last)).collect();
+            let of = |update: &&Measured| {
+                let same = |other: &&&Measured| other.base.reference == update.base.reference;
+                let others = pooled.iter().filter(same).count() - 1;
                 update.equations(theta, &self.settings, rank, others)
             };
-            self.updates.iter().map(of).collect()
+            pooled.iter().map(of).collect()
         })
+    }
+
+    /// Takes in a run with one parameter changed. M is known with the last of them.
+    fn perturbed(&mut self, error: &Lines) {
+        let Some(base) = self.base.as_mut() else { return };
+        let changed = |(now, before): (&Vec<Complex<f64>>, &Vec<Complex<f64>>)| {
+            now.iter().zip(before).map(|(now, before)| now - before).collect()
+        };
+        let lines = error.iter().zip(&base.error).map(changed).collect();
+        let runs = base.perturbations.count() + 1;
+        let mut noise = vec![0.0; runs];
+        (noise[0], noise[self.columns.len() + 1]) = (-1.0, 1.0);
+        self.columns.push(Column { lines, noise });
+        self.known = self.columns.len() == base.perturbations.count();
+        if self.known {
+            base.noise.resize(runs, 0.0);
+        }
+    }
+
+    /// Adds what the base and M know to the updates.
+    fn remember(&mut self) {
+        let Some(base) = &self.base else { return };
+        let kept = self.settings.kept(self.updates.len());
+        self.updates.drain(..self.updates.len() - kept);
+        let curvature = if base.is_carried() {
+            self.updates.last().and_then(|last| last.curvature)
+        } else {
+            self.before.as_ref().and_then(|before| self.curvature(base, &before.parameters, &before.error))
+        };
+        // A matrix that secants have carried is good for the next step, not for the result.
+        self.updates.retain(|update| update.fresh);
+        let (columns, base) = (self.columns.clone(), base.clone());
+        self.updates.push(Measured { fresh: base.is_fresh(), curvature, columns, base });
+    }
+
+    /// Whether the update from the base is shorter than the one that led there.
+    fn contracts(&self, from: &[f64]) -> Result<bool, EstimateError> {
+        let Some(base) = &self.base else { return Ok(false) };
+        let length = |to: &[f64]| {
+            let change: Vec<f64> = to.iter().zip(&base.parameters).map(|(to, base)| to - base).collect();
+            squares(&base.in_steps(&change))
+        };
+        Ok(length(&self.solve()?.values) <= LEAST_CONTRACTION * length(from))
     }
 }
 
 impl Measured {
-    /// The curvature with other steps: the largest that it may be there.
-    fn curvature_in(&self, steps: &[f64]) -> Option<f64> {
-        let ratio = steps.iter().zip(&self.base.steps).map(|(new, old)| new / old).fold(0.0, f64::max);
-        self.curvature.map(|curvature| curvature * ratio.powi(4))
+    /// The way from the base to an estimate, in steps.
+    fn way(&self, theta: &[f64]) -> Vec<f64> {
+        let update: Vec<f64> = self.base.parameters.iter().zip(theta).map(|(now, to)| now - to).collect();
+        self.base.in_steps(&update)
+    }
+
+    /// Error of the linearisation at an estimate, as a variance of a line: as much as there is at most, and where nothing is known of it.
+    fn missed(&self, theta: &[f64]) -> f64 {
+        let worst = self.base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max);
+        self.curvature.map_or(worst, |curvature| worst.min(curvature * bent(squares(&self.way(theta)))))
+    }
+
+    /// Whether the error of the linearisation at an estimate is small beside noise.
+    fn is_linear(&self, theta: &[f64]) -> bool {
+        let noise: f64 = self.base.variance.iter().flatten().sum();
+        let lines = self.base.variance.iter().flatten().count();
+        self.missed(theta) * lines as f64 <= MOST_MISSED * noise
     }
 
     /// The columns, and the error of the base, as they are expected without the noise that the columns share with the equations.
@@ -436,12 +353,13 @@ impl Measured {
         let count = self.columns.len();
         let (mut products, mut noise) = (DMatrix::<f64>::zeros(count, count), DMatrix::<f64>::zeros(count, count));
         let mut shared = DVector::<f64>::zeros(count);
-        let is_used = |j: usize, k: usize| !(cleared && base.zero[base.perturbed[j]][k]);
-        // Per step, so that columns are of the same size.
+        let is_used = |j: usize, k: usize| !(cleared && base.is_zero(j, k));
         let mut columns: Vec<Lines> = self.columns.iter().map(|column| column.lines.clone()).collect();
         for (j, lines) in columns.iter_mut().enumerate() {
             for line in lines.iter_mut().flat_map(|lines| lines.iter_mut().enumerate()) {
-                *line.1 *= if is_used(j, line.0) { base.steps[base.perturbed[j]] } else { 0.0 };
+                if !is_used(j, line.0) {
+                    *line.1 = Complex::new(0.0, 0.0);
+                }
             }
         }
         let weight = |c: usize, k: usize| if k == 0 { 1.0 } else { 2.0 } / variance(c, k);
@@ -482,9 +400,6 @@ impl Measured {
                 }
             }
         }
-        for (column, &j) in columns.iter_mut().zip(&base.perturbed) {
-            column.iter_mut().flatten().for_each(|line| *line /= base.steps[j]);
-        }
         (columns, error)
     }
 
@@ -493,23 +408,17 @@ impl Measured {
     fn equations(&self, theta: &[f64], settings: &Settings, rank: usize, others: usize) -> Equations {
         let NumericalSettings { cleared, reduced, .. } = settings.numerical;
         let base = &self.base;
-        let update: Vec<f64> = base.parameters.iter().zip(theta).map(|(now, to)| now - to).collect();
-        let steps = base.in_steps(&update);
-        let length = squares(&steps);
         // The noise of the perturbed runs, and that of the base, with which all of them were compared.
+        let steps = self.way(theta);
         let noise = squares(&remaining(&base.noise, &self.columns, &steps));
-        let missed = match self.curvature {
-            Some(curvature) => curvature * bent(length),
-            // Nothing is known of the linearisation: it may miss as much as there is.
-            None => base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max),
-        };
+        let missed = self.missed(theta);
         // What all updates repeat counts in each as often as there are updates, this one among them.
         let variance = |c: usize, k: usize| {
             let (repeated, own) = base.repeated[c];
             base.variance[c][k] * (noise + own + others as f64 * repeated) + missed
         };
         let (columns, error) = self.calibrated(&steps, cleared, variance);
-        let matrix = base.matrix(columns);
+        let matrix = base.matrix(&columns);
         let mut equations = Equations::new(matrix.len());
         for (c, error) in error.iter().enumerate() {
             for (k, line) in error.iter().enumerate() {
@@ -547,10 +456,21 @@ impl Estimator for Numerical {
     }
 
     fn play(&self, current: &[f64]) -> Vec<f64> {
-        let Some(base) = self.base.as_ref().filter(|_| !self.known) else { return self.damping.towards(current) };
+        let Some(base) = &self.base else { return current.to_vec() };
+        if self.known {
+            let update: Vec<f64> = current.iter().zip(&base.parameters).map(|(to, from)| to - from).collect();
+            let mut bounded = current.to_vec();
+            let excess = base.perturbations.excess(&base.in_steps(&update), &self.columns);
+            for (&j, excess) in base.perturbations.parameters.iter().zip(excess) {
+                bounded[j] -= excess;
+            }
+            return self.damping.towards(&bounded);
+        }
         let mut changed = base.parameters.clone();
-        if let Some(&j) = base.perturbed.get(self.columns.len()) {
-            changed[j] += base.steps[j];
+        if self.columns.len() < base.perturbations.count() {
+            for (j, change) in base.perturbations.change(self.columns.len()) {
+                changed[j] += change;
+            }
         }
         changed
     }
@@ -559,8 +479,7 @@ impl Estimator for Numerical {
         match self.base.as_mut().filter(|_| !self.known) {
             Some(base) => {
                 // Half the steps that are still to come.
-                let next = base.perturbed.iter().skip(self.columns.len());
-                next.for_each(|&j| base.steps[j] *= 0.5);
+                base.perturbations.scale(self.columns.len(), 0.5);
                 true
             }
             None => self.damping.take_back(),
@@ -568,7 +487,8 @@ impl Estimator for Numerical {
     }
 
     fn is_final(&self) -> bool {
-        !self.damping.is_damped() && self.updates.last().is_some_and(|update| update.fresh)
+        !self.damping.is_damped()
+            && self.updates.last().is_some_and(|update| update.fresh && update.is_linear(&self.values))
     }
 
     fn linear_about(&self) -> Option<&[f64]> {
@@ -584,70 +504,63 @@ impl Estimator for Numerical {
                 given: run.spectra.lines.len(),
             });
         }
-        let highest = run.highest_harmonic(&self.settings);
+        // Harmonics of open coordinates differ from run to run; those of the base are compared.
+        let of_base = self.base.as_ref().filter(|base| base.is_of(run)).map(Base::harmonics);
+        let highest = of_base.unwrap_or_else(|| run.highest_harmonic(&self.settings)).min(run.spectra.highest());
         let error = error_lines(run.trial, run.spectra, dims.coordinates, highest);
         self.harmonics = highest;
-        let same = |base: &&Base| base.error[0].len() == highest + 1 && base.is_of(run);
+        let same = |base: &&Base| base.harmonics() == highest && base.is_of(run);
         let perturbs = self.base.as_ref().filter(same).is_some() && !self.known;
         let power = |lines: &Lines| lines.iter().flatten().map(|line| line.norm_sqr()).sum::<f64>();
         let (size, noise) = (power(&error), variances(model, run, highest).iter().flatten().sum::<f64>());
         let better = perturbs || self.damping.judge(run.trial, size, noise);
-        let Some(before) = self.base.as_ref().filter(same).map(|base| power(&base.error)) else {
-            return self.begin(model, run, error);
-        };
-        if self.known {
-            self.check_prediction(model, run, &error);
-            if !better {
-                // The next run goes less far; where that helps no more, the matrix is measured anew.
-                if self.damping.is_exhausted() {
-                    self.columns.clear();
-                    self.known = false;
-                }
+        let Some(base) = self.base.as_ref().filter(same) else { return self.begin(model, run, error) };
+        let (before, carried, fresh) = (power(&base.error), base.is_carried(), base.is_fresh());
+        let from = base.parameters.clone();
+        if !self.known {
+            self.perturbed(&error);
+            if !self.known {
                 return Ok(());
             }
-            let fresh = self.base.as_ref().is_some_and(Base::is_fresh);
+            self.remember();
+        } else if !better {
+            self.check_prediction(run, &error);
+            // The next run goes less far. Where that helps no more, or the matrix is of another place, it is measured anew.
+            if carried || self.damping.is_exhausted() {
+                let more = self.bent_more();
+                self.bend *= more;
+                if let Some(base) = self.base.as_mut() {
+                    base.perturbations.scale(0, more.sqrt().recip());
+                }
+                self.columns.clear();
+                self.known = false;
+            }
+            return Ok(());
+        } else {
+            self.check_prediction(run, &error);
             let floor = size < LEAST_POWER_DIVISOR * noise;
-            if !self.settings.numerical.secant || (floor && !fresh) || (!floor && LEAST_POWER_DIVISOR * size > before) {
+            let holds = if floor { fresh } else { LEAST_POWER_DIVISOR * size <= before };
+            if !self.settings.numerical.secant || !holds {
                 return self.begin(model, run, error);
             }
-            self.correct(model, run, error);
-        } else if let Some(base) = &self.base {
-            let step = base.steps[base.perturbed[self.columns.len()]];
-            let lines = error
-                .iter()
-                .zip(&base.error)
-                .map(|(changed, before)| changed.iter().zip(before).map(|(a, b)| (a - b) / step).collect())
-                .collect();
-            let runs = base.perturbed.len() + 1;
-            let mut noise = vec![0.0; runs];
-            (noise[0], noise[self.columns.len() + 1]) = (-1.0, 1.0);
-            self.columns.push(Column { lines, noise });
-            if self.columns.len() < base.perturbed.len() {
-                return Ok(());
+            self.correct(model, run, error.clone());
+            self.remember();
+            if !floor && !self.contracts(&from)? {
+                self.updates.pop();
+                return self.begin(model, run, error);
             }
-            self.known = true;
-            if let Some(base) = self.base.as_mut() {
-                base.noise.resize(runs, 0.0);
-            }
-        }
-        if let Some(base) = &self.base {
-            let kept = self.settings.kept(self.updates.len());
-            self.updates.drain(..self.updates.len() - kept);
-            // A matrix that secants have carried is good for the next step, not for the result.
-            self.updates.retain(|update| update.fresh);
-            self.updates.push(Measured {
-                fresh: base.is_fresh(),
-                curvature: self.updates.last().and_then(|last| last.curvature_in(&base.steps)),
-                columns: self.columns.clone(),
-                base: base.clone(),
-            });
         }
         self.ready = true;
         Ok(())
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        if self.ready { self.solve().map(Some) } else { Ok(None) }
+        if !self.ready {
+            return Ok(None);
+        }
+        let estimate = self.solve()?;
+        self.values.clone_from(&estimate.values);
+        Ok(Some(estimate))
     }
 
     fn harmonics(&self) -> usize {

@@ -135,6 +135,12 @@ pub enum ExperimentError {
     /// The simulated machine does not obey the model, and its signals are not those of the model.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
+    /// The model of the simulated machine does not fit.
+    #[error("plant.model: {message}")]
+    PlantModel {
+        /// What does not fit, and what to do.
+        message: String,
+    },
     /// A value for a simulated machine that obeys the model, although the experiment simulates another machine.
     #[error(
         "{key}: the machine of plant.closed_loop_arm has no such value; leave it out, or change the arm's own there"

@@ -6,6 +6,9 @@
 use crate::error::ExperimentError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+use tpm_core::model::Model;
 use tpm_estimate::{Method, NumericalSettings, Refine, Weights};
 use tpm_motion::HoldCompensation;
 use tpm_motion::smoothing::Smoothing;
@@ -140,9 +143,54 @@ pub struct PlantSection {
     /// True dynamics of the actuators by input; the known ones where not given.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub actuators: BTreeMap<String, ActuatorSection>,
+    /// The model that the machine obeys, where it is another than the one that is identified: the path of a model file beside the
+    /// experiment, or the text of one, `model.text`. It has the same coordinates and inputs in the same order. `parameters` and `drift`
+    /// are then of this model.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<PlantModelSection>,
+    /// Values of constants that only this model has, or has another value of; the other ones are those of the experiment.
+    #[serde(skip_serializing_if = "Named::is_empty")]
+    pub constants: Named,
+    /// The same model, evaluated.
+    #[serde(skip)]
+    #[cfg_attr(feature = "schema", schemars(skip))]
+    pub(super) machine: Option<OtherMachine>,
     /// The closed-loop arm of Feng, chapter 5, in place of a machine that obeys the model itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed_loop_arm: Option<ArmSection>,
+}
+
+/// Another model with the true values by the names of its own parameters.
+#[derive(Clone)]
+pub struct OtherMachine {
+    pub(super) model: Arc<dyn Model<f64>>,
+    pub(super) parameters: Named,
+}
+
+impl fmt::Debug for OtherMachine {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OtherMachine").field("model", &self.model.name()).field("parameters", &self.parameters).finish()
+    }
+}
+
+impl PartialEq for OtherMachine {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.model, &other.model) && self.parameters == other.parameters
+    }
+}
+
+/// The model of a simulated machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(untagged)]
+pub enum PlantModelSection {
+    /// In a model file; whoever reads the experiment puts its text in its place.
+    File(String),
+    /// In the experiment itself.
+    Text {
+        /// The text of the model file.
+        text: String,
+    },
 }
 
 /// The links of a closed-loop arm, SI units (Feng, Figure 5.1).
@@ -171,6 +219,9 @@ impl Default for PlantSection {
             sensors: BTreeMap::new(),
             input_steps: Named::new(),
             actuators: BTreeMap::new(),
+            model: None,
+            constants: Named::new(),
+            machine: None,
             closed_loop_arm: None,
         }
     }

@@ -11,6 +11,7 @@ mod file;
 mod names;
 #[cfg(test)]
 mod numerical_tests;
+mod other;
 mod overrides;
 #[cfg(test)]
 mod plant_tests;
@@ -21,7 +22,8 @@ mod schema_tests;
 pub use error::ExperimentError;
 pub use file::{
     ActuatorSection, ArmSection, ControlSection, DropoutSection, Equations, Experiment, FeedbackSection, LimitsSection,
-    MotorsSection, Named, PlantSection, ScheduleSection, SensorSection, StabilitySection, StageSection, StrokeSection,
+    MotorsSection, Named, OtherMachine, PlantModelSection, PlantSection, ScheduleSection, SensorSection,
+    StabilitySection, StageSection, StrokeSection,
 };
 pub use overrides::written_value;
 /// Values and tables of an experiment file, with which [`Experiment::set_value`] changes it.

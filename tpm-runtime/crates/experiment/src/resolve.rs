@@ -2,7 +2,7 @@
 
 use crate::actuators::limited;
 use crate::error::ExperimentError;
-use crate::file::{ArmSection, DropoutSection, Experiment, StageSection, StrokeSection};
+use crate::file::{ArmSection, DropoutSection, Experiment, OtherMachine, StageSection, StrokeSection};
 use crate::names::{Names, coordinates, inputs, near, parameters, positive, require};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -21,6 +21,11 @@ use tpm_plant::stability::{self, LoopStability, Range, StabilityDomain};
 /// Number of equally spaced phases of a period at which a reference is compared with the limits of position and
 /// velocity.
 const LOOKED_AT: usize = 1024;
+
+/// Names of a model's constants.
+fn constant_names(model: &dyn Model<f64>) -> Vec<String> {
+    (0..model.dims().constants).map(|i| model.constant(i).name.to_string()).collect()
+}
 
 /// Requires that a stage's reference keeps within the limits of position and velocity, at [`LOOKED_AT`] phases of its
 /// period.
@@ -160,8 +165,7 @@ impl Experiment {
     /// [`ExperimentError::UnknownName`] for a name that the model does not have, [`ExperimentError::Missing`] for a
     /// constant without a value.
     pub fn constant_values(&self, model: &dyn Model<f64>) -> Result<Vec<f64>, ExperimentError> {
-        let names = (0..model.dims().constants).map(|i| model.constant(i).name.to_string()).collect();
-        Names { kind: "constant", names }.all("constants", &self.constants)
+        Names { kind: "constant", names: constant_names(model) }.all("constants", &self.constants)
     }
 
     /// The simulated machine.
@@ -221,13 +225,19 @@ impl Experiment {
         let must = "there must be at most 10,000 steps between two samples";
         let few = self.plant.sub_steps <= limits::MOST_SUB_STEPS;
         require(few, "plant.sub_steps".into(), self.plant.sub_steps as f64, must)?;
-        // True parameters and constants. The closed-loop arm has its own.
-        let (parameters, constants) = if self.plant.closed_loop_arm.is_some() {
+        // True parameters and constants. Another machine has its own (`bench_in_run`).
+        if self.plant.closed_loop_arm.is_some() {
             for (place, given) in [("parameters", &self.plant.parameters), ("drift", &self.plant.drift)] {
                 if let Some(name) = given.keys().next() {
                     return Err(ExperimentError::NotOfMachine { key: format!("plant.{place}.{name}") });
                 }
             }
+        }
+        if let Some(name) = self.plant.constants.keys().next().filter(|_| self.plant.model.is_none()) {
+            let message = format!("the constant {name} in plant.constants is of no model: state it in [constants]");
+            return Err(ExperimentError::PlantModel { message });
+        }
+        let (parameters, constants) = if self.plant.closed_loop_arm.is_some() || self.plant.model.is_some() {
             (Vec::new(), Vec::new())
         } else {
             (parameters(model).all("plant.parameters", &self.plant.parameters)?, self.constant_values(model)?)
@@ -244,12 +254,11 @@ impl Experiment {
         })
     }
 
-    /// The simulated machine of an experiment whose machine does not obey the model; `None` where it does.
+    /// The closed-loop arm that the experiment describes.
     ///
     /// # Errors
-    /// [`ExperimentError::Machine`] when its signals are not those of the model, [`ExperimentError::Invalid`] for a
-    /// value that makes no sense.
-    pub fn other_plant(&self, model: &dyn Model<f64>) -> Result<Option<ClosedLoopArm>, ExperimentError> {
+    /// [`ExperimentError::Invalid`] for a value that makes no sense.
+    pub(super) fn arm(&self) -> Result<Option<ClosedLoopArm>, ExperimentError> {
         let Some(ArmSection { lengths, masses, centroids, inertias, torque_scale }) =
             self.plant.closed_loop_arm.clone()
         else {
@@ -261,10 +270,8 @@ impl Experiment {
             }
         }
         positive("plant.closed_loop_arm.torque_scale", torque_scale)?;
-        let arm = ClosedLoopArm::new(ArmGeometry { lengths, masses, centroids, inertias, torque_scale });
-        let (own, wanted) = (arm.dims(), model.dims());
-        let fits = (own.coordinates, own.inputs, own.order) == (wanted.coordinates, wanted.inputs, wanted.order);
-        if fits { Ok(Some(arm)) } else { Err(ExperimentError::Machine) }
+        let geometry = ArmGeometry { lengths, masses, centroids, inertias, torque_scale };
+        Ok(Some(ClosedLoopArm::new(geometry)))
     }
 
     /// The simulated machine in run `run` (counted from 0), whose parameters have drifted over the runs before.
@@ -274,7 +281,17 @@ impl Experiment {
     /// evaluated.
     pub fn bench_in_run(&self, model: &dyn Model<f64>, run: usize) -> Result<Rig, ExperimentError> {
         let mut bench = self.bench(model)?;
-        let drift = parameters(model).fill("plant.drift", &self.plant.drift, 0.0)?;
+        let machine = self.plant.machine.as_ref().filter(|_| self.plant.model.is_some());
+        if let Some(OtherMachine { model: other, parameters: values }) = machine {
+            let names = Names { kind: "constant", names: constant_names(other.as_ref()) };
+            let mut constants = self.constants.clone();
+            constants.retain(|name, _| names.names.contains(name));
+            constants.extend(self.plant.constants.clone());
+            bench.constants = names.all("plant.constants", &constants)?;
+            bench.parameters = parameters(other.as_ref()).all("plant.parameters", values)?;
+        }
+        let obeyed = machine.map_or(model, |machine| machine.model.as_ref());
+        let drift = parameters(obeyed).fill("plant.drift", &self.plant.drift, 0.0)?;
         for (value, drift) in bench.parameters.iter_mut().zip(&drift) {
             *value *= (1.0 + drift).powi(run as i32);
         }

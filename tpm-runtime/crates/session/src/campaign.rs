@@ -1,10 +1,10 @@
 //! Campaigns: on a simulated machine, on a machine behind a [`Bench`], and from the runs that a folder keeps.
 
-use crate::error::SessionError;
+use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, LogFingerprint, Source};
 use crate::machine::Machine;
 use crate::method_report;
-use crate::model::{DeclaredModel, Identifiable, ModelFault, NonlinearParameter};
+use crate::model::{DeclaredModel, Identifiable, ModelFault, NonlinearParameter, with_all_coordinates};
 use crate::options::LogOptions;
 use crate::play::{Watch, play_campaign, play_on_simulated, play_simulated};
 use crate::reading::RecordSettings;
@@ -15,11 +15,13 @@ use crate::validate::{Validation, validate_run};
 use crate::warning::Warning;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tpm_campaign::{Campaign, RunReport, Store};
 use tpm_codegen::identified::Identified;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_estimate::{Domain, ParameterReport, Refine, Status};
-use tpm_experiment::{Experiment, ExperimentError, Value};
+use tpm_experiment::{Experiment, ExperimentError, Named, PlantModelSection, Value};
+use tpm_interpret::Interpreted;
 use tpm_log::{Log, fingerprint};
 use tpm_motion::{Bench, BenchError, Record, Trial};
 use tpm_physical::PhysicalSettings;
@@ -135,7 +137,11 @@ impl Session {
                 return Err(ExperimentError::OutsideInterval { key, value, interval }.into());
             }
         }
-        let experiment = tpm_physical::lumped(&written, declared.prepared());
+        let mut experiment = tpm_physical::lumped(&written, declared.prepared());
+        if let Some(text) = written.plant_text()? {
+            let (machine, values) = simulated_machine(text, &written)?;
+            experiment.set_machine(Arc::new(machine), values);
+        }
         let pattern = declared.pattern(experiment.pattern.as_deref())?;
         let machine = Machine::new(declared.prepared(), pattern, &experiment, &bounds)?;
         if let Some((path, motors)) = motors {
@@ -466,6 +472,10 @@ fn read_experiment(
     experiment.frozen.extend(request.frozen.clone());
     experiment.prior.extend(request.prior.clone());
     experiment.refine = request.refine.unwrap_or(experiment.refine);
+    if let Some(beside) = experiment.plant_file().map(|beside| path.with_file_name(beside)) {
+        let text = DeclaredModel::open(&beside)?.text().text().to_string();
+        experiment.plant.model = Some(PlantModelSection::Text { text });
+    }
     let motors = match (&experiment.motors, experiment.motor_file().map(|beside| path.with_file_name(beside))) {
         (_, Some(beside)) => {
             let text = read(&beside)?;
@@ -480,6 +490,14 @@ fn read_experiment(
         (None, None) => None,
     };
     Ok((experiment, motors))
+}
+
+/// The model that a simulated machine obeys, and the true values of its parameters: physical ones, if these are given.
+fn simulated_machine(text: &str, written: &Experiment) -> Result<(Interpreted, Named), SessionError> {
+    let declared = DeclaredModel::parse("plant.model", text)?;
+    let whole = with_all_coordinates(declared.prepared()).map_err(MachineError::from)?;
+    let values = tpm_physical::lumped(written, &whole).plant.parameters;
+    Ok((Interpreted::new(&whole.model, &whole.form), values))
 }
 
 fn read(path: &Path) -> Result<String, SessionError> {

@@ -49,6 +49,8 @@ mod meaning;
 mod method_report;
 mod model;
 mod options;
+#[cfg(test)]
+mod other_model_tests;
 mod periodic_log;
 mod play;
 mod pooled_logs;

@@ -1,6 +1,6 @@
 //! From a log to parameters.
 
-use crate::error::SessionError;
+use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, LogFingerprint, Provenance};
 use crate::log_fault::LogFault;
 use crate::model::{DeclaredModel, Identifiable};
@@ -128,6 +128,13 @@ pub fn from_logs<R: Into<LogRequest>>(
     let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
     let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
     let declared = model.declaration()?;
+    if let Some((whole, used)) =
+        declared.as_deref().map_or(Ok(None), |declared| with_their_coordinates(declared, &requests))?
+    {
+        let mut result = from_logs(&whole, requests)?;
+        result.warnings.insert(0, used);
+        return Ok(result);
+    }
     let rows = Rows::new(model, declared.as_deref());
     let evaluated = rows.model();
     let coordinates = evaluated.dims().coordinates;
@@ -188,6 +195,28 @@ pub fn from_logs<R: Into<LogRequest>>(
         ..summary::provenance()
     };
     Ok(result.judged())
+}
+
+/// The model before its coordinates are eliminated, where all logs have those too: every equation then is a row, and what sensors say of
+/// the eliminated coordinates is used. Bounds are those of parameters behind lumped ones, and keep the form that has these.
+fn with_their_coordinates(
+    declared: &DeclaredModel,
+    requests: &[LogRequest],
+) -> Result<Option<(DeclaredModel, Warning)>, SessionError> {
+    let eliminated = declared.eliminated();
+    if eliminated.is_empty() || requests.iter().any(|request| !request.estimation.bounds.is_empty()) {
+        return Ok(None);
+    }
+    let whole = declared.with_all_coordinates().map_err(MachineError::from)?;
+    for request in requests {
+        let options = request.options(whole.evaluated(), &[]);
+        let Ok(options) = options else { return Ok(None) };
+        // What keeps a log from being read with these columns is said where it is read without them.
+        if Recording::open(request.source(), whole.evaluated(), &options.reading.columns).is_err() {
+            return Ok(None);
+        }
+    }
+    Ok(Some((whole, Warning::AllCoordinates { coordinates: eliminated })))
 }
 
 /// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.

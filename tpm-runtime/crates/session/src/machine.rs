@@ -6,6 +6,7 @@
 
 use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, Source};
+use crate::model::with_all_coordinates;
 use crate::play::{Watch, play_on_simulated};
 use crate::summary;
 use std::collections::BTreeMap;
@@ -17,7 +18,7 @@ use tpm_interpret::{Interpreted, InterpretedDerivatives};
 use tpm_motion::trajectory::ReferencePattern;
 use tpm_physical::{Eliminated, PatternTables, PhysicalSettings};
 use tpm_plant::stability::LoopStability;
-use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A model as a machine.
 #[derive(Clone, Debug)]
@@ -43,15 +44,7 @@ impl Machine {
         experiment: &Experiment,
         bounds: &BTreeMap<String, (f64, f64)>,
     ) -> Result<Self, MachineError> {
-        let own;
-        let whole = if prepared.model.eliminations.is_empty() {
-            prepared
-        } else {
-            let mut model = prepared.model.clone();
-            model.eliminations.clear();
-            own = prepare(model)?;
-            &own
-        };
+        let whole = &*with_all_coordinates(prepared)?;
         let plant = Interpreted::new(&whole.model, &whole.form);
         let constant = |name: &str| experiment.constants.get(name).copied();
         let of_rows = |pattern| tpm_interpret::pattern::of_rows(pattern, &whole.model, &whole.form, constant);

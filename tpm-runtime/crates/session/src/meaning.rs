@@ -80,6 +80,7 @@ impl Warning {
         let (severity, about, concern) = match self {
             Warning::OnePeriod => (Remark, Reading, Nothing),
             Warning::PeriodNotUsed { .. } => (Remark, Reading, Nothing),
+            Warning::AllCoordinates { .. } => (Remark, Reading, Nothing),
             Warning::RepeatedReadings { .. } => (Remark, Reading, Nothing),
             Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
             Warning::OtherHold { .. } => (Remark, Record, Nothing),

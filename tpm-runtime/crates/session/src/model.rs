@@ -11,7 +11,7 @@ use tpm_log::fingerprint;
 use tpm_report::{MOST_TEXT, read_input};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::to_f64;
-use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -60,6 +60,16 @@ pub struct DeclaredModel {
     evaluated: Interpreted,
 }
 
+/// A model's own equations, before coordinates are eliminated.
+pub(super) fn with_all_coordinates(prepared: &Prepared) -> Result<Cow<'_, Prepared>, PrepareError> {
+    if prepared.model.eliminations.is_empty() {
+        return Ok(Cow::Borrowed(prepared));
+    }
+    let mut model = prepared.model.clone();
+    model.eliminations.clear();
+    prepare(model).map(Cow::Owned)
+}
+
 impl DeclaredModel {
     /// Reads a model file.
     ///
@@ -93,6 +103,23 @@ impl DeclaredModel {
             .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
         let evaluated = Interpreted::new(&prepared.model, &prepared.form);
         Ok(Self { source, parsed, prepared, evaluated })
+    }
+
+    /// Names of its eliminated coordinates.
+    pub(super) fn eliminated(&self) -> Vec<String> {
+        let model = &self.prepared.model;
+        let targets = model.eliminations.iter().flat_map(|elimination| &elimination.coordinates);
+        targets.map(|coordinate| model.coordinates[coordinate.0 as usize].name.to_string()).collect()
+    }
+
+    /// The model with nothing eliminated.
+    ///
+    /// # Errors
+    /// [`PrepareError`] when its own equations have no form that is linear in parameters.
+    pub(super) fn with_all_coordinates(&self) -> Result<Self, PrepareError> {
+        let prepared = with_all_coordinates(&self.prepared)?.into_owned();
+        let evaluated = Interpreted::new(&prepared.model, &prepared.form);
+        Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
     }
 
     /// The derivatives of its rows.

@@ -24,7 +24,7 @@ pub fn play_simulated(
     trial: &Trial,
 ) -> Result<Record, ExperimentError> {
     let other = experiment.other_plant(model)?;
-    let plant = other.as_ref().map_or(model, |arm| arm as &dyn Model<f64>);
+    let plant = other.as_deref().unwrap_or(model);
     Ok(simulate(plant, &experiment.bench_in_run(model, trial.run)?, trial)?)
 }
 

@@ -96,6 +96,11 @@ pub enum Warning {
         /// Stretches of the record.
         stretches: usize,
     },
+    /// Coordinates that the model eliminates stand in the log, and were used.
+    AllCoordinates {
+        /// Their names.
+        coordinates: Vec<String>,
+    },
     /// Readings of a coordinate repeat the one before, and were replaced by what the fresh ones around them say.
     RepeatedReadings {
         /// The coordinate, and how many.
@@ -385,6 +390,11 @@ impl fmt::Display for Warning {
                 f,
                 "the stated period of {} s is not used: the record has {stretches} stretches, which need not share it and are used together in the time domain",
                 number(*period)
+            ),
+            Warning::AllCoordinates { coordinates } => write!(
+                f,
+                "{} is eliminated in the model and recorded all the same: the equations before the elimination were used, which show more; without the column, those after it are",
+                coordinates.join(", ")
             ),
             Warning::RepeatedReadings { repeated } => repeated.fmt(f),
             Warning::LoneReadings { coordinate, count, line, farthest, unit } => {
