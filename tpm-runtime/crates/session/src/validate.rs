@@ -13,13 +13,13 @@ use crate::options::LogOptions;
 use crate::periodic_log::{repeating, spectra};
 use crate::record::{record, stretches};
 use crate::rows::Rows;
-use crate::simulation::{Simulation, simulate};
+use crate::simulation::{ChannelSimulation, Simulation, simulate};
 use num_complex::Complex;
 use serde::Serialize;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
-use tpm_estimate::{Differentiable, Domain, ForceCourse, MeasuredMotion, Missed, predict_in_band};
+use tpm_estimate::{Differentiable, Domain, ForceCourse, LARGE_RESIDUAL, MeasuredMotion, Missed, predict_in_band};
 use tpm_log::{Log, ReadingReport, Recording};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
@@ -104,9 +104,14 @@ pub struct Validation {
 }
 
 impl Validation {
-    /// Why not all rows are predicted; nothing when they are.
+    /// Why the log is not predicted as it should be; nothing when it is. The bound on what may be missed is that of an identification.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
+        self.not_determined().or_else(|| self.not_predicted()).or_else(|| self.not_followed())
+    }
+
+    /// The rows on which the parameters say nothing.
+    fn not_determined(&self) -> Option<String> {
         let row = |row: &RowUnpredicted| {
             let direction = &row.direction;
             format!("the result does not determine {direction}, and {} on this log changes along it", row.name)
@@ -114,6 +119,35 @@ impl Validation {
         let all: Vec<String> = self.unpredicted.iter().map(row).collect();
         let parameters = &self.unpredicted.first()?.parameters;
         Some(format!("{}; {}", all.join("; "), remedy(parameters)))
+    }
+
+    /// The row of which most is missed, where that is more than a model may miss.
+    fn not_predicted(&self) -> Option<String> {
+        let row = self.rows.iter().max_by(|a, b| a.share.total_cmp(&b.share)).filter(|row| row.share > LARGE_RESIDUAL)?;
+        Some(format!(
+            "{:.1} % of {} on this log is not predicted: the model lacks something that acts here, the machine is another one by now, or a \
+             column is scaled or signed otherwise",
+            100.0 * row.share,
+            row.name
+        ))
+    }
+
+    /// The coordinate that the model does not follow, one sample ahead or from the inputs alone.
+    fn not_followed(&self) -> Option<String> {
+        let simulation = self.simulation.as_ref()?;
+        let astray = simulation.channels.iter().find(|channel| channel.one_step.fit.is_some_and(|fit| fit <= 0.0));
+        if let Some(ChannelSimulation { name, .. }) = astray {
+            return Some(format!(
+                "one sample ahead {name} is predicted worse than by its mean: the model does not describe this motion"
+            ));
+        }
+        let leaving = simulation.diverges.as_ref().filter(|leaving| !leaving.unstable)?;
+        Some(format!(
+            "simulated from its inputs the motion leaves the log {:.6} s after the beginning of stretch {}, although nothing makes it \
+             unstable: the model does not describe this motion",
+            leaving.time,
+            leaving.stretch + 1
+        ))
     }
 }
 
