@@ -130,6 +130,15 @@ pub struct LogFingerprints {
 }
 
 impl RunManifest {
+    /// Whether the run played what a trial plays: the same reference and feed-forward, by the same experiment.
+    fn played(&self, trial: &Trial) -> bool {
+        self.pattern == trial.pattern
+            && self.amplitudes == trial.amplitudes
+            && self.frequency == trial.trajectory.frequency
+            && self.parameters == trial.parameters
+            && self.samples_per_period == trial.samples_per_period
+    }
+
     /// Whether the run was read from this log: the bytes or the samples are equal.
     fn holds(&self, log: &LogFingerprints) -> bool {
         let own = self.log.as_ref().map_or([&self.samples_hash; 2], |own| [&own.bytes, &own.samples]);
@@ -260,12 +269,13 @@ impl Store {
         Ok(self.manifests()?.into_iter().map(named).collect())
     }
 
-    /// Number of the finished run that already holds the samples of a log; nothing when there is none.
+    /// Number of the finished run that already holds the samples of a log, and whether it played what `trial` plays again; nothing when
+    /// there is none.
     ///
     /// # Errors
     /// [`StoreError`] when a manifest cannot be read.
-    pub fn run_with(&self, log: &LogFingerprints) -> Result<Option<usize>, StoreError> {
-        Ok(self.manifests()?.iter().find(|run| run.holds(log)).map(|run| run.run))
+    pub fn run_with(&self, log: &LogFingerprints, trial: &Trial) -> Result<Option<(usize, bool)>, StoreError> {
+        Ok(self.manifests()?.iter().find(|run| run.holds(log)).map(|run| (run.run, run.played(trial))))
     }
 
     fn manifests(&self) -> Result<Vec<RunManifest>, StoreError> {

@@ -108,20 +108,32 @@ impl Document {
     }
 
     fn not_shown(&mut self, result: &Identification) {
-        let hidden: Vec<String> = result.unobservable.iter().map(combination).collect();
-        let mut blocks = if hidden.is_empty() {
+        let directions: Vec<String> = result.unobservable.iter().map(combination).collect();
+        // Physical parameters behind lumped ones have no directions of their own.
+        let apart = |own: &&ParameterReport| {
+            own.status == Status::Unobservable
+                && !result.unobservable.iter().any(|direction| direction.contains_key(&own.name))
+        };
+        let lists = result.parameters.iter().chain(&result.physical);
+        let alone: Vec<&str> = lists.filter(apart).map(|parameter| parameter.name.as_str()).collect();
+        let mut list: Vec<Notice> = (directions.iter())
+            .map(|direction| remark(format!("the data do not show the direction {direction}")))
+            .collect();
+        list.extend(
+            (!alone.is_empty())
+                .then(|| remark(format!("the data do not show {}: no value follows from them", alone.join(", ")))),
+        );
+        let mut blocks = if list.is_empty() {
             vec![Block::text("Nothing: the data show every parameter by itself.")]
         } else {
-            let list =
-                hidden.into_iter().map(|direction| remark(format!("the data do not show the direction {direction}")));
-            vec![
-                Block::Notices { list: list.collect() },
-                Block::text(
-                    "Along these directions every value explains the data alike. A parameter that takes part in one has no value of its own; \
-                     combinations that the data do show stand in the table above.",
-                ),
-            ]
+            vec![Block::Notices { list }]
         };
+        blocks.extend((!directions.is_empty()).then(|| {
+            Block::text(
+                "Along these directions every value explains the data alike. A parameter that takes part in one has no value of its own; \
+                 combinations that the data do show stand in the table above.",
+            )
+        }));
         let untested = result.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
         blocks.extend(untested.map(|text| Block::Notices { list: vec![remark(text)] }));
         self.section("not-shown", "What the data do not show", blocks);

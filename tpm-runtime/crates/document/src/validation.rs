@@ -72,6 +72,13 @@ impl Document {
                 found,
                 &named("forces that the measured motion asks for, at the used harmonics or behind the low pass"),
             ));
+            // A share of the force stands beside shares of the motion: what sensors add to the one is nothing of the other.
+            against.extend((!found.rows.is_empty()).then(|| {
+                Block::text(
+                    "The share missed is one of the force along the motion as it was measured, whose noise is differentiated with it. It may be \
+                     larger by far than what a simulation leaves of the motion itself.",
+                )
+            }));
             for row in &found.unpredicted {
                 let text = format!(
                     "{} is not predicted: it changes with {}, which the result leaves open",

@@ -15,7 +15,9 @@ use crate::options::ReadingSettings;
 use crate::read::{LEAST_SAMPLES, Log, jitter, rate_signals, signals};
 use crate::repeated::{repeated_readings, without_repeats};
 use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
-use crate::resample::{InterpolationError, interpolation_error, on_grid, readings_before, rougher_at_stamps};
+use crate::resample::{
+    InterpolationError, held_on_grid, interpolation_error, is_held, on_grid, readings_before, rougher_at_stamps,
+};
 use crate::source::LogSource;
 use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
 use crate::table::{Hole, Table};
@@ -413,10 +415,16 @@ fn errors(table: &Table, segments: &[Range<usize>]) -> Vec<InterpolationError> {
         let deviation = (channel.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / channel.len() as f64).sqrt();
         InterpolationError { column: column.clone(), rms, share: if deviation > 0.0 { rms / deviation } else { 0.0 } }
     };
-    table.channels.iter().zip(&table.columns[first..]).map(of).collect()
+    let all = table.channels.iter().zip(&table.columns[first..]).zip(held(table));
+    all.filter(|(_, held)| !held).map(|(channel, _)| of(channel)).collect()
 }
 
-/// The segments by interpolation to an even grid.
+/// Whether a channel is an input that is held between its stamps.
+fn held(table: &Table) -> impl Iterator<Item = bool> + '_ {
+    table.channels.iter().enumerate().map(|(c, channel)| c >= table.rates.len() && is_held(channel))
+}
+
+/// The segments on an even grid: held inputs by their means, everything else by interpolation.
 fn resampled(table: &Table, segments: &[Range<usize>], step: f64) -> Vec<Log> {
     let of = |range: &Range<usize>| {
         let stamps = &table.time[range.clone()];
@@ -424,7 +432,10 @@ fn resampled(table: &Table, segments: &[Range<usize>], step: f64) -> Vec<Log> {
         let grid = |channel: &Vec<f64>| on_grid(stamps, &channel[range.clone()], step, samples);
         let lines = readings_before(stamps, step, samples).into_iter().map(|i| table.lines[range.start + i]).collect();
         let rates = table.rates.iter().map(|rate| finite(rate.as_ref().map(grid))).collect();
-        Log::unchecked(&table.path, table.channels.iter().map(grid).collect(), tidy(rates), lines)
+        let own = |(channel, held): (&Vec<f64>, bool)| {
+            if held { held_on_grid(stamps, &channel[range.clone()], step, samples) } else { grid(channel) }
+        };
+        Log::unchecked(&table.path, table.channels.iter().zip(held(table)).map(own).collect(), tidy(rates), lines)
     };
     segments.iter().map(of).collect()
 }

@@ -3,6 +3,9 @@
 //! A motion is smooth, so that a reading lies close to the cubic through its four neighbours. Readings that were taken
 //! evenly and stamped late lie on the cubic over even times; readings that were taken late lie on the cubic over their
 //! stamps.
+//!
+//! A held input is no smooth signal: it jumps at its stamps and stays. A cubic through it rings at every jump. Its samples on the grid are
+//! its means from one point to the next, so that its integral, which is what moves a machine, is that of the record.
 
 use serde::Serialize;
 use tpm_numerics::differences::deviation_of;
@@ -86,6 +89,42 @@ pub(super) fn on_grid(stamps: &[f64], signal: &[f64], step: f64, samples: usize)
         .collect()
 }
 
+/// Least share of the readings that repeat the one before, from which on a channel is held between jumps.
+const LEAST_HELD: f64 = 0.5;
+
+/// Whether a channel stays at its readings and jumps between them.
+pub(super) fn is_held(signal: &[f64]) -> bool {
+    let equal = signal.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    let steps = signal.len().saturating_sub(1);
+    equal < steps && equal as f64 >= LEAST_HELD * steps as f64
+}
+
+/// Means of a signal that is held between its stamps, from every point of an even grid to the next one.
+pub(super) fn held_on_grid(stamps: &[f64], signal: &[f64], step: f64, samples: usize) -> Vec<f64> {
+    let until = |i: usize| stamps.get(i + 1).copied().unwrap_or(f64::INFINITY);
+    let mut i = 0;
+    (0..samples)
+        .map(|k| {
+            let (from, to) = (stamps[0] + k as f64 * step, stamps[0] + (k + 1) as f64 * step);
+            while until(i) <= from {
+                i += 1;
+            }
+            // An interval within which nothing changes has that very value.
+            if until(i) >= to {
+                return signal[i];
+            }
+            let (mut at, mut sum) = (from, 0.0);
+            while at < to {
+                let end = until(i).min(to);
+                sum += (end - at) * signal[i];
+                at = end;
+                i += usize::from(at < to);
+            }
+            sum / step
+        })
+        .collect()
+}
+
 /// The reading before each point of an even grid.
 pub(super) fn readings_before(stamps: &[f64], step: f64, samples: usize) -> Vec<usize> {
     let mut i = 0;
@@ -119,7 +158,7 @@ pub(super) fn interpolation_error(stamps: &[f64], signal: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{interpolation_error, on_grid, rougher_at_stamps};
+    use super::{held_on_grid, interpolation_error, is_held, on_grid, rougher_at_stamps};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -140,6 +179,23 @@ mod tests {
         let even: Vec<f64> = (0..4000).map(|i| motion(1.7e9 + 0.01 * f64::from(i))).collect();
         assert!(rougher_at_stamps(&stamps, &late) < -1.0);
         assert!(rougher_at_stamps(&stamps, &even) > 1.0);
+    }
+
+    #[test]
+    fn a_held_input_keeps_its_integral() {
+        let stamps = stamps();
+        let signal: Vec<f64> = (0..4000).map(|i: usize| [0.0, 70.0, -30.0, 70.0][i / 37 % 4]).collect();
+        assert!(is_held(&signal));
+        assert!(!is_held(&[1.0; 9]));
+        assert!(!is_held(&stamps));
+        let samples = 3990;
+        let grid = held_on_grid(&stamps, &signal, 0.01, samples);
+        let end = stamps[0] + 0.01 * samples as f64;
+        let until = |i: usize| stamps.get(i + 1).copied().unwrap_or(end).min(end);
+        let whole: f64 = (0..4000).filter(|i| stamps[*i] < end).map(|i| (until(i) - stamps[i]) * signal[i]).sum();
+        assert!((0.01 * grid.iter().sum::<f64>() - whole).abs() < 1e-5);
+        assert!(grid.iter().all(|u| (-30.0..=70.0).contains(u)));
+        assert!(grid.iter().filter(|u| **u == 70.0).count() > 1900);
     }
 
     #[test]

@@ -13,6 +13,7 @@ use tpm_campaign::{
     trial_samples,
 };
 use tpm_core::model::Model as _;
+use tpm_estimate::Sensor;
 use tpm_experiment::Experiment;
 use tpm_log::{Log, fingerprint};
 use tpm_motion::{Ending, Record, RunEnding, Trial};
@@ -143,8 +144,8 @@ impl CampaignFolder {
     /// off. A run that contradicts the earlier ones is kept, and the submission says so.
     ///
     /// # Errors
-    /// [`SessionError`]; [`SessionError::SameLog`] for a log whose bytes, or whose samples, are those of a run that is kept. The
-    /// campaign is then as it was before.
+    /// [`SessionError`]; [`SessionError::SameLog`] for a log whose bytes, or whose samples, are those of a run that is kept, unless
+    /// that run played the same and the record has no noise. The campaign is then as it was before.
     pub fn submit(&self, log: impl Into<LogRequest>, stopped: bool) -> Result<Submission, SessionError> {
         let request = log.into();
         let _lock = Lock::hold(self.store.folder())?;
@@ -165,7 +166,11 @@ impl CampaignFolder {
             bytes: request.source().fingerprint()?,
             samples: fingerprint(samples_text(plant, &whole).as_bytes()),
         };
-        if let Some(run) = self.store.run_with(&own)? {
+        // A machine without noise records the same samples whenever it is asked for the same.
+        let noisy = || whole.coordinates.iter().any(|channel| Sensor::of(&[channel]).noisy);
+        if let Some((run, same)) = self.store.run_with(&own, &trial)?
+            && (!same || noisy())
+        {
             return Err(SessionError::SameLog { path, run, next: campaign.runs().len() + 1 });
         }
         let record = Record::of_samples(&trial, measured.sample_time, coordinates, inputs, rates, stopped)

@@ -123,7 +123,8 @@ impl Validation {
 
     /// The row of which most is missed, where that is more than a model may miss.
     fn not_predicted(&self) -> Option<String> {
-        let row = self.rows.iter().max_by(|a, b| a.share.total_cmp(&b.share)).filter(|row| row.share > LARGE_RESIDUAL)?;
+        let row =
+            self.rows.iter().max_by(|a, b| a.share.total_cmp(&b.share)).filter(|row| row.share > LARGE_RESIDUAL)?;
         Some(format!(
             "{:.1} % of {} on this log is not predicted: the model lacks something that acts here, the machine is another one by now, or a \
              column is scaled or signed otherwise",

@@ -176,7 +176,8 @@ fn repeated(signal: &Signal<'_>, still: &[Vec<Range<usize>>], report: &ChannelRe
             let to = from + length;
             if length > 1 && from > 0 && to < part.values.len() && moving[from] && !at_end(part.values[from]) {
                 let change = (part.values[to] - part.values[from - 1]).abs();
-                equal += if change > LEAST_CHANGE * least * (length + 1) as f64 { length - 1 } else { 0 };
+                let fresh = change > LEAST_CHANGE * least * (length + 1) as f64;
+                equal += if fresh { moving[from + 1..to].iter().filter(|moving| **moving).count() } else { 0 };
             }
             from = to;
         }
