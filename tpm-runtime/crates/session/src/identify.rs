@@ -195,6 +195,14 @@ fn found(
             }
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
+        // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
+        Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
+            let other = samples_log::identify(model, machine, segments, options)?;
+            let follows = |other: &Found| {
+                other.refinement.as_ref().is_some_and(|report| lines_log::follows(report, &other.warnings))
+            };
+            Ok(other.filter(follows).unwrap_or(found))
+        }
         found => found,
     }
 }
