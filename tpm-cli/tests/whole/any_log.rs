@@ -77,6 +77,9 @@ fn a_sweep_is_identified_and_predicts_another_one() {
     let output = tpm_in(folder.path(), &["validate", &model, "--params", "wrong.json", "--log", "b.csv", "--json"]);
     let validation: Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert!(number(&validation["prediction_error"]) > 0.2, "{validation}");
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8(output.stderr).expect("text");
+    assert!(said.contains("on this log is not predicted"), "{said}");
 }
 
 #[test]

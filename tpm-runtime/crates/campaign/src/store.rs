@@ -63,6 +63,9 @@ impl Manifest {
     }
 }
 
+/// Largest difference of a parameter, as a share of it, that no record shows.
+const SAME_PARAMETER: f64 = 1e-6;
+
 /// Everything about a run except its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -135,7 +138,12 @@ impl RunManifest {
         self.pattern == trial.pattern
             && self.amplitudes == trial.amplitudes
             && self.frequency == trial.trajectory.frequency
-            && self.parameters == trial.parameters
+            && self.parameters.len() == trial.parameters.len()
+            && self
+                .parameters
+                .iter()
+                .zip(&trial.parameters)
+                .all(|(own, other)| (own - other).abs() <= SAME_PARAMETER * own.abs().max(other.abs()))
             && self.samples_per_period == trial.samples_per_period
     }
 
