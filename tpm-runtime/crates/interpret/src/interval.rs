@@ -86,7 +86,7 @@ impl Interval {
     /// cos(x - shift) of every member; it turns at shift plus whole multiples of pi.
     fn cosine(self, shift: f64) -> Self {
         let Self { low, high } = self;
-        if !(self.magnitude() < MOST_ANGLE) || high - low >= 2.0 * PI {
+        if self.magnitude() >= MOST_ANGLE || high - low >= 2.0 * PI {
             return Self { low: -1.0, high: 1.0 };
         }
         let value = |x: f64| if shift == 0.0 { Real::cos(x) } else { Real::sin(x) };
