@@ -45,7 +45,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     writable(args.output.as_deref(), None)?;
     let session = args.simulated.session(&args.file)?;
     if mechanism::is_meant(&session) {
-        return mechanism::run(args, &session);
+        let (best, json, output) = (args.best, args.json, args.output.as_deref());
+        return mechanism::run(&args.mechanism, &mechanism::Asked { file: &args.file, best, json, output }, &session);
     }
     let (machine, experiment) = (session.machine(), session.experiment());
     let found = design(machine.plant(), machine.pattern(), experiment).map_err(SessionError::from)?;

@@ -3,7 +3,6 @@
 use crate::failure::{Failure, Outcome};
 use crate::interrupt;
 use crate::output::{file, picture, progress};
-use crate::verbs::design::Args;
 use clap::ValueEnum;
 use clap::builder::RangedU64ValueParser;
 use std::path::{Path, PathBuf};
@@ -76,6 +75,16 @@ struct Report<'a> {
     excitation: &'a Excitation,
 }
 
+/// Where the result goes.
+pub(super) struct Asked<'a> {
+    /// The model file.
+    pub(super) file: &'a Path,
+    /// Motions that are printed.
+    pub(super) best: usize,
+    pub(super) json: bool,
+    pub(super) output: Option<&'a Path>,
+}
+
 /// Whether the model is a mechanism all of whose joints move on their own.
 pub(super) fn is_meant(session: &Session) -> bool {
     let declared = session.model();
@@ -85,8 +94,8 @@ pub(super) fn is_meant(session: &Session) -> bool {
 }
 
 /// Runs the command.
-pub(super) fn run(args: &Args, session: &Session) -> Outcome {
-    let settings = args.mechanism.settings()?;
+pub(super) fn run(args: &MechanismArgs, asked: &Asked<'_>, session: &Session) -> Outcome {
+    let settings = args.settings()?;
     let bar = progress::Bar::new("designing");
     let (found, interrupted) = interrupt::watched(|go_on| {
         let step = |done: usize, work: usize| {
@@ -101,17 +110,17 @@ pub(super) fn run(args: &Args, session: &Session) -> Outcome {
         found => found.map_err(remedied)?,
     };
     let plant = session.machine().plant();
-    let text = if args.json {
+    let text = if asked.json {
         let coordinates = (0..plant.dims().coordinates).map(|c| plant.coordinate(c).name).collect();
         let model = plant.name();
         file::json(&Report { schema: "tpm.excitation/1", model, coordinates, excitation: &found })?
     } else {
-        describe(&found, args.best)
+        describe(&found, asked.best)
     };
-    if let (Some(folder), Some(best)) = (&args.mechanism.write, found.motions.first()) {
-        write(folder, &args.file, session, &found, best)?;
+    if let (Some(folder), Some(best)) = (&args.write, found.motions.first()) {
+        write(folder, asked.file, session, &found, best)?;
     }
-    file::emit(args.output.as_deref(), &text)?;
+    file::emit(asked.output, &text)?;
     if interrupted { Err(Failure::Interrupted) } else { Ok(()) }
 }
 
