@@ -2,8 +2,9 @@
 
 Every file is imported; the base parameters are counted by `tpm identifiability --any-motion` and by singular values of Pinocchio's regressor
 of the description (URDF), and the torques of the generated C, with the parameters of the written prior, are compared at 100 random states
-with Pinocchio (URDF) or MuJoCo (MJCF: the inverse dynamics with its constraints left out, dry friction added). Needs gcc and the packages
-pin, mujoco and numpy. One line for each file, and what failed.
+with Pinocchio (URDF) or MuJoCo (MJCF: the inverse dynamics with its constraints left out, dry friction added). Ranks are those of right
+angles as they are recognised, beside singular values above 1e-5 of the largest; torques are those of the angles as they are written.
+Needs gcc and the packages pin, mujoco and numpy. One line for each file, and what failed.
 """
 
 import ctypes
@@ -45,11 +46,14 @@ class Generated:
 
 def fields(header, struct):
     found = re.search(r"typedef struct %s \{(.*?)\} %s;" % (struct, struct), header, re.S)
-    return re.findall(r"/\* `([^`]*)`", found.group(1)) if found else []
+    return re.findall(r"double (\w+);", found.group(1)) if found else []
 
 
 def call(*command):
     run = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=LONGEST)
+    if run.returncode > 1 and "--allow-large" in run.stderr:
+        command = [*command, "--allow-large"]
+        run = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=LONGEST)
     if run.returncode > 1:
         raise RuntimeError(run.stderr.strip())
     return run.stdout
@@ -103,7 +107,7 @@ class OfPinocchio:
             rows.append(self.pin.computeJointTorqueRegressor(self.model, self.data, self.configuration(q), v, a))
         stacked = np.vstack(rows)
         values = np.linalg.svd(stacked, compute_uv=False)
-        return int((values > 1e-9 * values[0]).sum())
+        return int((values > 1e-5 * values[0]).sum())
 
 
 class OfMuJoCo:
@@ -136,7 +140,7 @@ def judge(tpm, path, options):
     folder = Path(tempfile.mkdtemp())
     model = folder / "robot.tpm"
     began = time.time()
-    call(tpm, "import", path, "-o", model, *options)
+    call(tpm, "import", path, "-o", model, *options, "--angles", "written")
     of_urdf = path.suffix == ".urdf"
     peer = (OfPinocchio if of_urdf else OfMuJoCo)(path, options)
     own = joints_of(model)
@@ -144,13 +148,10 @@ def judge(tpm, path, options):
     # A name that means something else here has `_` behind it.
     order = [plain.index(name if name in plain else name.rstrip("_")) if name.rstrip("_") in plain or name in plain else at
              for at, name in enumerate(own)]
-    counted = json.loads(call(tpm, "identifiability", model, "--any-motion", "--json"))["rank"]
-    expected = None
-    if of_urdf:
-        bare = folder / "bare.tpm"
-        call(tpm, "import", path, "-o", bare, *options, "--losses", "none")
-        counted = json.loads(call(tpm, "identifiability", bare, "--any-motion", "--json"))["rank"]
-        expected = peer.rank()
+    bare = folder / "bare.tpm"
+    call(tpm, "import", path, "-o", bare, *options, "--losses", "none")
+    counted = json.loads(call(tpm, "identifiability", bare, "--any-motion", "--json"))["rank"]
+    expected = peer.rank()
     prior = numbers(folder / "robot.prior.toml")
     if of_urdf:
         prior = {name: value for name, value in prior.items() if not name.startswith(("fv_", "fc_"))}
@@ -169,18 +170,24 @@ def judge(tpm, path, options):
     return right
 
 
+def one(tpm, file):
+    name, *options = file.split(":")
+    try:
+        return judge(tpm, Path(name), options)
+    except Exception as fault:  # one file must not end the others
+        lines = str(fault).strip().splitlines()
+        first = next((line for line in lines if "rror" in line), lines[0] if lines else repr(fault))
+        print(f"FAULT  {Path(name).name:34} {type(fault).__name__}: {first[:200]}", flush=True)
+        return False
+
+
 def main(tpm, *files):
-    right = 0
-    for one in files:
-        name, *options = one.split(":")
-        try:
-            right += judge(tpm, Path(name), options)
-        except Exception as fault:  # one file must not end the others
-            lines = str(fault).strip().splitlines()
-            first = next((line for line in lines if "rror" in line), lines[0] if lines else repr(fault))
-            print(f"FAULT  {Path(name).name:34} {type(fault).__name__}: {first[:200]}", flush=True)
+    # A process for every file, since libraries may crash.
+    right = sum(subprocess.run([sys.executable, __file__, "--one", tpm, file]).returncode == 0 for file in files)
     print(f"{right} of {len(files)} right")
 
 
 if __name__ == "__main__":
+    if sys.argv[1] == "--one":
+        sys.exit(0 if one(*sys.argv[2:]) else 1)
     main(*sys.argv[1:])
