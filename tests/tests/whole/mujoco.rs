@@ -158,6 +158,8 @@ fn what_has_no_model_is_named_at_its_line() {
     }
     check(&with(INERTIAL, "").replace("<body name", "<body gravcomp=\"1\" name"), 3, &["compensated", "remove"]);
     check(&with(INERTIAL, "").replace("<body name", "<body childclass=\"x\" name"), 3, &["no class `x`"]);
+    let deep = format!("<mujoco><worldbody>\n{}{}</worldbody></mujoco>", "<body>".repeat(5000), "</body>".repeat(5000));
+    check(&deep, 2, &["more than 300 deep"]);
     // What is coupled or has a spring may be locked.
     let held = Options { locked: vec![("j".into(), "0.2".into())], ..Options::default() };
     let more = "<body name=\"c\"><joint name=\"k\"/><inertial pos=\"0 1 0\" mass=\"1\" diaginertia=\"1 1 1\"/></body>";

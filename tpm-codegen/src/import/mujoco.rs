@@ -25,6 +25,9 @@ use crate::source::Span;
 /// Help for what only a compiled model says.
 const EXPANDED: &str = "write the model out with all that it includes: load it in MuJoCo and call `mj_saveLastXML`";
 
+/// Most elements around an element: bodies and classes are read one within the other.
+const DEEPEST: usize = 300;
+
 /// Sections in which there is nothing for the dynamics of a mechanism.
 const READ: [&str; 7] = ["compiler", "option", "default", "worldbody", "actuator", "equality", "tendon"];
 
@@ -46,6 +49,14 @@ pub(super) fn read(model: Node<'_, '_>, options: &Options, reader: &mut Reader<'
             _ if READ.contains(&name) => {}
             _ => reader.ignore(element, "mujoco"),
         }
+    }
+    if let Some(deep) = model.descendants().find(|node| node.ancestors().take(DEEPEST + 2).count() > DEEPEST + 1) {
+        reader.error(
+            span(deep),
+            format!("elements are more than {DEEPEST} deep here"),
+            "a robot's bodies are far fewer",
+        );
+        return description;
     }
     let compiler = Compiler::of(model, reader);
     let mut walk = Walk {

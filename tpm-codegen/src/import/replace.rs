@@ -161,6 +161,8 @@ mod tests {
             let values = BTreeMap::from([("b".to_owned(), values)]);
             assert!(described(ARM).split(&values).is_err());
         }
+        let other = with_inertials(&Source::new("r.xml", "<mujoco/>"), &BTreeMap::new(), &BTreeMap::new());
+        assert!(other.is_err_and(|faults| faults.to_string().contains("no URDF")));
         assert!(with_inertials(&Source::new("r.urdf", "<robot>"), &BTreeMap::new(), &BTreeMap::new()).is_err());
     }
 }

@@ -70,7 +70,9 @@ pub struct Used {
     pub name: String,
     /// Least and largest value.
     pub range: [f64; 2],
-    /// Share of the limit; of an input, of the part that the experiment permits. Nothing without a limit.
+    /// Least and largest permitted value; of an input, the part of its limit that the experiment permits. Nothing without a limit.
+    pub limit: Option<[f64; 2]>,
+    /// Largest distance from the middle of the limits, as a share of that of the limits. Nothing without a limit.
     pub share: Option<f64>,
 }
 
@@ -184,14 +186,18 @@ fn used(
             let (centre, reach) = limits.of_orders()[order];
             let bound = held::bound(&motion.coordinates[c], motion.frequency, order, centre);
             let range = range(&|instant| instant.motion[order * dims.coordinates + c]);
-            let share = reach.is_finite().then_some(bound / reach);
-            all.push(Used { kind, name: model.coordinate(c).name.to_string(), range, share });
+            let (limit, share) = (
+                reach.is_finite().then_some([centre - reach, centre + reach]),
+                reach.is_finite().then_some(bound / reach),
+            );
+            all.push(Used { kind, name: model.coordinate(c).name.to_string(), range, limit, share });
         }
     }
     for (input, limit) in problem.efforts.iter().enumerate() {
         let range = range(&|instant| instant.inputs[input]);
         let share = limit.is_finite().then(|| range[0].abs().max(range[1].abs()) / limit);
-        all.push(Used { kind: "input", name: model.input(input).name.to_string(), range, share });
+        let limit = limit.is_finite().then_some([-limit, *limit]);
+        all.push(Used { kind: "input", name: model.input(input).name.to_string(), range, limit, share });
     }
     Ok(all)
 }
@@ -322,7 +328,8 @@ impl Excitation {
         Ok(text)
     }
 
-    /// Positions, velocities, accelerations and inputs over one period, each as a share of its limit, or of its own peak without one.
+    /// Positions, velocities, accelerations and inputs over one period, each from -1 to 1 between its limits, or over its own range
+    /// without limits.
     ///
     /// # Errors
     /// [`EvalError`] when the inputs cannot be predicted.
@@ -334,18 +341,16 @@ impl Excitation {
         let count = plant.dims().coordinates;
         let panel = |kind: &str, label: &str, place: &dyn Fn(&Instant, usize) -> f64| {
             let own: Vec<&Used> = proposed.used.iter().filter(|used| used.kind == kind).collect();
-            let limited = own.iter().all(|used| used.share.is_some());
+            let limited = own.iter().all(|used| used.limit.is_some());
             let traces = own.iter().enumerate().map(|(which, used)| {
-                let [low, high] = used.range;
-                let middle = if kind == "position" { f64::midpoint(low, high) } else { 0.0 };
-                let peak = (high - middle).abs().max((low - middle).abs()).max(f64::MIN_POSITIVE);
-                let scale = used.share.filter(|_| limited).unwrap_or(1.0) / peak;
+                let [low, high] = used.limit.filter(|_| limited).unwrap_or(used.range);
+                let (middle, reach) = (f64::midpoint(low, high), 0.5 * (high - low).max(f64::MIN_POSITIVE));
                 let point = |(n, instant): (usize, &Instant)| {
-                    (n as f64 / DRAWN as f64 * period, (place(instant, which) - middle) * scale)
+                    (n as f64 / DRAWN as f64 * period, (place(instant, which) - middle) / reach)
                 };
                 Trace::new(&used.name, which, Curve::Line(instants.iter().enumerate().map(point).collect()))
             });
-            let of = if limited { "of its limit" } else { "of its peak" };
+            let of = if limited { "of its limit" } else { "of its range" };
             Panel {
                 x: Axis::linear("time [s]").from_to(0.0, period),
                 y: Axis::linear(&format!("{label}, share {of}")),
@@ -353,7 +358,7 @@ impl Excitation {
             }
         };
         let panels = vec![
-            panel("position", "position from its middle", &|instant, c| instant.motion[c]),
+            panel("position", "position", &|instant, c| instant.motion[c]),
             panel("velocity", "velocity", &|instant, c| instant.motion[count + c]),
             panel("acceleration", "acceleration", &|instant, c| instant.motion[2 * count + c]),
             panel("input", "input", &|instant, input| instant.inputs[input]),
