@@ -215,7 +215,8 @@ mod tests {
 
     #[test]
     fn functions_of_members_lie_in_functions_of_intervals() {
-        let functions: [(Function, fn(f64) -> f64); 12] = [
+        type Value = fn(f64) -> f64;
+        let functions: [(Function, Value); 12] = [
             (Function::Sin, f64::sin),
             (Function::Cos, f64::cos),
             (Function::Tan, f64::tan),
