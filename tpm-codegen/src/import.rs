@@ -1,22 +1,25 @@
 //! Import of robot descriptions as models.
 //!
-//! [`urdf`] reads a URDF and writes a model with a mechanism, a prior and an experiment beside it. Decimals are taken as the
+//! [`import_description`] reads a URDF, or a model for MuJoCo (MJCF), and writes a model with a mechanism, a prior and an experiment beside it. Decimals are taken as the
 //! rational numbers that they are. An angle within 1e-4 of a multiple of pi/2 is that multiple, and every other angle a becomes the
 //! angle with the rational tangent of a/2 within 1e-15, so that the geometry is rational throughout; every such reading is reported.
 
 mod arrange;
 mod described;
 mod description;
+mod elements;
 mod experiment;
 mod felt;
 mod markup;
 mod mjcf;
+mod mujoco;
 mod options;
 mod pattern;
 mod read;
 mod reading;
 mod replace;
 mod split;
+mod urdf;
 mod write;
 mod xml;
 
@@ -45,13 +48,13 @@ pub struct Imported {
     pub warnings: Vec<Diagnostic>,
 }
 
-/// Reads a URDF.
+/// Reads a URDF or a model for MuJoCo (MJCF), which its root element tells apart.
 ///
 /// # Errors
 /// Every fault at its place: the text is no XML or no robot, a number cannot be read, links and joints are no tree, an axis is zero,
-/// an angle is beyond 1e6 rad, an element has more than a hundred attributes, a joint is of a kind that has no model, or an option names
-/// what is not there.
-pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics> {
+/// an angle is beyond 1e6 rad, an element has more than a hundred attributes, a joint is of a kind that has no model, a loop or a force of
+/// MuJoCo has none, or an option names what is not there.
+pub fn import_description(source: &Source, options: &Options) -> Result<Imported, Diagnostics> {
     let Read { robot, warnings, readings } = read(source, options)?;
     // The name of the file without its folders, which have no meaning on another computer.
     let from = source.name().rsplit(['/', '\\']).next().unwrap_or_default();

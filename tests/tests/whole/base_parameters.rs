@@ -4,7 +4,7 @@ use crate::support::{root, skipped};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_codegen::identified::Identified;
-use tpm_codegen::import::{Imported, Options, urdf};
+use tpm_codegen::import::{Imported, Options, import_description};
 use tpm_codegen::source::Source;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, Identification, LogRequest, Warning, from_log};
@@ -23,7 +23,7 @@ fn data(name: &str) -> Option<PathBuf> {
 fn imported(path: &Path) -> Imported {
     let source = Source::from_bytes("ur5.urdf".to_owned(), std::fs::read(path).expect("a description"));
     let options = Options { losses: Some(vec![Loss::Viscous, Loss::Rotor]), ..Options::default() };
-    urdf(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
+    import_description(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
 }
 
 fn base(model: &DeclaredModel) -> BaseParameters {
@@ -180,7 +180,8 @@ fn factors_of_arms_with_several_skew_angles_are_exact() {
     ]
     .concat();
     let source = Source::new("skew.urdf", text);
-    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let imported =
+        import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     let model = DeclaredModel::parse("skew", &imported.model).expect("a model");
     let found = base(&model);
     let prepared = model.prepared();

@@ -3,7 +3,7 @@
 use crate::robots::{ROBOTS, at_rest, imported, mass_matrix, parsed};
 use crate::support::skipped;
 use tpm_codegen::Parsed;
-use tpm_codegen::import::{Imported, Options, urdf};
+use tpm_codegen::import::{Imported, Options, import_description};
 use tpm_codegen::source::Source;
 use tpm_runtime::experiment::Experiment;
 
@@ -22,7 +22,7 @@ const SLIDING: &str = r#"<robot name="sliding">
 
 fn sliding() -> Imported {
     let source = Source::new("sliding.urdf", SLIDING.to_owned());
-    urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
+    import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
 }
 
 /// All descriptions at hand.

@@ -8,7 +8,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::time::Instant;
-use tpm_codegen::import::{Described, Options, mjcf, urdf, with_inertials};
+use tpm_codegen::import::{Described, Options, import_description, mjcf, with_inertials};
 use tpm_codegen::source::Source;
 use tpm_runtime::inertia::{InertiaError, Inertias, InertiasRequest, LoadRequest, Origin, inertias, payload};
 use tpm_runtime::session::DeclaredModel;
@@ -239,7 +239,8 @@ fn what_does_not_go_together_is_named() {
     assert_eq!(arm.found(&result, &stated("m_nothing")).unwrap_err(), InertiaError::Unknown("m_nothing".to_owned()));
     let shorter = Options { tip: Some("second".to_owned()), ..Options::default() };
     let described = Described::read(&arm.source, &shorter).expect("a part");
-    let other = DeclaredModel::parse("other", &urdf(&arm.source, &shorter).expect("a part").model).expect("a model");
+    let other = DeclaredModel::parse("other", &import_description(&arm.source, &shorter).expect("a part").model)
+        .expect("a model");
     let none = BTreeMap::new();
     let request =
         InertiasRequest { model: &other, result: &result, described: &arm.described, values: &none, weight: 1.0 };

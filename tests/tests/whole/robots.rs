@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use tpm_codegen::import::{Angles, Imported, Options, urdf};
+use tpm_codegen::import::{Angles, Imported, Options, import_description};
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::expr::graph::{ExprId, Graph, Node};
@@ -42,7 +42,7 @@ pub(crate) fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imp
         losses: Some(Vec::new()),
         ..Options::default()
     };
-    Some(urdf(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source))))
+    Some(import_description(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source))))
 }
 
 pub(crate) fn parsed(imported: &Imported) -> Parsed {
@@ -426,7 +426,7 @@ fn torques_are_those_of_spatial_algebra() {
 /// What is said of a description that is at fault, rendered.
 fn faults(text: &str, options: &Options) -> String {
     let source = Source::new("robot.urdf", text);
-    match urdf(&source, options) {
+    match import_description(&source, options) {
         Ok(imported) => panic!("no fault: {}", imported.model),
         Err(faults) => faults.render(&source),
     }
@@ -451,7 +451,7 @@ fn faults_of_a_description_are_named_at_their_lines() {
         words.iter().for_each(|word| assert!(said.contains(word), "`{word}`:\n{said}"));
     };
     check("<robot name=\"r\"><link", 1, &["no XML", "Help"]);
-    check("<sdf/>", 1, &["`sdf` is no robot description", "root element `robot`"]);
+    check("<sdf/>", 1, &["`sdf` is no robot description", "root element `robot`", "for MuJoCo `mujoco`"]);
     check(&two_links("<axis xyz=\"0 0 0\"/><limit/>"), 6, &["axis of the joint `j` is zero", "write a direction"]);
     check(&two_links("<axis xyz=\"0 0 up\"/><limit/>"), 6, &["not three numbers"]);
     check(&two_links("<origin xyz=\"0 0\"/><limit/>"), 6, &["not three numbers"]);
@@ -497,7 +497,8 @@ fn what_is_left_out_or_read_otherwise_is_said() {
         .replace("name=\"j\"", "name=\"2 j\"")
         .replace("</robot>", "<gazebo/><gazebo/><frob/></robot>");
     let source = Source::new("robot.urdf", text);
-    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let imported =
+        import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
     for words in [
         "`mimic` is left out",
@@ -527,7 +528,8 @@ fn what_is_left_out_or_read_otherwise_is_said() {
     let mesh = "<link name=\"b\"><visual><geometry><mesh filename=\"b.stl\"/></geometry></visual></link>";
     let text = two_links("<axis xyz=\"0 0 1\"/>").replace("<link name=\"b\"/>", mesh);
     let source = Source::new("robot.urdf", text);
-    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let imported =
+        import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     for (words, help) in [
         ("the joint `j` has no limits", "add its limits to the experiment"),
         ("the link `b` moves and has no mass in the description", "add an `inertial`"),

@@ -1,15 +1,16 @@
 //! `tpm design`: experiments that would give the most information within the limits.
 
+mod mechanism;
+
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
 use crate::output::{file, writable};
-use crate::render::showing::showing_harmonics;
 use clap::builder::RangedU64ValueParser;
 use std::path::PathBuf;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number, or_dash};
-use tpm_runtime::session::{Session, SessionError};
-use tpm_runtime::study::{Candidate, Design, Showing, design};
+use tpm_runtime::session::SessionError;
+use tpm_runtime::study::{Candidate, Design, design};
 
 /// Options of `tpm design`.
 #[derive(clap::Args)]
@@ -21,7 +22,9 @@ pub(crate) struct Args {
     /// How many candidates to propose.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     best: usize,
-    /// Print all candidates as JSON (tpm.design/1).
+    #[command(flatten)]
+    mechanism: mechanism::MechanismArgs,
+    /// Print all candidates as JSON (tpm.design/1, of a mechanism tpm.excitation/1).
     #[arg(long)]
     json: bool,
     /// Write to this file instead of standard output.
@@ -35,31 +38,22 @@ struct Report<'a> {
     model: &'a str,
     #[serde(flatten)]
     design: &'a Design,
-    /// Of a mechanism: the harmonics of the best candidate that show each base parameter.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    showing: Vec<Showing>,
-}
-
-/// The harmonics of the best candidate that show each base parameter of a mechanism; nothing for other models.
-fn showing(session: &Session, found: &Design) -> Vec<Showing> {
-    let (declared, machine) = (session.model(), session.machine());
-    let best = found.candidates.first().filter(|_| declared.parsed().mechanism.is_some());
-    let value = |name: &str| session.experiment().constants.get(name).copied();
-    best.map(|best| best.showing(declared.prepared(), machine.plant(), value)).unwrap_or_default()
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     writable(args.output.as_deref(), None)?;
     let session = args.simulated.session(&args.file)?;
+    if mechanism::is_meant(&session) {
+        let (best, json, output) = (args.best, args.json, args.output.as_deref());
+        return mechanism::run(&args.mechanism, &mechanism::Asked { file: &args.file, best, json, output }, &session);
+    }
     let (machine, experiment) = (session.machine(), session.experiment());
     let found = design(machine.plant(), machine.pattern(), experiment).map_err(SessionError::from)?;
-    let showing = showing(&session, &found);
     let text = if args.json {
-        file::json(&Report { schema: "tpm.design/1", model: machine.plant().name(), design: &found, showing })?
+        file::json(&Report { schema: "tpm.design/1", model: machine.plant().name(), design: &found })?
     } else {
-        let showing = showing.iter().map(|one| (one.parameter.as_str(), one.harmonics.as_slice()));
-        describe(&found, args.best) + &showing_harmonics(showing)
+        describe(&found, args.best)
     };
     file::emit(args.output.as_deref(), &text)?;
     if found.candidates.iter().all(|candidate| candidate.passed.is_some()) {

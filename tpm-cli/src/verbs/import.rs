@@ -6,13 +6,13 @@ use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::diagnostic::{Diagnostics, render};
-use tpm_codegen::import::{Options, urdf};
+use tpm_codegen::import::{Options, import_description};
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 /// Options of `tpm import`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The robot description (URDF).
+    /// The robot description (URDF, or MJCF of MuJoCo).
     file: PathBuf,
     #[command(flatten)]
     part: PartArgs,
@@ -63,8 +63,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
         losses: args.losses.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
         ..args.part.options()
     };
-    let imported =
-        urdf(&source, &options).map_err(|diagnostics: Diagnostics| Failure::Model(diagnostics.render(&source)))?;
+    let imported = import_description(&source, &options)
+        .map_err(|diagnostics: Diagnostics| Failure::Model(diagnostics.render(&source)))?;
     for warning in &imported.warnings {
         file::remark(render(&source, warning).trim_end());
     }

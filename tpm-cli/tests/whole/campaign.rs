@@ -267,6 +267,45 @@ fn a_design_is_judged_before_anything_moves() {
     crate::support::fails(&arguments, 2, &["a10 = 0", "give prior values"]);
 }
 
+/// A mechanism is excited by series of its joints, whose files play again.
+#[test]
+fn an_arm_is_excited_and_its_files_play() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let urdf = r#"<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="4"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.06" iyz="0" izz="0.06"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.15 0 0"/><mass value="2"/>
+    <inertia ixx="0.004" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+  <joint name="q1" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="3" effort="60"/><dynamics damping="0.5" friction="1"/></joint>
+  <joint name="q2" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="4" effort="25"/><dynamics damping="0.3" friction="0.5"/></joint>
+</robot>"#;
+    std::fs::write(at("arm.urdf"), urdf).expect("written");
+    says(&tpm(&["import", &at("arm.urdf"), "-o", &at("arm.tpm")]), 0, "");
+    let experiment = at("arm.experiment.toml");
+    let arm = at("arm.tpm");
+    let common = ["design", &arm, "--experiment", &experiment, "--starts", "4"];
+    let written = at("excitation");
+    let found = plain_json(&tpm(&[&common[..], &["--json", "--write", &written]].concat()));
+    assert_eq!((found["schema"].as_str(), found["feasible"].as_u64()), (Some("tpm.excitation/1"), Some(4)));
+    let condition = found["motions"][0]["condition"].as_f64().expect("a number");
+    assert!(condition.ln() < found["before"].as_f64().expect("a number"), "{condition}");
+    for used in found["motions"][0]["used"].as_array().expect("a list") {
+        assert!(used["share"].as_f64().is_none_or(|share| share <= 1.0), "{used}");
+    }
+    assert_eq!(names(folder.path().join("excitation").as_path()), ["arm.csv", "arm.svg", "arm.toml", "arm.tpm"]);
+    let played = at("excitation/arm.tpm");
+    says(&tpm(&["simulate", &played, "-o", &at("run.csv")]), 0, "");
+    // With drives that cannot hold the weight there is no motion, and nothing is written.
+    let weak = ["--set", "limits.inputs.tau_q1=0.5", "--write", &at("none")];
+    crate::support::fails(&[&common[..], &weak].concat(), 2, &["none of 4 motions", "--period"]);
+    assert!(!folder.path().join("none").exists());
+    crate::support::fails(&[&common[..], &["--seconds", "0"]].concat(), 2, &["--seconds 0"]);
+}
+
 /// A file system that takes no more when the second run is written: what is there stays, and the campaign goes on when there is room.
 #[cfg(target_os = "linux")]
 #[test]

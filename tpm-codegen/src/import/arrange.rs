@@ -23,6 +23,8 @@ use crate::source::Span;
 pub(super) struct Robot {
     pub(super) name: String,
     pub(super) bodies: Vec<Body>,
+    /// Acceleration of gravity in the frame of the base, m/s^2.
+    pub(super) gravity: [Exact; 3],
     /// The name of the pattern's frequency in the model.
     pub(super) frequency: String,
 }
@@ -56,6 +58,7 @@ pub(super) struct Moving {
     pub(super) limits: Limits,
     pub(super) damping: Rational,
     pub(super) friction: Rational,
+    pub(super) armature: Rational,
     /// The ten parameters about the frame of the body, of all links that move with it.
     pub(super) inertia: [Rational; 10],
     /// The links that are fixed to this one and have an inertia, each with its ten parameters about the frame of the body.
@@ -109,7 +112,8 @@ pub(super) fn arrange(
         moving.centre = identifier(&format!("c_{}", moving.coordinate), &[], &mut arranger.taken);
     }
     let frequency = identifier("w", &[], &mut arranger.taken);
-    Some(Robot { name, bodies: arranger.bodies, frequency })
+    let gravity = description.gravity.clone();
+    Some(Robot { name, bodies: arranger.bodies, gravity, frequency })
 }
 
 struct Arranger<'a, 'r, 's> {
@@ -420,6 +424,7 @@ impl<'a> Arranger<'a, '_, '_> {
                 },
                 damping: joint.damping.clone(),
                 friction: joint.friction.clone(),
+                armature: joint.armature.clone(),
                 inertia: std::array::from_fn(|_| Rational::zero()),
                 attached: Vec::new(),
             }),

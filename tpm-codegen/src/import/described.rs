@@ -46,10 +46,10 @@ pub struct JointLosses {
 }
 
 impl Described {
-    /// Reads a URDF. The options must be those with which its model was imported.
+    /// Reads a description. The options must be those with which its model was imported.
     ///
     /// # Errors
-    /// Those of [`urdf`](super::urdf).
+    /// Those of [`import_description`](super::import_description).
     pub fn read(source: &Source, options: &Options) -> Result<Self, Diagnostics> {
         read(source, options).map(|read| Self { robot: read.robot })
     }

@@ -10,8 +10,6 @@ use tpm_symbolic::number::rational::to_f64;
 
 use crate::import::arrange::{Body, Moving, Robot, rotation_of};
 
-/// Acceleration of gravity, m/s^2.
-const GRAVITY: f64 = 9.81;
 /// Share of an entry of the diagonal below which a pivot is rounding.
 const TINY: f64 = 1e-12;
 
@@ -45,15 +43,16 @@ pub(super) fn felt(robot: &Robot, positions: &[f64]) -> Vec<Option<Felt>> {
     let moving: Vec<usize> = (0..bodies.len()).filter(|&index| bodies[index].moving.is_some()).collect();
     let rates: Vec<Square> = bodies.iter().zip(&places).map(|(body, place)| rate(body, place)).collect();
     let entry = |i: usize, j: usize| if carries(bodies, j, i) { entry(&rates[i], &carried[i], &rates[j]) } else { 0.0 };
-    let mass: Vec<Vec<f64>> = moving
-        .iter()
-        .map(|&i| moving.iter().map(|&j| if i >= j { entry(i, j) } else { entry(j, i) }).collect())
-        .collect();
+    let rotor = |i: usize| bodies[i].moving.as_ref().map_or(0.0, |moving| to_f64(&moving.armature));
+    let both = |i: usize, j: usize| entry(i.max(j), i.min(j)) + if i == j { rotor(i) } else { 0.0 };
+    let mass: Vec<Vec<f64>> = moving.iter().map(|&i| moving.iter().map(|&j| both(i, j)).collect()).collect();
+    let gravity = robot.gravity.each_ref().map(|component| to_f64(&component.value));
+    let gravity = gravity.iter().map(|component| component * component).sum::<f64>().sqrt();
     let inertias = apparent(&mass);
     let mut found = vec![None; bodies.len()];
     for (&index, inertia) in moving.iter().zip(inertias) {
         let turns = bodies[index].moving.as_ref().is_some_and(|moving| moving.turns);
-        let weight = if turns { GRAVITY * first_moment(&carried[index], &places[index]) } else { 0.0 };
+        let weight = if turns { gravity * first_moment(&carried[index], &places[index]) } else { 0.0 };
         found[index] = Some(Felt { inertia, weight });
     }
     found

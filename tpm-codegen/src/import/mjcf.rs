@@ -21,8 +21,9 @@ pub fn mjcf(
     let robot = &described.robot;
     let mut out = format!(
         "<mujoco model=\"{}\">\n  <compiler angle=\"radian\" autolimits=\"true\" inertiafromgeom=\"false\"/>\n  \
-         <option gravity=\"0 0 -9.81\"/>\n  <worldbody>\n",
-        robot.name
+         <option gravity=\"{}\"/>\n  <worldbody>\n",
+        robot.name,
+        robot.gravity.each_ref().map(|component| to_f64(&component.value).to_string()).join(" ")
     );
     let writer = Writer { bodies: &robot.bodies, inertias: bodies, losses };
     for (index, body) in robot.bodies.iter().enumerate() {
@@ -87,7 +88,7 @@ impl Writer<'_> {
         for (attribute, value) in [
             ("damping", damping.unwrap_or_else(|| to_f64(&moving.damping))),
             ("frictionloss", friction.unwrap_or_else(|| to_f64(&moving.friction))),
-            ("armature", losses.rotor.unwrap_or(0.0)),
+            ("armature", losses.rotor.unwrap_or_else(|| to_f64(&moving.armature))),
         ] {
             if value != 0.0 {
                 let _ = write!(attributes, " {attribute}=\"{value}\"");

@@ -23,7 +23,7 @@ pub struct Options {
     pub locked: Vec<(String, String)>,
     /// How angles and lengths are read.
     pub angles: Angles,
-    /// The unknown torques of every drive; where not given, viscous and Coulomb friction of the joints for which the description
-    /// has a value that is not zero.
+    /// The unknown torques of every drive; where not given, viscous friction, Coulomb friction and rotors of the joints for which
+    /// the description has a value that is not zero.
     pub losses: Option<Vec<Loss>>,
 }

@@ -2,10 +2,16 @@
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::arrange::{Robot, arrange};
-use crate::import::description;
+use crate::import::description::Description;
+use crate::import::elements::{Reader, span};
+use crate::import::markup;
+use crate::import::mujoco;
 use crate::import::options::Options;
 use crate::import::reading::Readings;
+use crate::import::urdf;
+use crate::import::xml::with_prefixes;
 use crate::source::{Source, Span};
+use roxmltree::Document;
 
 /// A description as it was read.
 pub(super) struct Read {
@@ -23,7 +29,9 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Read, Diagnosti
         return Err(diagnostics);
     }
     let mut readings = Readings::new(source, options.angles);
-    let Some(description) = description::read(source, &mut readings, &mut diagnostics) else { return Err(diagnostics) };
+    let Some(description) = described(source, options, &mut readings, &mut diagnostics) else {
+        return Err(diagnostics);
+    };
     let arranged = arrange(description, options, &mut readings, &mut diagnostics);
     let Some(robot) = arranged.filter(|_| !diagnostics.has_errors()) else {
         diagnostics.sort();
@@ -32,4 +40,53 @@ pub(super) fn read(source: &Source, options: &Options) -> Result<Read, Diagnosti
     let mut warnings = diagnostics.take_warnings();
     warnings.sort_by_key(|warning| warning.span);
     Ok(Read { robot, warnings, readings: readings.sentences() })
+}
+
+/// Links and joints of the text; faults go to `diagnostics`, and `None` is returned where there is no robot.
+fn described(
+    source: &Source,
+    options: &Options,
+    readings: &mut Readings<'_>,
+    diagnostics: &mut Diagnostics,
+) -> Option<Description> {
+    if let Some((place, most)) = markup::excess(source.text()) {
+        let fault = Diagnostic::error(place, format!("there are more than {most} attributes or namespaces here"));
+        diagnostics.push(fault.help("a description needs far fewer: export it again"));
+        return None;
+    }
+    let document = with_prefixes(source.text());
+    let (text, prefixes) = match document {
+        Ok(mended) => mended,
+        Err(error) => {
+            let line = error.pos();
+            let start =
+                source.text().lines().take((line.row.max(1) - 1) as usize).map(|line| line.len() + 1).sum::<usize>();
+            let start = (start + line.col.max(1) as usize - 1).min(source.text().len()) as u32;
+            let fault = Diagnostic::error(Span::new(start, start), format!("this is no XML: {error}"));
+            diagnostics.push(
+                fault.help("export the description again; a xacro file is expanded first, `xacro robot.urdf.xacro`"),
+            );
+            return None;
+        }
+    };
+    // The text was parsed once, so that it can be.
+    let document = Document::parse(&text).ok()?;
+    let root = document.root_element();
+    if !prefixes.is_empty() {
+        let message =
+            format!("the prefixes {} are not declared; what begins with one is left out", prefixes.join(", "));
+        diagnostics.push(Diagnostic::warning(span(root), message).help("a model of the dynamics has no use for it"));
+    }
+    let mut reader = Reader::new(readings, diagnostics);
+    let description = match root.tag_name().name() {
+        "robot" => urdf::read(root, &mut reader),
+        "mujoco" => mujoco::read(root, options, &mut reader),
+        other => {
+            let message = format!("`{other}` is no robot description");
+            reader.error(span(root), message, "a URDF has the root element `robot`, a model for MuJoCo `mujoco`");
+            return None;
+        }
+    };
+    reader.report_ignored();
+    Some(description)
 }

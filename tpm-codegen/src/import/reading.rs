@@ -17,6 +17,8 @@ const RIGHT: f64 = 1e-4;
 pub(super) const NO_LENGTH: f64 = 1e-12;
 /// Largest angle, rad: of larger ones too few digits are left once whole turns are subtracted.
 const LARGEST_ANGLE: i64 = 1_000_000;
+/// Rounding of an angle that was computed, rad.
+const ROUNDING: f64 = 1e-12;
 /// Half a turn, rad.
 const PI: f64 = std::f64::consts::PI;
 
@@ -128,6 +130,20 @@ impl<'a> Readings<'a> {
         let text = format!("2*atan2({}, {})", tangent.numer(), tangent.denom());
         self.note(written, &text, span);
         ExactAngle { angle: Angle::half_tangent(&tangent), text }
+    }
+
+    /// An angle that was computed, from a quaternion for example, so that its last digits are rounding: within [`ROUNDING`] of a multiple
+    /// of pi/2 it is this multiple, however numbers are read.
+    pub(super) fn computed(&mut self, radians: f64, span: Span) -> ExactAngle {
+        let quarters = (radians / (PI / 2.0)).round();
+        if (radians - quarters * (PI / 2.0)).abs() <= ROUNDING
+            && let Some(count) = quarters.to_i64()
+        {
+            return ExactAngle { angle: Angle::quarter_turns(count), text: quarter_turns(count) };
+        }
+        let written = radians.to_string();
+        let value = rational::parse(&written).unwrap_or_else(Rational::zero);
+        self.angle(&value, &written, span)
     }
 
     /// A rational unit vector along an axis that is not zero, with the texts of its components.

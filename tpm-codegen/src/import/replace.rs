@@ -14,7 +14,7 @@ use tpm_symbolic::mechanics::tree::AboutCentre;
 /// `inertial` gets one as its first element. Elements of other names are not touched.
 ///
 /// # Errors
-/// When the text is no XML.
+/// When the text is no XML or no URDF.
 pub fn with_inertials(
     source: &Source,
     links: &BTreeMap<String, AboutCentre>,
@@ -27,8 +27,13 @@ pub fn with_inertials(
     // Of the same length, so that places are those of the source.
     let (mended, _) = with_prefixes(source.text()).map_err(no_xml)?;
     let document = Document::parse(&mended).map_err(no_xml)?;
+    let root = document.root_element();
+    if !root.has_tag_name("robot") {
+        let fault = Diagnostic::error(Span::default(), format!("`{}` is no URDF", root.tag_name().name()));
+        return Err(Diagnostics::from_iter([fault.help("a model for MuJoCo is written whole, by `mjcf`")]));
+    }
     let mut edits: Vec<(Range<usize>, String)> = Vec::new();
-    for element in document.root_element().children().filter(Node::is_element) {
+    for element in root.children().filter(Node::is_element) {
         let name = element.attribute("name").map_or("", str::trim);
         match element.tag_name().name() {
             "link" => edits.extend(links.get(name).map(|inertia| new_inertial(element, inertia))),
@@ -156,6 +161,8 @@ mod tests {
             let values = BTreeMap::from([("b".to_owned(), values)]);
             assert!(described(ARM).split(&values).is_err());
         }
+        let other = with_inertials(&Source::new("r.xml", "<mujoco/>"), &BTreeMap::new(), &BTreeMap::new());
+        assert!(other.is_err_and(|faults| faults.to_string().contains("no URDF")));
         assert!(with_inertials(&Source::new("r.urdf", "<robot>"), &BTreeMap::new(), &BTreeMap::new()).is_err());
     }
 }

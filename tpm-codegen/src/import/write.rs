@@ -47,7 +47,8 @@ fn losses(moving: &Moving, options: &Options) -> Vec<Loss> {
     match &options.losses {
         Some(losses) => losses.clone(),
         None => {
-            let given = [(Loss::Viscous, &moving.damping), (Loss::Coulomb, &moving.friction)];
+            let given =
+                [(Loss::Viscous, &moving.damping), (Loss::Coulomb, &moving.friction), (Loss::Rotor, &moving.armature)];
             given.into_iter().filter(|(_, value)| !value.is_zero()).map(|(loss, _)| loss).collect()
         }
     }
@@ -66,7 +67,8 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
     let _ = writeln!(text, "    coordinate {};\n    input {};", coordinates.join(", "), inputs.join(", "));
     text += &constants(robot);
     text.push('\n');
-    text.push_str("    mechanism {\n        gravity (0, 0, -9.81);\n");
+    let [x, y, z] = robot.gravity.each_ref().map(|component| component.text.as_str());
+    let _ = writeln!(text, "    mechanism {{\n        gravity ({x}, {y}, {z});");
     for body in &robot.bodies {
         let parent = body.parent.map_or_else(String::new, |parent| format!("on {} ", robot.bodies[parent].name));
         let _ = writeln!(text, "        body {} {parent}{{", body.name);
@@ -110,8 +112,7 @@ fn placement(origin: &Origin) -> String {
 }
 
 /// `NAME = VALUE` for every parameter of the model with a value in the description. A friction of zero in a description
-/// usually means that nobody measured it, and descriptions say nothing of rotors and offsets, so these parameters have
-/// no prior.
+/// usually means that nobody measured it, and descriptions say nothing of offsets, so these parameters have no prior.
 fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
     let mut text = String::new();
     let mut line = |name: String, value: &Rational| {
@@ -129,7 +130,8 @@ fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
             let value = match loss {
                 Loss::Viscous => &moving.damping,
                 Loss::Coulomb => &moving.friction,
-                Loss::Offset | Loss::Rotor => continue,
+                Loss::Rotor => &moving.armature,
+                Loss::Offset => continue,
             };
             if !value.is_zero() {
                 line(parameter_name(loss.symbol(), &moving.coordinate), value);

@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use std::collections::BTreeMap;
-use tpm_codegen::import::{Described, Options, urdf};
+use tpm_codegen::import::{Described, Options, import_description};
 use tpm_codegen::source::Source;
 use tpm_runtime::inertia::{InertiaError, Inertias, InertiasRequest, inertias};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, StoredResult};
@@ -76,7 +76,8 @@ impl Arm {
         let source = Source::from_bytes(name.to_owned(), text.to_vec());
         let losses = Some(vec![Loss::Viscous, Loss::Coulomb, Loss::Rotor]);
         let options = Options { losses, ..Options::default() };
-        let imported = urdf(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+        let imported =
+            import_description(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
         let model = DeclaredModel::parse(name, &imported.model).expect("a model");
         let described = Described::read(&source, &options).expect("read before");
         let prepared = model.prepared();

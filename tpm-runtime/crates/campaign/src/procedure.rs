@@ -144,6 +144,8 @@ pub struct Procedure {
     /// Largest magnitude of the velocity per coordinate, beyond which a run is aborted; coordinates past the end of the
     /// list are unbounded.
     pub velocity_bounds: Vec<f64>,
+    /// Largest magnitude of the acceleration per coordinate that a reference may have; coordinates past the end of the list are unbounded.
+    pub acceleration_bounds: Vec<f64>,
     /// Motor of each input, whose limits are tested in addition to the limit of the input; empty when there is no
     /// motor.
     pub motors: Vec<Option<Mounted>>,

@@ -53,6 +53,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             tracking_bounds: vec![10.0],
             position_bounds: Vec::new(),
             velocity_bounds: Vec::new(),
+            acceleration_bounds: Vec::new(),
             input_limits: vec![f64::INFINITY],
             motors: vec![],
             limited: vec![],

@@ -85,9 +85,9 @@ pub enum ExperimentError {
         stage: usize,
         /// The coordinate.
         name: String,
-        /// Its position or velocity where it passes the limit.
+        /// Its position, velocity or acceleration where it passes the limit.
         value: f64,
-        /// `positions` or `velocities`.
+        /// `positions`, `velocities` or `accelerations`.
         limit: &'static str,
     },
     /// A stroke does not go on into the rest or the stroke after it.

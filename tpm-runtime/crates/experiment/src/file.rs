@@ -350,6 +350,9 @@ pub struct LimitsSection {
     /// given.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub velocities: Named,
+    /// Largest magnitude of the acceleration by coordinate; no reference passes it. None where not given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub accelerations: Named,
     /// Share of an input's limit at which the campaign ends (Feng uses 0.7).
     pub effort_share: f64,
     /// Factor on the amplitudes after an aborted run.
@@ -365,6 +368,7 @@ impl Default for LimitsSection {
             tracking: Named::new(),
             positions: BTreeMap::new(),
             velocities: Named::new(),
+            accelerations: Named::new(),
             effort_share: 0.7,
             back_off: 0.5,
             max_aborts: 3,

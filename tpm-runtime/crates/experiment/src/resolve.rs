@@ -18,8 +18,7 @@ use tpm_motion::{Loop, Velocity, limits};
 use tpm_plant::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use tpm_plant::stability::{self, LoopStability, Range, StabilityDomain};
 
-/// Number of equally spaced phases of a period at which a reference is compared with the limits of position and
-/// velocity.
+/// Number of equally spaced phases of a period at which a reference is compared with the limits of its motion.
 const LOOKED_AT: usize = 1024;
 
 /// Names of a model's constants.
@@ -27,7 +26,7 @@ fn constant_names(model: &dyn Model<f64>) -> Vec<String> {
     (0..model.dims().constants).map(|i| model.constant(i).name.to_string()).collect()
 }
 
-/// Requires that a stage's reference keeps within the limits of position and velocity, at [`LOOKED_AT`] phases of its
+/// Requires that a stage's reference keeps within the limits of position, velocity and acceleration, at [`LOOKED_AT`] phases of its
 /// period.
 fn within(
     model: &dyn Model<f64>,
@@ -35,7 +34,7 @@ fn within(
     stage: &Stage,
     index: usize,
     positions: &[(f64, f64)],
-    velocities: &[f64],
+    rates: [&[f64]; 2],
 ) -> Result<(), ExperimentError> {
     let reference = stage.trajectory(pattern, 1.0);
     let open = stage.pattern(pattern).open();
@@ -47,7 +46,11 @@ fn within(
             if at(0) < low || at(0) > high {
                 return Some(("positions", at(0)));
             }
-            (at(1).abs() > velocities[c]).then(|| ("velocities", at(1)))
+            let [velocities, accelerations] = rates;
+            if at(1).abs() > velocities[c] {
+                return Some(("velocities", at(1)));
+            }
+            (at(2).abs() > accelerations[c]).then(|| ("accelerations", at(2)))
         });
         if let Some((limit, value)) = beyond {
             let name = model.coordinate(c).name.to_string();
@@ -477,8 +480,10 @@ impl Experiment {
             position_bounds[coordinates.index("limits.positions", name)?] = (low, high);
         }
         let velocity_bounds = coordinates.fill("limits.velocities", &self.limits.velocities, f64::INFINITY)?;
+        let acceleration_bounds =
+            coordinates.fill("limits.accelerations", &self.limits.accelerations, f64::INFINITY)?;
         for (i, stage) in stages.iter().enumerate() {
-            within(model, pattern, stage, i, &position_bounds, &velocity_bounds)?;
+            within(model, pattern, stage, i, &position_bounds, [&velocity_bounds, &acceleration_bounds])?;
         }
         let of_strokes =
             stages.iter().any(|stage| !stage.strokes.is_empty()) && self.estimator != Method::MeasuredMotion;
@@ -507,6 +512,7 @@ impl Experiment {
                 tracking_bounds: coordinates.fill("limits.tracking", &self.limits.tracking, f64::INFINITY)?,
                 position_bounds,
                 velocity_bounds,
+                acceleration_bounds,
                 input_limits: limited(input_limits, &motors),
                 motors,
                 limited: self.known_limits(model)?,

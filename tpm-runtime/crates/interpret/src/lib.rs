@@ -3,9 +3,13 @@
 //! Invariant: the operations are those of the plans of [`tpm_symbolic::plan`], in the same order, each rounded once, so
 //! that the results equal those of the emitted code.
 
+mod base_rows;
+#[cfg(test)]
+mod base_rows_tests;
 mod derivatives;
 #[cfg(test)]
 mod derivatives_tests;
+mod interval;
 mod inverse;
 mod leaves;
 mod model;
@@ -15,7 +19,9 @@ mod separable;
 #[cfg(test)]
 mod separable_tests;
 
+pub use base_rows::{BaseRows, RowsAt};
 pub use derivatives::InterpretedDerivatives;
+pub use interval::Interval;
 pub use inverse::InterpretedInverse;
 pub use model::Interpreted;
 pub use separable::Separable;

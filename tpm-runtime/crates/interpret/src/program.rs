@@ -1,5 +1,6 @@
-//! A plan of the exact algebra, executed in double precision.
+//! A plan of the exact algebra, executed in double precision, forward, backward for gradients, or on intervals.
 
+use crate::interval::Interval;
 use tpm_core::{Hyperbolic, Real};
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational;
@@ -83,6 +84,87 @@ impl Program {
         program
     }
 
+    /// Whether the results depend on no leaf.
+    pub(super) const fn is_fixed(&self) -> bool {
+        self.fixed.is_some()
+    }
+
+    /// Adds to `leaves` the derivative, with respect to every leaf, of the results' sum weighted by `weights`. The workspace is
+    /// as [`run`](Self::run) left it; `adjoints` is as long. Jumps of signs have no derivative here.
+    pub(super) fn pull_back(&self, workspace: &[f64], weights: &[f64], adjoints: &mut [f64], leaves: &mut [f64]) {
+        if self.is_fixed() {
+            return;
+        }
+        let adjoints = &mut adjoints[..self.workspace_len];
+        adjoints.fill(0.0);
+        for (&slot, weight) in self.outputs.iter().zip(weights) {
+            adjoints[slot] += weight;
+        }
+        let first = self.workspace_len - self.steps.len();
+        for (i, step) in self.steps.iter().enumerate().rev() {
+            let adjoint = adjoints[first + i];
+            if adjoint == 0.0 {
+                continue;
+            }
+            match *step {
+                Step::Add(a, b) => {
+                    adjoints[a] += adjoint;
+                    adjoints[b] += adjoint;
+                }
+                Step::Sub(a, b) => {
+                    adjoints[a] += adjoint;
+                    adjoints[b] -= adjoint;
+                }
+                Step::Mul(a, b) => {
+                    adjoints[a] += adjoint * workspace[b];
+                    adjoints[b] += adjoint * workspace[a];
+                }
+                Step::Div(a, b) => {
+                    adjoints[a] += adjoint / workspace[b];
+                    adjoints[b] -= adjoint * workspace[first + i] / workspace[b];
+                }
+                Step::Neg(a) => adjoints[a] -= adjoint,
+                Step::Function(function, a) => {
+                    adjoints[a] += adjoint * slope(function, workspace[a], workspace[first + i]);
+                }
+                Step::Atan2(y, x) => {
+                    let (sine, cosine) = (workspace[y], workspace[x]);
+                    let square = sine * sine + cosine * cosine;
+                    adjoints[y] += adjoint * cosine / square;
+                    adjoints[x] -= adjoint * sine / square;
+                }
+            }
+        }
+        for (leaf, adjoint) in leaves.iter_mut().zip(&adjoints[self.constants.len()..first]) {
+            *leaf += adjoint;
+        }
+    }
+
+    /// Intervals that contain the results for all leaves within these intervals.
+    pub(super) fn enclose(
+        &self,
+        leaves: impl Iterator<Item = Interval>,
+        workspace: &mut Vec<Interval>,
+    ) -> Vec<Interval> {
+        workspace.clear();
+        workspace.extend(self.constants.iter().map(|&value| Interval::around(value)));
+        workspace.extend(leaves);
+        for step in &self.steps {
+            let result = match *step {
+                Step::Add(a, b) => workspace[a] + workspace[b],
+                Step::Sub(a, b) => workspace[a] - workspace[b],
+                Step::Mul(a, b) if a == b => workspace[a].square(),
+                Step::Mul(a, b) => workspace[a] * workspace[b],
+                Step::Div(a, b) => workspace[a] / workspace[b],
+                Step::Neg(a) => -workspace[a],
+                Step::Function(function, a) => workspace[a].of(function),
+                Step::Atan2(y, x) => Interval::atan2(workspace[y], workspace[x]),
+            };
+            workspace.push(result);
+        }
+        self.outputs.iter().map(|&slot| workspace[slot]).collect()
+    }
+
     /// Number of results.
     pub(super) fn output_len(&self) -> usize {
         self.outputs.len()
@@ -133,5 +215,23 @@ fn apply(function: Function, x: f64) -> f64 {
         Function::Log => Real::ln(x),
         Function::Abs => Real::abs(x),
         Function::Sign => Real::sign(x),
+    }
+}
+
+/// The derivative of a function at x, where it has the value y.
+fn slope(function: Function, x: f64, y: f64) -> f64 {
+    match function {
+        Function::Sin => Real::cos(x),
+        Function::Cos => -Real::sin(x),
+        Function::Tan => 1.0 + y * y,
+        Function::Asin => 1.0 / Real::sqrt(1.0 - x * x),
+        Function::Acos => -1.0 / Real::sqrt(1.0 - x * x),
+        Function::Atan => 1.0 / (1.0 + x * x),
+        Function::Sqrt => 0.5 / y,
+        Function::Tanh => 1.0 - y * y,
+        Function::Exp => y,
+        Function::Log => 1.0 / x,
+        Function::Abs => Real::sign(x),
+        Function::Sign => 0.0,
     }
 }

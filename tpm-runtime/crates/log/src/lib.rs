@@ -27,6 +27,7 @@ mod names;
 mod options;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod paths;
 mod periodic;
 mod read;
 #[cfg(test)]

@@ -2,13 +2,14 @@
 //!
 //! Names, units and factors are settled here alone, whatever the format of the file is. A signal is looked for under
 //! its name first, then under its name with a unit: `q [deg]`, `q (deg)`, `q_deg`. The time is `t_s`, else one of `t`, `time`,
-//! `timestamp`, `stamp`, or the like, with a unit or without, else a stamp in two columns of seconds and fractions, as ROS writes it. Where several
-//! columns may be meant, none is chosen.
+//! `timestamp`, `stamp`, or the like, with a unit or without, else a stamp in two columns of seconds and fractions, as ROS writes it; a
+//! signal of a joint also at the end of a path (`paths`). Where several columns may be meant, none is chosen.
 
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns};
 use crate::error::{Adjustment, LogError, UnitMismatch};
 use crate::options::{ReadingSettings, TIME};
+use crate::paths;
 use crate::unit::{UnitFault, conversion, unit_of};
 
 /// Names of columns of time, in small letters, as English and other European programs write them.
@@ -126,10 +127,11 @@ impl Names<'_> {
         let mut assumptions = Vec::new();
         let time = self.time(&mut assumptions)?;
         let mut place = |signal: &Signal| -> Result<Option<Place>, LogError> {
-            let Some(found) = self.find(self.wanted(&signal.name), &signal.name, signal.unit.as_deref())? else {
-                return Ok(None);
+            let found = match self.find(self.wanted(&signal.name), &signal.name, signal.unit.as_deref())? {
+                None if !self.options.map.contains_key(&signal.name) => self.at_end_of_path(&signal.name)?,
+                found => found,
             };
-            self.place(signal, &found, &mut assumptions).map(Some)
+            found.map(|found| self.place(signal, &found, &mut assumptions)).transpose()
         };
         let mut places = Vec::new();
         for signal in signals {
@@ -242,6 +244,17 @@ impl Names<'_> {
             fitting.retain(|of| of.bracketed || converts(of));
         }
         self.only(fitting, signal)
+    }
+
+    /// The only column whose name is a path that ends in a signal.
+    fn at_end_of_path(&self, signal: &str) -> Result<Option<Fitting<'_>>, LogError> {
+        let fitting = self.header.iter().enumerate().filter_map(|(index, column)| {
+            let (base, unit, bracketed) = split_unit(&column.text);
+            let whole = paths::fits(&column.text, signal);
+            let unit = unit.filter(|_| !whole);
+            (whole || paths::fits(base, signal)).then_some(Fitting { index, unit, bracketed: bracketed && !whole })
+        });
+        self.only(fitting.collect(), signal)
     }
 
     fn only<'a>(&self, mut fitting: Vec<Fitting<'a>>, signal: &str) -> Result<Option<Fitting<'a>>, LogError> {

@@ -210,6 +210,28 @@ fn factors_stand_in_place_of_units() {
 }
 
 #[test]
+fn joints_are_found_at_the_ends_of_paths() {
+    let head = "t_s,/js/position.elbow [deg],/js/velocity.elbow,/js/effort.elbow,/js/position.left_elbow";
+    let row = |i: u32| format!("{},{},{},{},{}\n", 0.001 * f64::from(i), 90 * i, 2 * i, 3 * i, 4 * i);
+    let rows: String = (0..40).map(row).collect();
+    let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
+    let signals = [signal("elbow", "rad"), signal("tau_elbow", "N*m")];
+    let read = |head: &str| {
+        let text = format!("{head}\n{rows}");
+        let rates = [signal("dot(elbow)", "rad/s")];
+        let options = ReadingSettings::default();
+        Recording::read_signals(text.as_bytes(), "run.csv", (&signals[..1], &signals), &rates, &options)
+    };
+    let recording = read(head).expect("found");
+    let log = &recording.segments[0];
+    assert!((log.channels[0][1] - std::f64::consts::FRAC_PI_2).abs() < 1e-12 && log.channels[1][1] == 3.0);
+    assert_eq!(log.rates[0].as_ref().map(|rate| rate[1]), Some(2.0));
+    // Two arms with one elbow each: neither is taken.
+    let fault = read(&head.replace("position.left_elbow", "left/position.elbow")).expect_err("two fit").to_string();
+    assert!(fault.contains("/js/position.elbow [deg]") && fault.contains("/js/left/position.elbow"), "{fault}");
+}
+
+#[test]
 fn nothing_is_guessed_where_several_columns_may_be_meant() {
     for (head, parts) in [
         ("t_s,x [mm],x_cm,u", vec!["`x` may be `x [mm]` or `x_cm`"]),

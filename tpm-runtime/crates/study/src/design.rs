@@ -8,7 +8,6 @@
 //! near a natural mode of the estimated model are placed after the others (Feng, 3.2.1). A candidate that passes a
 //! limit is ranked last, with the sample at which it does.
 
-use crate::content::{entries_along, showing};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
@@ -24,9 +23,6 @@ use tpm_numerics::fourier::analyse;
 use tpm_numerics::singular::{Singular, unit_columns};
 use tpm_numerics::tolerance;
 use tpm_plant::simulated::{Rig, Sensor, SimulatedRun, simulate};
-use tpm_symbolic::harmonic::report::ShowingHarmonic;
-use tpm_symbolic::regressor::base_parameters::{BaseParameter, Motions, base_parameters};
-use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Factors on the last stage's amplitudes, and on its frequency, from which candidates are formed.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
@@ -37,8 +33,6 @@ const VARIED: usize = 3;
 /// Highest harmonic up to which the derivatives of the motion are computed, as a multiple of the motion's highest
 /// harmonic.
 const REACH: usize = 2;
-/// Highest harmonic that is listed as showing a parameter, as a multiple of the motion's highest harmonic.
-const SHOWN: usize = 4;
 /// Number of harmonics of an encoder's error that are summed; those left out hold less than a hundredth of its
 /// variance.
 const REPEATED_HARMONICS: u32 = 100;
@@ -113,39 +107,6 @@ pub struct Candidate {
     pub trajectory: Trajectory,
 }
 
-/// The harmonics that show a base parameter, that is, a combination of parameters that every motion shows only
-/// together.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Showing {
-    /// The leading parameter of the combination.
-    pub parameter: String,
-    /// The harmonics of its regressor that are certainly not zero, up to four times the highest of the motion.
-    pub harmonics: Vec<ShowingHarmonic>,
-}
-
-impl Candidate {
-    /// The harmonics that show each base parameter of a mechanism along the candidate's motion; empty where the base
-    /// parameters have no exact factors. `model` is that of the rows; `value` gives the value of a run-time constant by
-    /// its name.
-    #[must_use]
-    pub fn showing(
-        &self,
-        prepared: &Prepared,
-        model: &dyn Model<f64>,
-        value: impl Fn(&str) -> Option<f64>,
-    ) -> Vec<Showing> {
-        let found = base_parameters(&prepared.model, &prepared.form, &Motions::default());
-        let Some(base) = found.ok().and_then(|found| found.base) else { return Vec::new() };
-        let entries = entries_along(prepared, model, &self.trajectory, value);
-        let highest = SHOWN * self.trajectory.highest_harmonic() as usize;
-        let of = |own: &BaseParameter| Showing {
-            parameter: prepared.form.columns[own.column].name.to_string(),
-            harmonics: showing(model, &entries, own.column, highest, "the candidate"),
-        };
-        base.iter().map(of).filter(|own| !own.harmonics.is_empty()).collect()
-    }
-}
-
 fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
 }
@@ -164,13 +125,7 @@ pub fn design(
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let bench = experiment.bench(model)?;
     let dims = model.dims();
-    // Estimates: the prior, and the simulated machine's value where the prior is zero.
-    let mut theta = setup.prior.clone();
-    for (value, truth) in theta.iter_mut().zip(&bench.parameters) {
-        if *value == 0.0 {
-            *value = *truth;
-        }
-    }
+    let theta = estimates(&setup, &bench);
     let last = setup.procedure.stages.last().ok_or(ExperimentError::NoStage)?;
     let pattern = last.pattern(pattern);
     let moved = pattern.coordinates.len() - pattern.open().len();
@@ -226,6 +181,13 @@ pub fn design(
     let noise = deviations(&machine, &reference, periods(&setup, reference.frequency));
     let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
     Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
+}
+
+/// The prior, and the simulated machine's value where the prior is zero.
+pub(crate) fn estimates(setup: &Setup, bench: &Rig) -> Vec<f64> {
+    // A machine that does not obey the model has no values of its parameters.
+    let truths = bench.parameters.iter().copied().chain(std::iter::repeat(0.0));
+    setup.prior.iter().zip(truths).map(|(&prior, truth)| if prior == 0.0 { truth } else { prior }).collect()
 }
 
 /// Whole periods in the measured time of a run.

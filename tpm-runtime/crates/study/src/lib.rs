@@ -7,6 +7,7 @@ mod bound_tests;
 mod campaigns;
 mod content;
 mod design;
+mod excitation;
 mod identifiability;
 mod kept;
 mod path;
@@ -18,7 +19,11 @@ mod trajectories_figure;
 mod updates;
 
 pub use campaigns::{Identify, Study, study, study_campaigns, study_session};
-pub use design::{Candidate, Design, Passed, Predicted, Showing, design};
+pub use design::{Candidate, Design, Passed, Predicted, design};
+pub use excitation::{
+    Criterion, Excitation, ExcitationError, ExcitationSettings, Files as ExcitationFiles,
+    FilesError as ExcitationFilesError, HARMONICS, Proposed, STARTS, Used, excitation,
+};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
 pub use kept::study_kept;
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};

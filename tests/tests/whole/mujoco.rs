@@ -1,0 +1,168 @@
+//! Models for MuJoCo through `import`: torques of a model with every spelling that is read, and faults at their places.
+//!
+//! The expected torques were computed once by MuJoCo 3's inverse dynamics, its constraints left out and dry friction added
+//! (`benches/arms/descriptions.py` does so for any file).
+
+use crate::support::root;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use tpm_codegen::import::{Angles, Imported, Options, import_description};
+use tpm_codegen::parse_model;
+use tpm_codegen::source::Source;
+use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::model::Model as _;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::prepare;
+
+fn read(text: &str, options: &Options) -> Result<Imported, String> {
+    let source = Source::new("robot.xml", text);
+    import_description(&source, options).map_err(|faults| faults.render(&source))
+}
+
+/// The torques of an imported model with the values of its prior.
+fn torques(imported: &Imported, states: &[[Vec<f64>; 3]]) -> Vec<Vec<f64>> {
+    let source = Source::new("imported", imported.model.clone());
+    let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let prepared = prepare(parsed.model).expect("linear in the parameters");
+    let model = Interpreted::new(&prepared.model, &prepared.form);
+    let prior: BTreeMap<String, f64> = crate::robots::values(&imported.prior);
+    let map = ParameterMap::new(&prepared);
+    let parameters = map.evaluate(|symbol| prior.get(map.name(symbol)).copied().unwrap_or(0.0));
+    let mut workspace = vec![0.0; model.inverse_workspace_len()];
+    let of = |[q, v, a]: &[Vec<f64>; 3]| {
+        let motion = [q.as_slice(), v, a].concat();
+        let mut out = vec![0.0; q.len()];
+        model.inverse_dynamics(&motion, &parameters, &[], &mut workspace, &mut out).expect("fits");
+        out
+    };
+    states.iter().map(of).collect()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("a list").iter().map(|number| number.as_f64().expect("a number")).collect()
+}
+
+#[test]
+fn every_spelling_gives_the_torques_of_mujoco() {
+    let folder = root().join("tests/fixtures/robots");
+    let text = std::fs::read_to_string(folder.join("mujoco.xml")).expect("a model");
+    let known = std::fs::read_to_string(folder.join("mujoco.json")).expect("a fixture");
+    let known: Vec<Value> = serde_json::from_str(&known).expect("JSON");
+    for angles in [Angles::Recognised, Angles::Written] {
+        let imported = read(&text, &Options { angles, ..Options::default() }).expect("a description");
+        let states: Vec<[Vec<f64>; 3]> =
+            known.iter().map(|state| ["q", "v", "a"].map(|name| numbers(&state[name]))).collect();
+        for (found, state) in torques(&imported, &states).iter().zip(&known) {
+            for (found, expected) in found.iter().zip(numbers(&state["torque"])) {
+                assert!((found - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{found} {expected}");
+            }
+        }
+        // Limits in radians, and those of forces: of a joint through the gear of its motor, of one through the range of its force.
+        for limit in ["tau_pan = 100.0, tau_lift = 80.0", "pan = [-2.96705972839", "joint_2 = [-0.1, 0.4]"] {
+            assert!(imported.experiment.contains(limit), "{limit}:\n{}", imported.experiment);
+        }
+        assert!(imported.model.contains("gravity (0.3, -0.2, -9.7);"));
+    }
+}
+
+/// A model with one joint, and other lines beside it.
+fn one_joint(compiler: &str, joint: &str, inertial: &str, rest: &str) -> String {
+    format!(
+        "<mujoco model=\"m\">\n<compiler {compiler}/>\n<worldbody><body name=\"b\">\n{joint}\n{inertial}\n</body></worldbody>\n{rest}\n</mujoco>"
+    )
+}
+
+const JOINT: &str = "<joint name=\"j\" axis=\"0 1 0\"/>";
+const INERTIAL: &str = "<inertial pos=\"0.1 0 0\" mass=\"2\" diaginertia=\"0.1 0.1 0.1\"/>";
+
+#[test]
+fn one_pendulum_in_other_words() {
+    let state = [[vec![0.4], vec![1.5], vec![-2.0]]];
+    let of =
+        |text: &str| torques(&read(text, &Options::default()).unwrap_or_else(|fault| panic!("{fault}")), &state)[0][0];
+    // I q'' - m g x cos q, with I = 0.1 + 2 * 0.1^2 and the weight along -z about the y axis.
+    let weight = 2.0 * 9.81 * 0.1 * 0.4_f64.cos();
+    assert!((of(&one_joint("", JOINT, INERTIAL, "")) - (0.12 * -2.0 - weight)).abs() < 1e-12);
+    let armature = JOINT.replace("/>", " armature=\"0.5\" damping=\"0.2\" frictionloss=\"0.1\"/>");
+    let expected = 0.62 * -2.0 - weight + 0.2 * 1.5 + 0.1;
+    assert!((of(&one_joint("", &armature, INERTIAL, "")) - expected).abs() < 1e-12);
+    let weightless = "<option><flag gravity=\"disable\"/></option>";
+    assert!((of(&one_joint("", JOINT, INERTIAL, weightless)) + 0.24).abs() < 1e-12);
+    // At the coordinate `ref` the body is as it is written: 30 degrees, and the same in radians.
+    let turned = weight_at(0.4 - std::f64::consts::PI / 6.0);
+    for (compiler, start) in [("", "30"), ("angle=\"radian\"", "0.5235987755982988")] {
+        let joint = JOINT.replace("/>", &format!(" ref=\"{start}\"/>"));
+        assert!((of(&one_joint(compiler, &joint, INERTIAL, "")) - (0.12 * -2.0 - turned)).abs() < 1e-12);
+    }
+    // A shape without mass says nothing; with an inertial its mass does not count either.
+    let shape = format!("{INERTIAL}<geom size=\"1\"/>");
+    assert!((of(&one_joint("", JOINT, &shape, "")) - (0.12 * -2.0 - weight)).abs() < 1e-12);
+}
+
+fn weight_at(angle: f64) -> f64 {
+    2.0 * 9.81 * 0.1 * angle.cos()
+}
+
+#[test]
+fn a_free_body_is_held_as_the_base() {
+    let text = "<mujoco><worldbody><body name=\"ground\"/><body name=\"torso\"><freejoint/>\n\
+                <inertial pos=\"0 0 0\" mass=\"9\" diaginertia=\"1 1 1\"/>\n<body name=\"b\">\
+                <joint axis=\"0 1 0\"/><inertial pos=\"0.1 0 0\" mass=\"2\" diaginertia=\"0.1 0.1 0.1\"/></body>\
+                </body></worldbody></mujoco>";
+    let said = read(text, &Options::default()).err().expect("two roots");
+    assert!(said.contains("2 roots: `world`, `torso`") && said.contains("name the base"), "{said}");
+    let held = read(text, &Options { base: Some("torso".into()), ..Options::default() }).expect("one arm");
+    let found = torques(&held, &[[vec![0.4], vec![1.5], vec![-2.0]]])[0][0];
+    assert!((found - (0.12 * -2.0 - weight_at(0.4))).abs() < 1e-12, "{found}");
+    assert!(held.warnings.iter().any(|warning| warning.message.contains("`torso` is free to move")));
+}
+
+#[test]
+fn what_has_no_model_is_named_at_its_line() {
+    let check = |text: &str, line: usize, words: &[&str]| {
+        let said = read(text, &Options::default()).err().unwrap_or_else(|| panic!("no fault: {words:?}"));
+        assert!(said.contains(&format!("robot.xml:{line}:")), "line {line}:\n{said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "`{word}`:\n{said}"));
+    };
+    let joint = |attributes: &str| one_joint("", &JOINT.replace("/>", &format!(" {attributes}/>")), INERTIAL, "");
+    check(&joint("type=\"ball\""), 4, &["of the type `ball`", "hinge"]);
+    check(&joint("stiffness=\"3\""), 4, &["a spring", "lock the joint"]);
+    check(&joint("pos=\"0 0\""), 4, &["`pos` is `0 0`, which is not 3 numbers"]);
+    check(&joint("class=\"c\" damping=\"much\""), 4, &["`damping` is `much`, which is not 1 number"]);
+    let with = |inertial: &str, rest: &str| one_joint("", JOINT, inertial, rest);
+    check(&with("<geom size=\"0.1\"/>", ""), 5, &["that of its shapes", "mj_saveLastXML"]);
+    check(&with("<inertial pos=\"0 0 0\" mass=\"1\"/>", ""), 5, &["no moments", "fullinertia"]);
+    check(&with("<inertial pos=\"0 0 0\" diaginertia=\"1 1 1\"/>", ""), 5, &["no `mass`"]);
+    check(
+        &with("<inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\"1 1 1\" quat=\"0 0 0 0\"/>", ""),
+        5,
+        &["no orientation"],
+    );
+    check(
+        &with(INERTIAL, "<equality><connect body1=\"b\" anchor=\"0 0 0\"/></equality>"),
+        7,
+        &["closes a loop", "tree"],
+    );
+    check(&with(INERTIAL, "<equality><joint joint1=\"j\"/></equality>"), 7, &["`j` is coupled", "lock"]);
+    check(&with(INERTIAL, "<tendon><fixed stiffness=\"2\"/></tendon>"), 7, &["`stiffness`", "tendons"]);
+    check(&with(INERTIAL, "<option density=\"1.2\"/>"), 7, &["fluid"]);
+    check(&with(INERTIAL, "<include file=\"more.xml\"/>"), 7, &["`include`", "mj_saveLastXML"]);
+    check(&with("<frame/>", ""), 5, &["`frame`"]);
+    for (compiler, word) in [
+        ("angle=\"grad\"", "`angle` is `grad`"),
+        ("eulerseq=\"xyq\"", "three letters"),
+        ("settotalmass=\"4\"", "changes masses"),
+        ("balanceinertia=\"true\"", "`balanceinertia`"),
+    ] {
+        check(&one_joint(compiler, JOINT, INERTIAL, ""), 2, &[word]);
+    }
+    check(&with(INERTIAL, "").replace("<body name", "<body gravcomp=\"1\" name"), 3, &["compensated", "remove"]);
+    check(&with(INERTIAL, "").replace("<body name", "<body childclass=\"x\" name"), 3, &["no class `x`"]);
+    let deep = format!("<mujoco><worldbody>\n{}{}</worldbody></mujoco>", "<body>".repeat(5000), "</body>".repeat(5000));
+    check(&deep, 2, &["more than 300 deep"]);
+    // What is coupled or has a spring may be locked.
+    let held = Options { locked: vec![("j".into(), "0.2".into())], ..Options::default() };
+    let more = "<body name=\"c\"><joint name=\"k\"/><inertial pos=\"0 1 0\" mass=\"1\" diaginertia=\"1 1 1\"/></body>";
+    let text = with(&format!("{INERTIAL}{more}"), "<equality><joint joint1=\"j\"/></equality>");
+    assert!(read(&text, &held).is_ok());
+}

@@ -1,0 +1,131 @@
+//! Elements of an XML description: their names, numbers and places, and those that are left out.
+
+use std::collections::BTreeMap;
+
+use roxmltree::Node;
+use tpm_symbolic::number::rational::{self, Rational};
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::import::reading::Readings;
+use crate::source::Span;
+
+/// The place of the opening tag of an element.
+pub(super) fn span(node: Node<'_, '_>) -> Span {
+    let range = node.range();
+    let text = &node.document().input_text()[range.clone()];
+    let end = range.start + text.find('>').map_or(text.len(), |at| at + 1);
+    Span::new(range.start as u32, end as u32)
+}
+
+/// Elements without a meaning for the dynamics, each with its parent element.
+const WITHOUT_DYNAMICS: [(&str, &str); 28] = [
+    ("robot", "material"),
+    ("robot", "transmission"),
+    ("robot", "gazebo"),
+    ("robot", "ros2_control"),
+    ("robot", "sensor"),
+    ("link", "visual"),
+    ("link", "collision"),
+    ("joint", "mimic"),
+    ("joint", "safety_controller"),
+    ("joint", "calibration"),
+    ("mujoco", "asset"),
+    ("mujoco", "contact"),
+    ("mujoco", "custom"),
+    ("mujoco", "extension"),
+    ("mujoco", "keyframe"),
+    ("mujoco", "sensor"),
+    ("mujoco", "size"),
+    ("mujoco", "statistic"),
+    ("mujoco", "visual"),
+    ("compiler", "lengthrange"),
+    ("option", "flag"),
+    ("body", "geom"),
+    ("body", "site"),
+    ("body", "camera"),
+    ("body", "light"),
+    ("body", "plugin"),
+    ("tendon", "spatial"),
+    ("tendon", "fixed"),
+];
+
+pub(super) struct Reader<'r, 's, 'd> {
+    pub(super) readings: &'r mut Readings<'s>,
+    pub(super) diagnostics: &'d mut Diagnostics,
+    /// Ignored elements: by name and parent, the place of the first one and their number.
+    ignored: BTreeMap<(String, &'static str), (Span, usize)>,
+}
+
+impl<'r, 's, 'd> Reader<'r, 's, 'd> {
+    pub(super) fn new(readings: &'r mut Readings<'s>, diagnostics: &'d mut Diagnostics) -> Self {
+        Self { readings, diagnostics, ignored: BTreeMap::new() }
+    }
+
+    pub(super) fn ignore(&mut self, node: Node<'_, '_>, inside: &'static str) {
+        let slot = self.ignored.entry((node.tag_name().name().to_owned(), inside)).or_insert((span(node), 0));
+        slot.1 += 1;
+    }
+
+    pub(super) fn report_ignored(&mut self) {
+        for ((name, inside), (place, count)) in std::mem::take(&mut self.ignored) {
+            let known = WITHOUT_DYNAMICS.contains(&(inside, name.as_str()));
+            let times = if count == 1 { String::new() } else { format!(", {count} times in all") };
+            let message = if known {
+                format!("`{name}` is left out{times}")
+            } else {
+                format!("`{name}` is no element of a `{inside}` that is known here; it is left out{times}")
+            };
+            let help = match name.as_str() {
+                "mimic" => "the joint has a coordinate of its own here; lock it, or couple it in the model by hand",
+                _ if known => "a model of the dynamics has no use for it",
+                _ => "check its spelling, and that it stands in the right place",
+            };
+            self.diagnostics.push(Diagnostic::warning(place, message).help(help));
+        }
+    }
+
+    pub(super) fn error(&mut self, place: Span, message: String, help: &str) {
+        self.diagnostics.push(Diagnostic::error(place, message).help(help));
+    }
+
+    pub(super) fn named(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<String> {
+        let value = node.attribute(attribute).map(str::trim).filter(|value| !value.is_empty());
+        if value.is_none() {
+            let element = node.tag_name().name();
+            self.error(span(node), format!("this `{element}` has no `{attribute}`"), "add the attribute");
+        }
+        value.map(str::to_owned)
+    }
+
+    /// Three numbers of an attribute, with their texts.
+    pub(super) fn triple(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<[(Rational, String); 3]> {
+        let text = self.named(node, attribute)?;
+        let numbers: Vec<Option<(Rational, String)>> =
+            text.split_whitespace().map(|word| Some((rational::parse(word)?, word.to_owned()))).collect();
+        let numbers: Option<Vec<(Rational, String)>> = numbers.into_iter().collect();
+        match numbers.map(<[(Rational, String); 3]>::try_from) {
+            Some(Ok(numbers)) => Some(numbers),
+            _ => {
+                let message = format!("`{attribute}` is `{text}`, which is not three numbers");
+                self.error(span(node), message, "write three decimal numbers, such as \"0 0 0.1\"");
+                None
+            }
+        }
+    }
+
+    pub(super) fn number(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<Rational> {
+        self.named(node, attribute)?;
+        self.optional(node, attribute)
+    }
+
+    /// The number in an attribute; a number that cannot be read is reported.
+    pub(super) fn optional(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<Rational> {
+        let text = node.attribute(attribute)?.trim();
+        let value = rational::parse(text);
+        if value.is_none() {
+            let message = format!("`{attribute}` is `{text}`, which is no number");
+            self.error(span(node), message, "write a decimal number");
+        }
+        value
+    }
+}
