@@ -236,8 +236,8 @@ fn motions(
 fn inputs(demand: &Demand<'_>, motions: Vec<f64>) -> Result<Vec<InputUse>, TrialError> {
     let model = demand.model();
     let count = model.dims().inputs;
-    let parts = demand.at(motions)?;
-    let whole: Vec<f64> = parts.independent.iter().zip(&parts.dependent).map(|(a, b)| a + b).collect();
+    let whole = demand.whole(&motions)?;
+    drop(motions);
     Ok((0..count)
         .map(|i| {
             let samples: Vec<f64> = whole.iter().skip(i).step_by(count).copied().collect();

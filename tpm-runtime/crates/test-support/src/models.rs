@@ -6,6 +6,7 @@ use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len};
 use tpm_interpret::{Interpreted, InterpretedDerivatives};
 
 /// A model and the derivatives of its rows, from its text.
+#[cfg(feature = "differentiable")]
 pub fn differentiable(text: &str) -> (Interpreted, InterpretedDerivatives) {
     let source = tpm_codegen::source::Source::new("test", text);
     let Ok(parsed) = tpm_codegen::parse_model(&source) else { panic!("no model: {text}") };
