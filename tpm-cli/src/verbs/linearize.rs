@@ -162,7 +162,8 @@ impl Linear {
                     &mut transfers[coordinate][input],
                     SymbolicTransfer { numerator: Vec::new(), denominator: Vec::new(), cancelled: 0 },
                 );
-                let numbers = resolvent.as_ref().map(|own| in_numbers(own, coordinate, input, &mut known)).transpose()?;
+                let numbers =
+                    resolvent.as_ref().map(|own| in_numbers(own, coordinate, input, &mut known)).transpose()?;
                 channels.push(Channel { coordinate, input, exact, numbers });
             }
         }

@@ -209,9 +209,14 @@ mod tests {
                 let opened = Opened { closed: &paired(eigenvalues(&loops)), open: paired(eigenvalues(&open)) };
                 for angle in [0.0, 1e-3, 0.4, 1.0, 2.5, PI] {
                     let z = Complex::from_polar(1.0, angle);
-                    let matrix = DMatrix::from_fn(n, n, |r, k| {
-                        if r == k { z - open[(r, k)] } else { Complex::from(-open[(r, k)]) }
-                    });
+                    let matrix =
+                        DMatrix::from_fn(
+                            n,
+                            n,
+                            |r, k| {
+                                if r == k { z - open[(r, k)] } else { Complex::from(-open[(r, k)]) }
+                            },
+                        );
                     let solved = matrix.lu().solve(&b.column(input).map(Complex::from)).expect("no pole there");
                     let expected: Complex<f64> = c.row(input).iter().zip(solved.iter()).map(|(c, x)| x * *c).sum();
                     let found = opened.response(angle);
