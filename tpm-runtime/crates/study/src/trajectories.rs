@@ -245,14 +245,18 @@ fn inputs(demand: &Demand<'_>, motions: Vec<f64>) -> Result<Vec<InputUse>, Trial
     let count = model.dims().inputs;
     let whole = demand.whole(&motions)?;
     drop(motions);
-    Ok((0..count)
+    (0..count)
         .map(|i| {
             let samples: Vec<f64> = whole.iter().skip(i).step_by(count).copied().collect();
+            // Their squares, which a root mean square adds, may be no numbers although they are.
+            if let Some(sample) = samples.iter().position(|value| !(value * value * SAMPLES as f64).is_finite()) {
+                return Err(TrialError::NotFinite { input: model.input(i).name.into(), sample });
+            }
             let harmonics: Vec<f64> = analyse(&whole, i, count, REACH).iter().map(|line| line.norm()).collect();
             let largest = harmonics.iter().skip(1).copied().fold(0.0, f64::max);
             let highest = harmonics.iter().skip(1).rposition(|line| *line > NEEDED * largest).map_or(0, |k| k + 1);
             let label = model.input(i);
-            InputUse {
+            Ok(InputUse {
                 input: label.name.into(),
                 unit: label.unit.map(Into::into),
                 peak: samples.iter().fold(0.0, |most: f64, value| most.max(value.abs())),
@@ -261,9 +265,9 @@ fn inputs(demand: &Demand<'_>, motions: Vec<f64>) -> Result<Vec<InputUse>, Trial
                 beyond: 0.0,
                 harmonics,
                 samples,
-            }
+            })
         })
-        .collect())
+        .collect()
 }
 
 #[cfg(test)]
