@@ -70,6 +70,55 @@ fn rings_of_masses_are_linearised_or_refused() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn without_memory_a_command_ends_as_with_bad_input() {
+    let folder = with("ring.tpm", &ring(160));
+    let script = "ulimit -v 400000; exec \"$TPM\" linearize ring.tpm --value m=1 -o out.txt";
+    let output = shell(folder.path(), script);
+    says(&output, 2, &["memory allocation of"]);
+    assert_eq!(names(folder.path()), ["ring.tpm"]);
+}
+
+#[test]
+fn init_finishes_what_it_began() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let init = || tpm_in(folder.path(), &["init", "cart"]);
+    says(&init(), 0, &[]);
+    let model = folder.path().join("cart.tpm");
+    let written = std::fs::read(&model).expect("a model");
+    // A command that was ended between its files.
+    std::fs::remove_file(folder.path().join("cart.toml")).expect("it is there");
+    says(&init(), 0, &[]);
+    assert_eq!(names(folder.path()), ["cart.toml", "cart.tpm"]);
+    assert_eq!(std::fs::read(&model).expect("a model"), written);
+    says(&init(), 2, &["is there already"]);
+    // What the user has changed is nobody's beginning.
+    std::fs::remove_file(folder.path().join("cart.toml")).expect("it is there");
+    std::fs::write(&model, "my own").expect("writable");
+    says(&init(), 2, &["cart.tpm is there already"]);
+    assert_eq!(names(folder.path()), ["cart.tpm"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_submitted_run_is_taken_whatever_becomes_of_the_output() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["mass_spring_drag.tpm", "mass_spring_drag.toml"] {
+        std::fs::write(folder.path().join(name), shipped(name)).expect("writable");
+    }
+    let run = |arguments: &[&str]| says(&tpm_in(folder.path(), arguments), 0, &[]);
+    run(&["campaign", "start", "mass_spring_drag.tpm", "c"]);
+    run(&["campaign", "next", "c", "-o", "run.csv"]);
+    run(&["simulate", "mass_spring_drag.tpm", "--play", "run.csv", "-o", "log.csv"]);
+    let output = shell(folder.path(), "exec \"$TPM\" campaign submit c log.csv > /dev/full");
+    says(&output, 0, &["standard output"]);
+    assert!(folder.path().join("c/run-001.json").exists());
+    // The same log once more is not taken, and the folder is as it was.
+    says(&tpm_in(folder.path(), &["campaign", "submit", "c", "log.csv"]), 2, &[]);
+    assert!(!folder.path().join("c/run-002.json").exists());
+}
+
 #[test]
 fn harmonics_that_no_sample_shows_are_refused() {
     let text = shipped("rotary_pendulum.tpm");
