@@ -70,6 +70,57 @@ fn rings_of_masses_are_linearised_or_refused() {
     }
 }
 
+/// A chain of links that do not move, on one that does.
+fn fixed_links(count: usize) -> String {
+    let mut text = "<robot name=\"r\">".to_owned();
+    for i in 0..=count {
+        let _ = write!(
+            text,
+            "<link name=\"b{i}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>\
+             </inertial></link>"
+        );
+    }
+    for i in 0..count {
+        let kind = if i == 0 { "revolute" } else { "fixed" };
+        let _ = write!(
+            text,
+            "<joint name=\"j{i}\" type=\"{kind}\"><parent link=\"b{i}\"/><child link=\"b{}\"/><axis xyz=\"0 0 1\"/>\
+             <limit effort=\"1\" velocity=\"1\" lower=\"-1\" upper=\"1\"/></joint>",
+            i + 1
+        );
+    }
+    text + "</robot>"
+}
+
+/// A log of a sine and its force.
+fn long_log(rows: usize) -> String {
+    let row =
+        |i: usize| format!("{:.2},{:.6},{:.6}\n", i as f64 / 100.0, (i as f64 / 20.0).sin(), (i as f64 / 20.0).cos());
+    (0..rows).map(row).fold("t_s,x,u\n".to_owned(), |text, row| text + &row)
+}
+
+#[test]
+fn time_grows_far_less_than_with_the_square_of_what_is_read() {
+    // Eight times as much: eight times the time where it grows with what is read, 64 times where it grows with its square.
+    let read: [(&str, fn(usize) -> String, [usize; 2], &[&str]); 3] = [
+        ("r.urdf", fixed_links, [2000, 16_000], &["import", "r.urdf", "-o", "-"]),
+        ("l.csv", long_log, [20_000, 160_000], &["inspect", "l.csv"]),
+        ("m.tpm", ring, [60, 480], &["check", "m.tpm"]),
+    ];
+    for (name, text, sizes, arguments) in read {
+        let [small, large] = sizes.map(|size| {
+            let folder = with(name, &text(size));
+            let time = |_| {
+                let began = std::time::Instant::now();
+                says(&tpm_in(folder.path(), arguments), 0, &[]);
+                began.elapsed()
+            };
+            (0..3).map(time).min().expect("three times")
+        });
+        assert!(large < 30 * small, "{arguments:?}: {small:?} for {}, {large:?} for {}", sizes[0], sizes[1]);
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn without_memory_a_command_ends_as_with_bad_input() {
