@@ -70,6 +70,34 @@ fn rings_of_masses_are_linearised_or_refused() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_program_that_will_not_end_is_ended_with_all_that_it_started() {
+    let deaf = "sh -c '(trap \"\" TERM; while :; do sleep 0.1; done) & echo $! > child; trap \"\" TERM; while :; do sleep 0.1; done'";
+    let machines = [
+        deaf,
+        "sh -c 'echo $$ > child; yes flood'",
+        "sh -c 'echo $$ > child; yes flood >&2'",
+        "sh -c 'echo $$ > child; head -c 1000000000 /dev/zero; sleep 60'",
+        "sh -c 'echo $$ > child; sleep 60'",
+    ];
+    for machine in machines {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for name in ["mass_spring_drag.tpm", "mass_spring_drag.toml"] {
+            std::fs::write(folder.path().join(name), shipped(name)).expect("writable");
+        }
+        let began = std::time::Instant::now();
+        let arguments = ["campaign", "run", "mass_spring_drag.tpm", "--timeout", "1", "--machine", machine];
+        says(&tpm_in(folder.path(), &arguments), 2, &["the machine: "]);
+        let taken = began.elapsed();
+        assert!(taken.as_secs_f64() < 4.0, "{machine}: {taken:?}");
+        // A process that was killed may stand in the table until it is waited for; it does nothing.
+        let child = std::fs::read_to_string(folder.path().join("child")).expect("it has begun");
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.trim())).unwrap_or_default();
+        assert!(stat.is_empty() || stat.contains(") Z "), "{machine}: {stat}");
+    }
+}
+
 /// A chain of links that do not move, on one that does.
 fn fixed_links(count: usize) -> String {
     let mut text = "<robot name=\"r\">".to_owned();
