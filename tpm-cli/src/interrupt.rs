@@ -9,6 +9,7 @@ static WATCHED: AtomicBool = AtomicBool::new(false);
 /// Installs the handler. Where signals cannot be handled, the default stays, which ends the program at once.
 pub(crate) fn install() {
     outlive_the_largest_file();
+    end_without_memory();
     let _ = ctrlc::set_handler(|| {
         let again = REQUESTED.swap(true, Ordering::SeqCst);
         if again || !WATCHED.load(Ordering::SeqCst) {
@@ -22,6 +23,17 @@ pub(crate) fn install() {
 fn outlive_the_largest_file() {
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
+}
+
+/// Lets a program without memory end as bad input does. An allocation that the system or a limit (`ulimit -v`) refuses says so on standard
+/// error and aborts, and an abort would be told as a crash.
+fn end_without_memory() {
+    #[cfg(unix)]
+    let _ = signal_hook::flag::register_conditional_shutdown(
+        signal_hook::consts::SIGABRT,
+        2,
+        std::sync::Arc::new(AtomicBool::new(true)),
+    );
 }
 
 /// Whether the user has asked to stop.

@@ -51,7 +51,7 @@ impl Campaign {
             kept: submitted.kept,
             outcome: submitted.outcome.map(|outcome| outcome.describe()),
             run: dictionary(py, &submitted.run)?.unbind(),
-            result: Py::new(py, Identification { result: submitted.result })?,
+            result: Py::new(py, Identification { result: submitted.result.map_err(Fault::from)? })?,
         })
     }
 }

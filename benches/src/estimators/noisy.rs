@@ -153,20 +153,21 @@ impl Campaigns {
     /// name; nothing where no number is in two campaigns.
     #[must_use]
     pub fn bias(&self) -> Option<(f64, f64, &str)> {
-        let of = |(name, errors): (&'_ String, &'_ Vec<f64>)| {
+        let of = |errors: &[f64]| {
             let count = errors.len() as f64;
             let mean = errors.iter().sum::<f64>() / count;
             let spread = (errors.iter().map(|error| (error - mean).powi(2)).sum::<f64>() / (count - 1.0)).sqrt();
             (errors.len() > 1 && spread > 0.0).then(|| (mean / spread, count.sqrt().recip()))
         };
-        let known = self.errors.iter().filter_map(|entry| of(entry).map(|(bias, by)| (bias, by, entry.0.as_str())));
+        let known =
+            self.errors.iter().filter_map(|(name, errors)| of(errors).map(|(bias, by)| (bias, by, name.as_str())));
         known.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))
     }
 
     /// That bias as a cell.
     #[must_use]
     pub fn bias_cell(&self) -> Cell {
-        let text = self.bias().map(|(bias, by, name)| format!("{bias:+.2}({by:.2}) {name}"));
+        let text = self.bias().map(|(bias, by, name)| format!("{bias:+.2} ({by:.2}) {name}"));
         Cell { text: text.unwrap_or_else(|| "-".into()), note: None }
     }
 

@@ -3,6 +3,7 @@
 
 mod files;
 mod logs;
+mod machines;
 mod models;
 #[path = "../../../tests/support/mutated.rs"]
 mod mutated;
@@ -65,7 +66,7 @@ const LONGEST: Duration = Duration::from_secs(2);
 const LONGEST_FIT: Duration = Duration::from_secs(10);
 
 /// All targets.
-pub(crate) const TARGETS: [Target; 10] = [
+pub(crate) const TARGETS: [Target; 14] = [
     Target {
         name: "language",
         corpus: MODELS,
@@ -138,6 +139,38 @@ pub(crate) const TARGETS: [Target; 10] = [
         text: files::play_text,
         longest: LONGEST,
         read: files::play,
+    },
+    Target {
+        name: "linear",
+        corpus: &["fuzz/corpus/machines"],
+        ending: ".tpm",
+        text: machines::machine_text,
+        longest: LONGEST,
+        read: machines::linear,
+    },
+    Target {
+        name: "regulator",
+        corpus: &["fuzz/corpus/machines"],
+        ending: ".tpm",
+        text: machines::machine_text,
+        longest: LONGEST,
+        read: machines::regulator,
+    },
+    Target {
+        name: "strokes",
+        corpus: &["fuzz/corpus/machines"],
+        ending: ".tpm",
+        text: machines::machine_text,
+        longest: LONGEST,
+        read: machines::strokes,
+    },
+    Target {
+        name: "description",
+        corpus: &["fuzz/corpus/descriptions"],
+        ending: ".urdf",
+        text: machines::description_text,
+        longest: LONGEST,
+        read: machines::description,
     },
 ];
 

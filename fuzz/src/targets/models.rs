@@ -45,7 +45,7 @@ pub(super) fn text(random: &mut Random) -> String {
 }
 
 /// Reads a model, and asks something of it, within the budget that the command line gives, or a smaller one.
-fn within(text: &str, ask: impl FnOnce(&Parsed) -> Result<(), String>) -> Verdict {
+pub(super) fn within_budget(text: &str, ask: impl FnOnce(&Parsed) -> Result<(), String>) -> Verdict {
     let source = Source::new("random.tpm", text);
     let all = || match parse_model(&source) {
         Ok(parsed) => ask(&parsed),
@@ -73,12 +73,12 @@ fn refused_model(reason: &str) -> Verdict {
 
 /// The language alone: text to exact model.
 pub(super) fn language(text: &str) -> Verdict {
-    within(text, |_| Ok(()))
+    within_budget(text, |_| Ok(()))
 }
 
 /// The tables of all patterns, what they show, and the parts of the inputs.
 pub(super) fn expansion(text: &str) -> Verdict {
-    within(text, |parsed| {
+    within_budget(text, |parsed| {
         let (model, _) = parsed.for_tables().map_err(|fault| fault.to_string())?;
         let prepared = prepare(model.into_owned()).map_err(|fault| fault.to_string())?;
         for pattern in &prepared.model.patterns {
@@ -95,7 +95,7 @@ pub(super) fn expansion(text: &str) -> Verdict {
 
 /// Estimators in Rust and C.
 pub(super) fn generation(text: &str) -> Verdict {
-    within(text, |parsed| {
+    within_budget(text, |parsed| {
         let estimator = EstimatorSource::of(parsed).map_err(|fault| fault.headline())?;
         let options = [
             Options::new(Language::Rust, "tpm generate"),

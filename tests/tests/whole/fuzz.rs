@@ -43,4 +43,19 @@ macro_rules! targets {
         }
     };
 }
-targets!(language, expansion, generation, log, identification, experiment, motors, parameters, manifests, play);
+targets!(
+    language,
+    expansion,
+    generation,
+    log,
+    identification,
+    experiment,
+    motors,
+    parameters,
+    manifests,
+    play,
+    linear,
+    regulator,
+    strokes,
+    description
+);

@@ -262,28 +262,45 @@ fn progress(run: &RunReport) -> String {
 fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Outcome {
     let Submission { run, kept, outcome, result } =
         CampaignFolder::open(folder, BTreeMap::new())?.submit(columns.request(log)?, stopped)?;
+    let folder = folder.display();
     let pooled = if run.contradicts.is_some() { ", not pooled" } else { "" };
     let mut text = format!("run {}: {}{pooled}", run.run, run.ending);
-    let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
-    for parameter in named {
-        // Writing to a string cannot fail.
-        let _ = match (parameter.value, parameter.std) {
-            (Some(value), Some(std)) => write!(text, "; {} = {}", parameter.name, plus_minus(value, std)),
-            _ => write!(text, "; {} not shown", parameter.name),
-        };
-    }
-    text.push('\n');
-    text.push_str(&result.warnings_text(&flags::remedy));
-    let folder = folder.display();
-    let _ = match (kept, outcome) {
-        (false, _) => {
-            writeln!(text, "not kept: mend the sensor and play the run again: tpm campaign next {folder} -o run.csv")
+    match &result {
+        Ok(result) => {
+            let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+            for parameter in named {
+                // Writing to a string cannot fail.
+                let _ = match (parameter.value, parameter.std) {
+                    (Some(value), Some(std)) => write!(text, "; {} = {}", parameter.name, plus_minus(value, std)),
+                    _ => write!(text, "; {} not shown", parameter.name),
+                };
+            }
+            text.push('\n');
+            text.push_str(&result.warnings_text(&flags::remedy));
         }
+        Err(_) => text.push('\n'),
+    }
+    let limit = result.as_ref().ok().and_then(|result| result.stop.as_ref()).map(|stop| format!(": {stop}"));
+    // Writing to a string cannot fail.
+    let _ = match (kept, outcome) {
+        (false, _) => Ok(()),
         (true, Some(outcome)) => {
-            let limit = result.stop.as_ref().map(|stop| format!(": {stop}")).unwrap_or_default();
+            let limit = limit.unwrap_or_default();
             writeln!(text, "ended: {}{limit}; tpm campaign result {folder}", outcome.describe())
         }
         (true, None) => writeln!(text, "next: tpm campaign next {folder} -o run.csv"),
     };
-    file::print(&text)
+    // The exit code says whether the run was taken, whatever becomes of what is said about it.
+    if let Err(failure) = file::print(&text) {
+        file::remark(&format!("remark: {failure}"));
+    }
+    if let Err(fault) = result {
+        file::remark(&format!("remark: the result of all runs is not known: {}", Failure::from(fault)));
+    }
+    if kept {
+        return Ok(());
+    }
+    Err(Failure::Incomplete(format!(
+        "the run was not kept: mend the sensor and play the run again: tpm campaign next {folder} -o run.csv"
+    )))
 }

@@ -6,7 +6,7 @@ use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::diagnostic::{Diagnostics, render};
-use tpm_codegen::import::{Options, import_description};
+use tpm_codegen::import::{Imported, Options, import_description};
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 /// Options of `tpm import`.
@@ -51,13 +51,23 @@ impl LossChoice {
     }
 }
 
-/// Writes the model of a robot description, as the command does without options.
-pub(crate) fn write(description: &Path, model: &Path) -> Outcome {
-    run(&Args { file: description.to_owned(), part: PartArgs::whole(), losses: None, output: model.to_owned() })
+/// The model of a robot description, its prior and its experiment, as the command writes them without options.
+pub(crate) fn files(description: &Path, model: &Path) -> Result<[(PathBuf, String); 3], Failure> {
+    let args = Args { file: description.to_owned(), part: PartArgs::whole(), losses: None, output: model.to_owned() };
+    Ok(beside(model, imported(&args)?))
 }
 
-/// Runs the command.
-pub(crate) fn run(args: &Args) -> Outcome {
+/// What was imported, by the files that it goes into.
+fn beside(model: &Path, imported: Imported) -> [(PathBuf, String); 3] {
+    [
+        (model.to_owned(), imported.model),
+        (model.with_extension("prior.toml"), imported.prior),
+        (model.with_extension("experiment.toml"), imported.experiment),
+    ]
+}
+
+/// The description as a model, after what there is to say about it.
+fn imported(args: &Args) -> Result<Imported, Failure> {
     let source = description(&args.file)?;
     let options = Options {
         losses: args.losses.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
@@ -71,16 +81,16 @@ pub(crate) fn run(args: &Args) -> Outcome {
     for reading in &imported.readings {
         file::remark(&format!("remark: {reading}"));
     }
+    Ok(imported)
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let imported = imported(args)?;
     if file::named(Some(&args.output)).is_none() {
         file::remark("remark: prior and experiment go beside a file: -o arm.tpm");
         return file::print_content(&imported.model);
     }
-    let beside = |extension: &str| args.output.with_extension(extension);
-    let (prior, experiment) = (beside("prior.toml"), beside("experiment.toml"));
-    let files: [(&Path, &[u8]); 3] = [
-        (&args.output, imported.model.as_bytes()),
-        (&prior, imported.prior.as_bytes()),
-        (&experiment, imported.experiment.as_bytes()),
-    ];
-    file::write_files(&files)
+    let files = beside(&args.output, imported);
+    file::write_files(&files.each_ref().map(|(path, text)| (path.as_path(), text.as_bytes())))
 }

@@ -35,17 +35,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         )));
     }
     let experiment = target.with_extension("toml");
-    let written: &[&Path] = if args.log.is_some() { &[&target] } else { &[&target, &experiment] };
-    if let Some(there) = written.iter().find(|path| path.exists()) {
-        return Err(Failure::Input(format!(
-            "{} is there already; type another name, or remove the file first",
-            there.display()
-        )));
-    }
     let model = MODEL.replace("ModelName", &camel(&stem));
     match (&args.from, &args.log) {
         (Some(description), _) => {
-            import::write(description, &target)?;
+            begin(&import::files(description, &target)?)?;
             file::print(&format!(
                 "{0}: the arm of {1}\nbeside it {2}.prior.toml, the inertias of the description, and {2}.experiment.toml, its limits\n\
                  next: tpm check {0}, tpm identifiability {0}, tpm identify {0} --log LOG --prior {2}.prior.toml\n",
@@ -64,12 +57,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 columns.join(", ")
             );
             let model = model.split_once("    // A motion").map_or(model.as_str(), |(before, _)| before).trim_end();
-            file::write_files(&[(&target, format!("{head}{model}\n}}\n").as_bytes())])?;
+            begin(&[(target.clone(), format!("{head}{model}\n}}\n"))])?;
             file::print(&format!("{}: a first model for {}\nnext: {command}\n", target.display(), log.display()))
         }
         (None, None) => {
             let text = EXPERIMENT.replace("model_name", &stem);
-            file::write_files(&[(&target, model.as_bytes()), (&experiment, text.as_bytes())])?;
+            begin(&[(target.clone(), model), (experiment.clone(), text)])?;
             file::print(&format!(
                 "{0}: a model to change; {1}: an experiment on its simulated machine\nnext: tpm check {0}, tpm identify {0}; tpm explain says what a field of {1} means\n",
                 target.display(),
@@ -77,6 +70,22 @@ pub(crate) fn run(args: &Args) -> Outcome {
             ))
         }
     }
+}
+
+/// Writes the files of a beginning, none over a file of the user. Where some of them are there as they would be written, an earlier
+/// command was ended before the others, and this one finishes what it began.
+fn begin(files: &[(PathBuf, String)]) -> Outcome {
+    let is_own = |path: &Path, text: &str| std::fs::read(path).is_ok_and(|there| there == text.as_bytes());
+    let there: Vec<&(PathBuf, String)> = files.iter().filter(|(path, _)| path.exists()).collect();
+    let refused = if there.len() == files.len() { there.first() } else { None };
+    if let Some((path, _)) = refused.or_else(|| there.iter().find(|(path, text)| !is_own(path, text))) {
+        return Err(Failure::Input(format!(
+            "{} is there already; type another name, or remove the file first",
+            path.display()
+        )));
+    }
+    let files: Vec<(&Path, &[u8])> = files.iter().map(|(path, text)| (path.as_path(), text.as_bytes())).collect();
+    file::write_files(&files)
 }
 
 /// Names of a log's columns of numbers, and those that are most likely a measured position and the force that moves it.

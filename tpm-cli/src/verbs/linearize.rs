@@ -8,10 +8,11 @@ use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
 use crate::render::roots::{root_text, roots_text};
 use serde_json::{Value, json};
+use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_runtime::frequency::TransferFunction;
+use tpm_runtime::frequency::{TransferError, TransferFunction};
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::budget;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
@@ -27,7 +28,7 @@ const AGREE: f64 = 5e-2;
 /// Number of frequencies at which two responses are compared.
 const COMPARED: usize = 400;
 
-/// Operations for the poles and zeros of a transfer function by the cube of its states, for the budget.
+/// Operations for the roots of a polynomial by the cube of its length, for the budget.
 const ROOTS: u64 = 100;
 
 /// Options of `tpm linearize`.
@@ -90,6 +91,8 @@ struct Channel {
 /// A numeric transfer function with common factors removed.
 struct Numbers {
     function: TransferFunction,
+    poles: Vec<Complex>,
+    zeros: Vec<Complex>,
     /// Roots at which a pole and a zero cancel exactly.
     cancelled: Vec<Complex>,
     /// Pairs of a pole and a zero that lie close to each other.
@@ -151,6 +154,7 @@ impl Linear {
         let state_space = state_space(&model, &linear, &values)?;
         let resolvent = state_space.as_ref().map(|(space, _)| space.resolvent());
         let mut transfers = transfer_functions(&mut model, &linear);
+        let mut known = Roots::default();
         let mut channels = Vec::new();
         for &coordinate in &outputs {
             for &input in &drives {
@@ -158,14 +162,15 @@ impl Linear {
                     &mut transfers[coordinate][input],
                     SymbolicTransfer { numerator: Vec::new(), denominator: Vec::new(), cancelled: 0 },
                 );
-                let numbers = resolvent.as_ref().map(|own| in_numbers(own, coordinate, input)).transpose()?;
+                let numbers =
+                    resolvent.as_ref().map(|own| in_numbers(own, coordinate, input, &mut known)).transpose()?;
                 channels.push(Channel { coordinate, input, exact, numbers });
             }
         }
         let poles = match &resolvent {
             Some(resolvent) => {
                 let all: Vec<f64> = resolvent.characteristic_polynomial().iter().map(rational::to_f64).collect();
-                TransferFunction::new(&[1.0], &all).map_err(|error| fault(error.to_string()))?.poles()
+                known.of(&all).map_err(|error| fault(error.to_string()))?
             }
             None => Vec::new(),
         };
@@ -326,8 +331,8 @@ impl Linear {
                 polynomial_text(numbers.function.denominator())
             );
         }
-        let _ = writeln!(text, "poles [rad/s]: {}", roots_text(&numbers.function.poles()));
-        let _ = writeln!(text, "zeros [rad/s]: {}", roots_text(&numbers.function.zeros()));
+        let _ = writeln!(text, "poles [rad/s]: {}", roots_text(&numbers.poles));
+        let _ = writeln!(text, "zeros [rad/s]: {}", roots_text(&numbers.zeros));
         if !numbers.cancelled.is_empty() {
             let _ = writeln!(text, "cancelled, exactly: {}", roots_text(&numbers.cancelled));
         }
@@ -356,7 +361,7 @@ impl Linear {
                     },
                     "numbers": channel.numbers.as_ref().map(|numbers| json!({
                         "numerator": numbers.function.numerator(), "denominator": numbers.function.denominator(),
-                        "poles": roots_json(&numbers.function.poles()), "zeros": roots_json(&numbers.function.zeros()),
+                        "poles": roots_json(&numbers.poles), "zeros": roots_json(&numbers.zeros),
                         "cancelled": roots_json(&numbers.cancelled),
                         "nearly_cancelling": numbers.close.iter()
                             .map(|(pole, zero)| json!({"pole": root_json(pole), "zero": root_json(zero)}))
@@ -420,30 +425,54 @@ fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>
     }
 }
 
-fn in_numbers(resolvent: &Resolvent<'_>, coordinate: usize, input: usize) -> Result<Numbers, Failure> {
+/// Roots of polynomials in numbers. The channels of a model have most polynomials in common, and roots are what takes time.
+#[derive(Default)]
+struct Roots(HashMap<Vec<u64>, Vec<Complex>>);
+
+impl Roots {
+    /// The roots of the polynomial with these coefficients from s^0 upwards; none for zero.
+    fn of(&mut self, polynomial: &[f64]) -> Result<Vec<Complex>, TransferError> {
+        if polynomial.iter().all(|coefficient| *coefficient == 0.0) {
+            return Ok(Vec::new());
+        }
+        let key: Vec<u64> = polynomial.iter().map(|coefficient| coefficient.to_bits()).collect();
+        if let Some(known) = self.0.get(&key) {
+            return Ok(known.clone());
+        }
+        // Roots are eigenvalues, found by some thirty steps of the squares of the degree.
+        budget::charge(ROOTS.saturating_mul((polynomial.len() as u64).pow(3)));
+        let found = TransferFunction::new(&[1.0], polynomial)?.poles();
+        self.0.insert(key, found.clone());
+        Ok(found)
+    }
+}
+
+fn in_numbers(
+    resolvent: &Resolvent<'_>,
+    coordinate: usize,
+    input: usize,
+    known: &mut Roots,
+) -> Result<Numbers, Failure> {
+    let fault = |error: TransferError| Failure::Input(error.to_string());
     let states = resolvent.characteristic_polynomial().len() - 1;
-    // The roots of polynomials are eigenvalues, found by some thirty steps of the squares of all states.
-    budget::charge(ROOTS.saturating_mul((states as u64).pow(3)));
     let output: Vec<Rational> = (0..states).map(|state| rational::integer(i64::from(state == coordinate))).collect();
     let exact = resolvent
         .transfer_function(&output, input)
         .expect("invariant: coordinate and input are those of the state space");
     let float = |polynomial: &[Rational]| -> Vec<f64> { polynomial.iter().map(rational::to_f64).collect() };
     let numerator = if exact.numerator.is_empty() { vec![0.0] } else { float(&exact.numerator) };
-    let function = TransferFunction::new(&numerator, &float(&exact.denominator))
-        .map_err(|error| Failure::Input(error.to_string()))?;
-    let cancelled = TransferFunction::new(&[1.0], &float(&exact.cancelled))
-        .map_err(|error| Failure::Input(error.to_string()))?
-        .poles();
-    let zeros = function.zeros();
+    let function = TransferFunction::new(&numerator, &float(&exact.denominator)).map_err(fault)?;
+    let cancelled = known.of(&float(&exact.cancelled)).map_err(fault)?;
+    let (poles, zeros) =
+        (known.of(function.denominator()).map_err(fault)?, known.of(function.numerator()).map_err(fault)?);
     let mut close = Vec::new();
-    for pole in function.poles() {
+    for pole in &poles {
         let nearest = zeros.iter().min_by(|a, b| (*a - pole).norm().total_cmp(&(*b - pole).norm()));
         if let Some(zero) = nearest.filter(|zero| (*zero - pole).norm() <= CLOSE * pole.norm()) {
-            close.push((pole, *zero));
+            close.push((*pole, *zero));
         }
     }
-    Ok(Numbers { function, cancelled, close })
+    Ok(Numbers { function, poles, zeros, cancelled, close })
 }
 
 /// Two transfer functions that are compared.

@@ -19,6 +19,7 @@ use tpm_runtime::frequency::Complex;
 use tpm_runtime::numerics::Matrix;
 use tpm_runtime::plant::regulator::{Design, DesignError, Margins, Mode, Rates, RegulatorWeights, Weighted, design};
 use tpm_runtime::report::{Align, TextTable, number};
+use tpm_symbolic::budget;
 use tpm_symbolic::expr::graph::{ExprId, Node};
 use tpm_symbolic::linear::linearize::linearize;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
@@ -102,6 +103,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let machine = Machine::load(args)?;
     let weights = machine.weights(args)?;
     let rates = args.derivative_filter.map_or(Rates::Measured, Rates::Differences);
+    machine.charge(rates);
     let found = design(&machine.a, &machine.b, args.sample_time, rates, &weights)
         .map_err(|error| Failure::Input(machine.fault(&error)))?;
     if let Some(language) = args.lang {
@@ -115,7 +117,24 @@ pub(crate) fn run(args: &Args) -> Outcome {
     file::emit(args.output.as_deref(), &text)
 }
 
+/// Operations for the eigenvalues of a matrix by the cube of its rows, for the budget.
+const EIGENVALUES: u64 = 4;
+/// Operations for a regulator by the cube of its states: two Riccati equations and the test of its inputs by every mode.
+const REGULATOR: u64 = 100;
+/// Operations for the responses of a loop by its states, at the frequencies at which margins are looked for.
+const RESPONSES: u64 = 30_000;
+
 impl Machine {
+    /// Counts the operations of the design, which is done in floating point and cannot count them itself.
+    fn charge(&self, rates: Rates) {
+        let (states, inputs) = (2 * self.coordinates.len() as u64, self.inputs.len() as u64);
+        let played = if matches!(rates, Rates::Differences(_)) { 2 * states } else { states };
+        let loops =
+            EIGENVALUES.saturating_mul(played.saturating_pow(3)).saturating_add(RESPONSES.saturating_mul(played));
+        let regulator = REGULATOR.saturating_mul(states.saturating_pow(3));
+        budget::charge(loops.saturating_mul(inputs + 1).saturating_add(regulator));
+    }
+
     fn load(args: &Args) -> Result<Self, Failure> {
         let loaded = Loaded::from_file(&args.file)?;
         let mut model = loaded.model().clone();

@@ -37,6 +37,8 @@ fn ring(n: usize) -> String {
     for i in 0..n {
         let _ = writeln!(text, "  m*ddot(x{i}) + m*x{} = u{i};", (i + 1) % n);
     }
+    let moves: String = (0..n).map(|i| format!(" x{i} = A*cos(w*t);")).collect();
+    let _ = writeln!(text, "  pattern {{ amplitude A; frequency w;{moves} }}");
     text + "}\n"
 }
 
@@ -49,9 +51,151 @@ fn rings_of_masses_are_linearised_or_refused() {
     // The eight roots of s^16 = 1 that belong to s^2 = -e^(2 pi i k/8): the poles of a ring lie on the circle.
     let text = String::from_utf8_lossy(&answered.stdout).into_owned();
     assert!(text.contains("det M = m^8") && text.contains("s^16"), "{text}");
-    let folder = with("ring.tpm", &ring(60));
-    let refused = tpm_in(folder.path(), &["linearize", "ring.tpm", "--value", "m=1"]);
-    says(&refused, 2, &["million operations", "--allow-large"]);
+    // Forty masses took minutes, or were refused.
+    let folder = with("ring.tpm", &ring(40));
+    let answered =
+        tpm_in(folder.path(), &["linearize", "ring.tpm", "--value", "m=1", "--measured", "x0", "--input", "u0"]);
+    says(&answered, 0, &[]);
+    let text = String::from_utf8_lossy(&answered.stdout).into_owned();
+    assert!(text.contains("det M = m^40") && text.contains("s^80"), "{text}");
+    let regulate = ["--value", "m=1", "--sample-time", "1e-3", "--derivative-filter", "0.02"];
+    let answered = tpm_in(folder.path(), &[&["regulate", "ring.tpm"], &regulate[..]].concat());
+    says(&answered, 0, &[]);
+    let folder = with("ring.tpm", &ring(160));
+    let moving = ["--value", "m=1", "--value", "A=1", "--value", "w=1"];
+    for (verb, options) in [("linearize", &["--value", "m=1"][..]), ("regulate", &regulate), ("trajectories", &moving)]
+    {
+        let refused = tpm_in(folder.path(), &[&[verb, "ring.tpm"], options].concat());
+        says(&refused, 2, &["million operations", "--allow-large"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_program_that_will_not_end_is_ended_with_all_that_it_started() {
+    let deaf = "sh -c '(trap \"\" TERM; while :; do sleep 0.1; done) & echo $! > child; trap \"\" TERM; while :; do sleep 0.1; done'";
+    let machines = [
+        deaf,
+        "sh -c 'echo $$ > child; yes flood'",
+        "sh -c 'echo $$ > child; yes flood >&2'",
+        "sh -c 'echo $$ > child; head -c 1000000000 /dev/zero; sleep 60'",
+        "sh -c 'echo $$ > child; sleep 60'",
+    ];
+    for machine in machines {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for name in ["mass_spring_drag.tpm", "mass_spring_drag.toml"] {
+            std::fs::write(folder.path().join(name), shipped(name)).expect("writable");
+        }
+        let began = std::time::Instant::now();
+        let arguments = ["campaign", "run", "mass_spring_drag.tpm", "--timeout", "1", "--machine", machine];
+        says(&tpm_in(folder.path(), &arguments), 2, &["the machine: "]);
+        let taken = began.elapsed();
+        assert!(taken.as_secs_f64() < 4.0, "{machine}: {taken:?}");
+        // A process that was killed may stand in the table until it is waited for; it does nothing.
+        let child = std::fs::read_to_string(folder.path().join("child")).expect("it has begun");
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", child.trim())).unwrap_or_default();
+        assert!(stat.is_empty() || stat.contains(") Z "), "{machine}: {stat}");
+    }
+}
+
+/// A chain of links that do not move, on one that does.
+fn fixed_links(count: usize) -> String {
+    let mut text = "<robot name=\"r\">".to_owned();
+    for i in 0..=count {
+        let _ = write!(
+            text,
+            "<link name=\"b{i}\"><inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>\
+             </inertial></link>"
+        );
+    }
+    for i in 0..count {
+        let kind = if i == 0 { "revolute" } else { "fixed" };
+        let _ = write!(
+            text,
+            "<joint name=\"j{i}\" type=\"{kind}\"><parent link=\"b{i}\"/><child link=\"b{}\"/><axis xyz=\"0 0 1\"/>\
+             <limit effort=\"1\" velocity=\"1\" lower=\"-1\" upper=\"1\"/></joint>",
+            i + 1
+        );
+    }
+    text + "</robot>"
+}
+
+/// A log of a sine and its force.
+fn long_log(rows: usize) -> String {
+    let row =
+        |i: usize| format!("{:.2},{:.6},{:.6}\n", i as f64 / 100.0, (i as f64 / 20.0).sin(), (i as f64 / 20.0).cos());
+    (0..rows).map(row).fold("t_s,x,u\n".to_owned(), |text, row| text + &row)
+}
+
+#[test]
+fn time_grows_far_less_than_with_the_square_of_what_is_read() {
+    // Eight times as much: eight times the time where it grows with what is read, 64 times where it grows with its square.
+    let read: [(&str, fn(usize) -> String, [usize; 2], &[&str]); 3] = [
+        ("r.urdf", fixed_links, [2000, 16_000], &["import", "r.urdf", "-o", "-"]),
+        ("l.csv", long_log, [20_000, 160_000], &["inspect", "l.csv"]),
+        ("m.tpm", ring, [60, 480], &["check", "m.tpm"]),
+    ];
+    for (name, text, sizes, arguments) in read {
+        let [small, large] = sizes.map(|size| {
+            let folder = with(name, &text(size));
+            let time = |_| {
+                let began = std::time::Instant::now();
+                says(&tpm_in(folder.path(), arguments), 0, &[]);
+                began.elapsed()
+            };
+            (0..3).map(time).min().expect("three times")
+        });
+        assert!(large < 30 * small, "{arguments:?}: {small:?} for {}, {large:?} for {}", sizes[0], sizes[1]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn without_memory_a_command_ends_as_with_bad_input() {
+    let folder = with("ring.tpm", &ring(160));
+    let script = "ulimit -v 400000; exec \"$TPM\" linearize ring.tpm --value m=1 -o out.txt";
+    let output = shell(folder.path(), script);
+    says(&output, 2, &["memory allocation of"]);
+    assert_eq!(names(folder.path()), ["ring.tpm"]);
+}
+
+#[test]
+fn init_finishes_what_it_began() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let init = || tpm_in(folder.path(), &["init", "cart"]);
+    says(&init(), 0, &[]);
+    let model = folder.path().join("cart.tpm");
+    let written = std::fs::read(&model).expect("a model");
+    // A command that was ended between its files.
+    std::fs::remove_file(folder.path().join("cart.toml")).expect("it is there");
+    says(&init(), 0, &[]);
+    assert_eq!(names(folder.path()), ["cart.toml", "cart.tpm"]);
+    assert_eq!(std::fs::read(&model).expect("a model"), written);
+    says(&init(), 2, &["is there already"]);
+    // What the user has changed is nobody's beginning.
+    std::fs::remove_file(folder.path().join("cart.toml")).expect("it is there");
+    std::fs::write(&model, "my own").expect("writable");
+    says(&init(), 2, &["cart.tpm is there already"]);
+    assert_eq!(names(folder.path()), ["cart.tpm"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_submitted_run_is_taken_whatever_becomes_of_the_output() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for name in ["mass_spring_drag.tpm", "mass_spring_drag.toml"] {
+        std::fs::write(folder.path().join(name), shipped(name)).expect("writable");
+    }
+    let run = |arguments: &[&str]| says(&tpm_in(folder.path(), arguments), 0, &[]);
+    run(&["campaign", "start", "mass_spring_drag.tpm", "c"]);
+    run(&["campaign", "next", "c", "-o", "run.csv"]);
+    run(&["simulate", "mass_spring_drag.tpm", "--play", "run.csv", "-o", "log.csv"]);
+    let output = shell(folder.path(), "exec \"$TPM\" campaign submit c log.csv > /dev/full");
+    says(&output, 0, &["standard output"]);
+    assert!(folder.path().join("c/run-001.json").exists());
+    // The same log once more is not taken, and the folder is as it was.
+    says(&tpm_in(folder.path(), &["campaign", "submit", "c", "log.csv"]), 2, &[]);
+    assert!(!folder.path().join("c/run-002.json").exists());
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod controller;
 mod dry_friction;
 mod editors;
 mod excite;
+mod faults;
 mod first_steps;
 mod functions;
 mod generate;

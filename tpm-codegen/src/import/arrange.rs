@@ -290,6 +290,7 @@ impl<'a> Arranger<'a, '_, '_> {
             rotation: Rotation::identity(),
             body: None,
         };
+        let carrying = self.carrying(kept, locked);
         let mut open: Vec<(&Joint, Place)> = Vec::new();
         let push = |open: &mut Vec<(&'a Joint, Place)>, joints: Option<&Vec<&'a Joint>>, place: &Place| {
             let joints = joints.into_iter().flatten().rev();
@@ -308,7 +309,7 @@ impl<'a> Arranger<'a, '_, '_> {
             }
             let place = if held {
                 let position = locked.get(&joint.name);
-                let moves = self.moves_outward(joint, kept, locked);
+                let moves = carrying.contains(joint.child.as_str());
                 self.held(joint, position, &parent, moves)
             } else {
                 self.moving(joint, &parent)
@@ -320,20 +321,26 @@ impl<'a> Arranger<'a, '_, '_> {
         }
     }
 
-    /// Whether there is a moving joint outward of a joint.
-    fn moves_outward(
+    /// The links that carry a moving joint, at themselves or outward of them.
+    fn carrying(
         &self,
-        joint: &'a Joint,
         kept: &Option<BTreeSet<&'a str>>,
         locked: &BTreeMap<String, (Rational, String)>,
-    ) -> bool {
-        let outward = self.reached(&joint.child);
-        self.description.joints.iter().any(|other| {
-            other.kind != Kind::Fixed
-                && !locked.contains_key(&other.name)
-                && outward.contains(other.parent.as_str())
-                && kept.as_ref().is_none_or(|path| path.contains(other.child.as_str()))
-        })
+    ) -> BTreeSet<&'a str> {
+        let moving = self.description.joints.iter().filter(|joint| {
+            joint.kind != Kind::Fixed
+                && !locked.contains_key(&joint.name)
+                && kept.as_ref().is_none_or(|path| path.contains(joint.child.as_str()))
+        });
+        let mut carrying = BTreeSet::new();
+        for joint in moving {
+            let mut link = Some(joint.parent.as_str());
+            // What lies inward of a link that is known to carry one is known too.
+            while let Some(found) = link.filter(|link| carrying.insert(*link)) {
+                link = self.above.get(found).map(|joint| joint.parent.as_str());
+            }
+        }
+        carrying
     }
 
     /// A link on a joint that does not move. It becomes a body of the text only where it carries a moving link.

@@ -72,10 +72,21 @@ pub struct Characteristic<E> {
 
 /// The characteristic polynomial and the resolvent of `matrix`.
 pub fn characteristic<R: Ring>(ring: &mut R, matrix: &Matrix<R::Element>) -> Characteristic<R::Element> {
+    let mut adjugate = Vec::with_capacity(matrix.len());
+    let coefficients = recursion(ring, matrix, |power| adjugate.push(power));
+    adjugate.reverse();
+    Characteristic { coefficients, adjugate }
+}
+
+/// The coefficients of det(s I - A) from s^0 to s^n, and to `each` the matrix coefficients of adj(s I - A) from s^(n-1) down to s^0.
+fn recursion<R: Ring>(
+    ring: &mut R,
+    matrix: &Matrix<R::Element>,
+    mut each: impl FnMut(Matrix<R::Element>),
+) -> Vec<R::Element> {
     let n = matrix.len();
     let (zero, one) = (ring.number(&Rational::zero()), ring.number(&Rational::one()));
     let mut coefficients = vec![one.clone()];
-    let mut adjugate: Vec<Matrix<R::Element>> = Vec::with_capacity(n);
     // N_1 = I; c_{n-k} = -tr(A N_k) / k; N_{k+1} = A N_k + c_{n-k} I.
     let mut current: Matrix<R::Element> =
         (0..n).map(|i| (0..n).map(|j| if i == j { one.clone() } else { zero.clone() }).collect()).collect();
@@ -88,21 +99,21 @@ pub fn characteristic<R: Ring>(ring: &mut R, matrix: &Matrix<R::Element>) -> Cha
             row[i] = ring.add(&row[i], &coefficient);
         }
         coefficients.push(coefficient);
-        adjugate.push(std::mem::replace(&mut current, product));
+        each(std::mem::replace(&mut current, product));
     }
     coefficients.reverse();
-    adjugate.reverse();
-    Characteristic { coefficients, adjugate }
+    coefficients
 }
 
 /// det(A) and adj(A), so that A adj(A) = det(A) I.
 pub fn adjugate<R: Ring>(ring: &mut R, matrix: &Matrix<R::Element>) -> (R::Element, Matrix<R::Element>) {
     let n = matrix.len();
-    let result = characteristic(ring, matrix);
+    // Of the matrices, which take the memory, the last is asked for.
+    let mut rows = Vec::new();
+    let coefficients = recursion(ring, matrix, |power| rows = power);
     // det(-A) = (-1)^n det(A), adj(-A) = (-1)^(n-1) adj(A).
     let sign = |odd: bool| rational::integer(if odd { -1 } else { 1 });
-    let determinant = ring.scale(&result.coefficients[0], &sign(n % 2 == 1));
-    let rows = result.adjugate.into_iter().next().unwrap_or_default();
+    let determinant = ring.scale(&coefficients[0], &sign(n % 2 == 1));
     let factor = sign(n.is_multiple_of(2));
     let scaled = rows.iter().map(|row| row.iter().map(|entry| ring.scale(entry, &factor)).collect()).collect();
     (determinant, scaled)

@@ -127,6 +127,9 @@ pub struct Linearization {
 /// Operations of a product of two residues, for the budget.
 const RESIDUE: u64 = 8;
 
+/// Operations for the derivative of a row at the point with respect to one leaf, for the budget.
+const SLOPE: u64 = 3000;
+
 /// Most terms of an equation at the point, and of the determinant of M s^2 + D s + K. For longer ones the symbolic
 /// inverse takes minutes, or all memory.
 const MOST_TERMS: u64 = 100_000;
@@ -185,6 +188,7 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
         rows.push(row);
     }
     // The derivatives of the rows at the point.
+    budget::charge(SLOPE.saturating_mul((n * (3 * n + inputs.len())) as u64));
     let jacobian = |model: &mut ExactModel, leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
         let mut matrix = Vec::with_capacity(n);
         for &row in &rows {
@@ -322,13 +326,17 @@ impl Linearization {
     /// A and B in double precision, given the values of the remaining leaves (parameters and run-time constants).
     #[must_use]
     pub fn evaluate(&self, model: &ExactModel, mut leaf: impl FnMut(Symbol) -> f64) -> StateSpace<f64> {
+        // Most entries are zero, and a value takes a pass over all that came before it.
+        let mut known: HashMap<ExprId, f64> = HashMap::new();
         let mut value = |expr: ExprId| {
-            model.graph.evaluate(expr, |node| match node {
-                Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
-                    Kind::Constant { value: Some(value) } => rational::to_f64(value),
-                    _ => leaf(*symbol),
-                },
-                _ => 0.0,
+            *known.entry(expr).or_insert_with(|| {
+                model.graph.evaluate(expr, |node| match node {
+                    Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+                        Kind::Constant { value: Some(value) } => rational::to_f64(value),
+                        _ => leaf(*symbol),
+                    },
+                    _ => 0.0,
+                })
             })
         };
         let mut map = |m: &Matrix<ExprId>| m.iter().map(|row| row.iter().map(|&e| value(e)).collect()).collect();
@@ -343,14 +351,18 @@ impl Linearization {
         model: &ExactModel,
         mut leaf: impl FnMut(Symbol) -> Option<Rational>,
     ) -> Option<StateSpace<Rational>> {
+        let mut known: HashMap<ExprId, Option<Rational>> = HashMap::new();
         let mut value = |expr: ExprId| {
-            model.graph.evaluate_exact(expr, |node| match node {
-                Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
-                    Kind::Constant { value: Some(value) } => Some(value.clone()),
-                    _ => leaf(*symbol),
-                },
-                _ => None,
-            })
+            let of = || {
+                model.graph.evaluate_exact(expr, |node| match node {
+                    Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+                        Kind::Constant { value: Some(value) } => Some(value.clone()),
+                        _ => leaf(*symbol),
+                    },
+                    _ => None,
+                })
+            };
+            known.entry(expr).or_insert_with(of).clone()
         };
         let mut map = |m: &Matrix<ExprId>| -> Option<Matrix<Rational>> {
             m.iter().map(|row| row.iter().map(|&e| value(e)).collect()).collect()

@@ -34,6 +34,8 @@ struct InS<'a>(NormalForms<'a>);
 
 type Element = Vec<Polynomial<ExprId>>;
 
+/// Operations for a coefficient that is made or copied, for the budget.
+const COPIED: u64 = 16;
 /// Operations for a product of two coefficients, for the budget.
 const COEFFICIENT: u64 = 16;
 
@@ -46,6 +48,7 @@ impl Ring for InS<'_> {
 
     fn add(&mut self, a: &Element, b: &Element) -> Element {
         let (long, short) = if a.len() >= b.len() { (a, b) } else { (b, a) };
+        budget::charge(COPIED.saturating_mul(long.len() as u64));
         let mut sum = long.clone();
         for (slot, value) in sum.iter_mut().zip(short) {
             *slot = slot.add(value);
@@ -54,8 +57,9 @@ impl Ring for InS<'_> {
     }
 
     fn mul(&mut self, a: &Element, b: &Element) -> Element {
-        let mut product = vec![Polynomial::zero(); (a.len() + b.len()).saturating_sub(1)];
-        budget::charge(COEFFICIENT.saturating_mul((a.len() * b.len()) as u64));
+        let length = (a.len() + b.len()).saturating_sub(1);
+        budget::charge(COEFFICIENT.saturating_mul((a.len() * b.len()) as u64).saturating_add(COPIED * length as u64));
+        let mut product = vec![Polynomial::zero(); length];
         for (i, left) in a.iter().enumerate().filter(|(_, left)| !left.is_zero()) {
             for (j, right) in b.iter().enumerate().filter(|(_, right)| !right.is_zero()) {
                 let term = self.0.mul(left, right);

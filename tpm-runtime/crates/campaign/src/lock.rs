@@ -23,7 +23,7 @@ const BETWEEN_ATTEMPTS: Duration = Duration::from_millis(10);
 pub struct Lock {
     path: PathBuf,
     // The file is closed after its name has been removed, so that no other process can lock a file of that name before.
-    _file: File,
+    file: File,
 }
 
 impl Lock {
@@ -45,7 +45,7 @@ impl Lock {
                 return Err(io(&"this is no regular file, and nothing is written through it; remove it"));
             }
             let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
-            let mut file = opened.map_err(|error| io(&error))?;
+            let file = opened.map_err(|error| io(&error))?;
             match file.try_lock() {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
@@ -64,10 +64,12 @@ impl Lock {
             if !is_same(&file, &path) {
                 continue;
             }
-            file.set_len(0).map_err(|error| io(&error))?;
-            writeln!(file, "process {}", std::process::id()).map_err(|error| io(&error))?;
+            // From here on the file goes with the lock, on a fault too.
+            let mut held = Self { path: path.clone(), file };
+            held.file.set_len(0).map_err(|error| io(&error))?;
+            writeln!(held.file, "process {}", std::process::id()).map_err(|error| io(&error))?;
             clean(folder);
-            return Ok(Self { path, _file: file });
+            return Ok(held);
         }
         Err(io(&"the lock goes from process to process; try again"))
     }

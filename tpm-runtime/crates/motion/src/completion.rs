@@ -151,7 +151,7 @@ impl<'a> Balance<'a> {
     ) -> Result<Self, EvalError> {
         let dims = model.dims();
         // Enough points to resolve the product of four series of this length without aliasing.
-        let points = (8 * (harmonics + 1)).next_power_of_two();
+        let points = 8 * (harmonics + 1);
         let mut driven = Driven::new(model);
         let mut motion = vec![0.0; dims.motion_len()];
         let mut friction_jump = FrictionJump::new(model);

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use tpm_core::harmonics::Hold;
 use tpm_core::linear;
 use tpm_core::model::Model;
-use tpm_numerics::fourier;
+use tpm_numerics::{DMatrix, fourier};
 
 /// Largest factor by which a harmonic is amplified to make up for an actuator that attenuates it.
 const MOST_AMPLIFICATION: f64 = 10.0;
@@ -46,28 +46,101 @@ pub fn demand(
     let mut force = vec![0.0; dims.rows];
     let mut map = vec![0.0; dims.input_map_len()];
     let mut scratch = vec![0.0; model.inverse_workspace_len().max(model.workspace_len())];
-    let mut square = vec![0.0; dims.inputs * dims.inputs];
     let mut out = Vec::with_capacity(motions.len() / dims.motion_len().max(1) * dims.inputs);
-    let mut right = vec![0.0; dims.inputs];
+    let mut inputs = Inputs::new(dims.rows, dims.inputs);
     for (sample, motion) in motions.chunks_exact(dims.motion_len()).enumerate() {
         model.inverse_dynamics(motion, parameters, constants, &mut scratch, &mut force)?;
         model.input_map(motion, constants, &mut scratch, &mut map)?;
-        for i in 0..dims.inputs {
-            right[i] = (0..dims.rows).map(|r| map[r * dims.inputs + i] * force[r]).sum();
-            for j in 0..dims.inputs {
-                square[i * dims.inputs + j] =
-                    (0..dims.rows).map(|r| map[r * dims.inputs + i] * map[r * dims.inputs + j]).sum();
+        match inputs.solved(&map, &force) {
+            Ok(found) => out.extend_from_slice(found),
+            Err(Unsolved::NotFinite(input)) => {
+                return Err(TrialError::NotFinite { input: model.input(input).name.into(), sample });
+            }
+            Err(Unsolved::Singular(input)) => {
+                return Err(TrialError::Inputs { input: model.input(input).name.into() });
             }
         }
-        if right.iter().chain(&square).any(|value| !value.is_finite()) {
-            let input = right.iter().position(|value| !value.is_finite()).unwrap_or(0);
-            return Err(TrialError::NotFinite { input: model.input(input).name.into(), sample });
-        }
-        linear::solve_in_place(&mut square, &mut right)
-            .map_err(|input| TrialError::Inputs { input: model.input(input).name.into() })?;
-        out.extend_from_slice(&right);
     }
     Ok(out)
+}
+
+/// Why inputs are not found, with the input at fault.
+enum Unsolved {
+    NotFinite(usize),
+    Singular(usize),
+}
+
+/// The least-squares solution of `B u = f` at one sample after another. Where B stays as it is, which it does for most machines, its
+/// pseudo-inverse is formed once, and a sample takes the products with its entries that are not zero.
+struct Inputs {
+    rows: usize,
+    inputs: usize,
+    /// B at the last sample, rows times inputs; empty before the first.
+    last: Vec<f64>,
+    square: Vec<f64>,
+    right: Vec<f64>,
+    /// Input, row and entry of the pseudo-inverse of `last`, once it has stayed for a sample.
+    inverse: Option<Vec<(usize, usize, f64)>>,
+}
+
+impl Inputs {
+    fn new(rows: usize, inputs: usize) -> Self {
+        let (square, right) = (vec![0.0; inputs * inputs], vec![0.0; inputs]);
+        Inputs { rows, inputs, last: Vec::new(), square, right, inverse: None }
+    }
+
+    /// The inputs that give `force` through `map`, rows times inputs.
+    fn solved(&mut self, map: &[f64], force: &[f64]) -> Result<&[f64], Unsolved> {
+        if self.last == map {
+            if self.inverse.is_none() {
+                self.inverse = self.inverted();
+            }
+            if let Some(inverse) = &self.inverse {
+                self.right.fill(0.0);
+                for &(input, row, entry) in inverse {
+                    self.right[input] += entry * force[row];
+                }
+                return match self.right.iter().position(|value| !value.is_finite()) {
+                    Some(input) => Err(Unsolved::NotFinite(input)),
+                    None => Ok(&self.right),
+                };
+            }
+        } else {
+            self.inverse = None;
+            self.last.clear();
+            self.last.extend_from_slice(map);
+        }
+        self.normal(map);
+        for (i, right) in self.right.iter_mut().enumerate() {
+            *right = (0..self.rows).map(|r| map[r * self.inputs + i] * force[r]).sum();
+        }
+        if self.right.iter().chain(&self.square).any(|value| !value.is_finite()) {
+            return Err(Unsolved::NotFinite(self.right.iter().position(|value| !value.is_finite()).unwrap_or(0)));
+        }
+        linear::solve_in_place(&mut self.square, &mut self.right).map_err(Unsolved::Singular)?;
+        Ok(&self.right)
+    }
+
+    /// `B' B` into `square`.
+    fn normal(&mut self, map: &[f64]) {
+        self.square.fill(0.0);
+        for row in map.chunks_exact(self.inputs.max(1)) {
+            for (i, left) in row.iter().enumerate().filter(|(_, left)| **left != 0.0) {
+                let slots = self.square[i * self.inputs..].iter_mut();
+                slots.zip(row).for_each(|(slot, right)| *slot += left * right);
+            }
+        }
+    }
+
+    /// The entries of `(B' B)^-1 B'` for the last B, if rounding lets it be formed.
+    fn inverted(&self) -> Option<Vec<(usize, usize, f64)>> {
+        let map = DMatrix::from_row_slice(self.rows, self.inputs, &self.last);
+        let found = (map.transpose() * &map).lu().solve(&map.transpose())?;
+        let entry = |input: usize, row: usize| (input, row, found[(input, row)]);
+        let all = (0..self.inputs).flat_map(|input| (0..self.rows).map(move |row| (input, row)));
+        let entries: Vec<_> = all.map(|(input, row)| entry(input, row)).filter(|(_, _, entry)| *entry != 0.0).collect();
+        entries.iter().all(|(_, _, entry)| entry.is_finite()).then_some(entries)
+    }
 }
 
 /// Divides every harmonic of one period (all inputs interleaved) by the responses of hold and actuator.
@@ -99,6 +172,47 @@ pub(super) fn undo_drive(samples: &mut [f64], inputs: usize, sample_time: f64, a
             .expect("invariant: mean and last line are real and the buffers were made for this transform");
         for (value, sample) in wave.iter().zip(samples.iter_mut().skip(i).step_by(inputs)) {
             *sample = *value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Inputs, Unsolved};
+
+    /// Entries without any order in them.
+    fn entry(seed: usize) -> f64 {
+        ((seed as f64 * 12.9898).sin() * 43758.5453).fract()
+    }
+
+    #[test]
+    fn a_map_that_stays_and_one_that_changes_give_the_same_inputs() {
+        for (rows, count) in [(1, 1), (4, 4), (7, 3)] {
+            let map = |n: usize| -> Vec<f64> { (0..rows * count).map(|i| entry(31 * n + i + 1)).collect() };
+            let mut kept = Inputs::new(rows, count);
+            // The second of two samples with one map takes the pseudo-inverse.
+            for n in 0..6 {
+                let map = map(n / 2);
+                let wanted: Vec<f64> = (0..count).map(|i| entry(7 * n + i)).collect();
+                let force: Vec<f64> =
+                    map.chunks_exact(count).map(|row| row.iter().zip(&wanted).map(|(b, u)| b * u).sum()).collect();
+                let Ok(found) = kept.solved(&map, &force) else { panic!("{rows} {count} {n}") };
+                for (found, wanted) in found.iter().zip(&wanted) {
+                    assert!((found - wanted).abs() < 1e-9, "{rows} {count} {n}: {found} {wanted}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_input_that_no_row_determines_is_named_at_every_sample() {
+        let mut inputs = Inputs::new(2, 2);
+        for _ in 0..3 {
+            assert!(matches!(inputs.solved(&[1.0, 0.0, 2.0, 0.0], &[1.0, 1.0]), Err(Unsolved::Singular(1))));
+        }
+        let mut inputs = Inputs::new(1, 1);
+        for force in [1.0, f64::NAN, 1.0] {
+            assert_eq!(inputs.solved(&[2.0], &[force]).is_ok(), force.is_finite());
         }
     }
 }

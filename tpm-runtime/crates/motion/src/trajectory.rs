@@ -17,6 +17,20 @@ pub struct Line {
     pub sin: f64,
 }
 
+impl Line {
+    /// The derivative of an order of `cos * cos(x) + sin * sin(x)` with respect to x, from sine and cosine of x.
+    fn turned(&self, (sin, cos): (f64, f64), order: usize) -> f64 {
+        // Every differentiation turns cos into -sin, sin into cos.
+        let (of_cos, of_sin) = match order % 4 {
+            0 => (cos, sin),
+            1 => (-sin, cos),
+            2 => (-cos, -sin),
+            _ => (sin, -cos),
+        };
+        self.cos * of_cos + self.sin * of_sin
+    }
+}
+
 /// A finite Fourier series.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HarmonicSeries {
@@ -41,16 +55,8 @@ impl HarmonicSeries {
     pub fn derivative(&self, phase: f64, frequency: f64, order: usize) -> f64 {
         let mean = if order == 0 { self.mean } else { 0.0 };
         self.lines.iter().fold(mean, |sum, line| {
-            let (sin, cos) = (f64::from(line.harmonic) * phase).sin_cos();
-            // Every differentiation multiplies by k w and turns cos into -sin, sin into cos.
-            let (of_cos, of_sin) = match order % 4 {
-                0 => (cos, sin),
-                1 => (-sin, cos),
-                2 => (-cos, -sin),
-                _ => (sin, -cos),
-            };
             let scale = (0..order).fold(1.0, |power, _| power * f64::from(line.harmonic) * frequency);
-            sum + scale * (line.cos * of_cos + line.sin * of_sin)
+            sum + scale * line.turned((f64::from(line.harmonic) * phase).sin_cos(), order)
         })
     }
 
@@ -75,9 +81,18 @@ impl Trajectory {
     /// models read it (`out[n * coordinates + c]`).
     pub fn motion(&self, phase: f64, out: &mut [f64]) {
         let count = self.coordinates.len().max(1);
-        for (order, block) in out.chunks_mut(count).enumerate() {
-            for (slot, series) in block.iter_mut().zip(&self.coordinates) {
-                *slot = series.derivative(phase, self.frequency, order);
+        out.fill(0.0);
+        for (c, series) in self.coordinates.iter().enumerate() {
+            if let Some(position) = out.get_mut(c) {
+                *position = series.mean;
+            }
+            for line in &series.lines {
+                let turned = (f64::from(line.harmonic) * phase).sin_cos();
+                let mut scale = 1.0;
+                for (order, slot) in out.iter_mut().skip(c).step_by(count).enumerate() {
+                    *slot += scale * line.turned(turned, order);
+                    scale = scale * f64::from(line.harmonic) * self.frequency;
+                }
             }
         }
     }

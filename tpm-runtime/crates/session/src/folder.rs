@@ -54,7 +54,7 @@ pub struct NextRun {
 }
 
 /// What became of a submitted run.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Submission {
     /// The run.
     pub run: RunReport,
@@ -62,8 +62,8 @@ pub struct Submission {
     pub kept: bool,
     /// Why the campaign has ended; nothing while it goes on.
     pub outcome: Option<Outcome>,
-    /// What all runs say so far.
-    pub result: Identification,
+    /// What all runs say so far. A fault here takes nothing back: a run that is kept stays.
+    pub result: Result<Identification, SessionError>,
 }
 
 impl CampaignFolder {
@@ -180,7 +180,7 @@ impl CampaignFolder {
         if kept {
             self.store.append(plant, &trial, &record, None, Some(own))?;
         }
-        let result = self.session.result(&campaign, stability, Source::Folder, Some(&self.store))?;
+        let result = self.session.result(&campaign, stability, Source::Folder, Some(&self.store));
         Ok(Submission { run, kept, outcome: campaign.outcome(), result })
     }
 

@@ -13,6 +13,7 @@ use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 use tpm_numerics::fourier::analyse;
 use tpm_plant::actuator::Demand;
 use tpm_report::number;
+use tpm_symbolic::budget;
 
 /// Number of samples in a period: 2^7 3^3 5, so that a third of a stroke is a whole number of samples for up to six
 /// strokes in half a period.
@@ -23,6 +24,9 @@ const REACH: usize = 400;
 const NEEDED: f64 = 1e-2;
 /// Largest velocity at the end of a stroke that counts as rest, as a share of the stroke's mean velocity.
 const REST: f64 = 1e-9;
+
+/// Operations for a number that a sample reads or writes, for the budget.
+const VISITED: u64 = 1;
 
 /// Why a pattern has no strokes to compare.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -137,6 +141,9 @@ pub fn trajectories(
     derivatives: usize,
 ) -> Result<Trajectories, StrokeError> {
     let model = demand.model();
+    let size = model.dims();
+    let widest = size.motion_len() + model.inverse_workspace_len() + 2 * size.input_map_len();
+    budget::charge(VISITED.saturating_mul((widest * (Law::ALL.len() + 1)) as u64).saturating_mul(SAMPLES as u64));
     // The stroke of every coordinate, which must rest at both ends.
     let mut strokes = Vec::with_capacity(trajectory.coordinates.len());
     for (c, series) in trajectory.coordinates.iter().enumerate() {
@@ -236,16 +243,20 @@ fn motions(
 fn inputs(demand: &Demand<'_>, motions: Vec<f64>) -> Result<Vec<InputUse>, TrialError> {
     let model = demand.model();
     let count = model.dims().inputs;
-    let parts = demand.at(motions)?;
-    let whole: Vec<f64> = parts.independent.iter().zip(&parts.dependent).map(|(a, b)| a + b).collect();
-    Ok((0..count)
+    let whole = demand.whole(&motions)?;
+    drop(motions);
+    (0..count)
         .map(|i| {
             let samples: Vec<f64> = whole.iter().skip(i).step_by(count).copied().collect();
+            // Their squares, which a root mean square adds, may be no numbers although they are.
+            if let Some(sample) = samples.iter().position(|value| !(value * value * SAMPLES as f64).is_finite()) {
+                return Err(TrialError::NotFinite { input: model.input(i).name.into(), sample });
+            }
             let harmonics: Vec<f64> = analyse(&whole, i, count, REACH).iter().map(|line| line.norm()).collect();
             let largest = harmonics.iter().skip(1).copied().fold(0.0, f64::max);
             let highest = harmonics.iter().skip(1).rposition(|line| *line > NEEDED * largest).map_or(0, |k| k + 1);
             let label = model.input(i);
-            InputUse {
+            Ok(InputUse {
                 input: label.name.into(),
                 unit: label.unit.map(Into::into),
                 peak: samples.iter().fold(0.0, |most: f64, value| most.max(value.abs())),
@@ -254,9 +265,9 @@ fn inputs(demand: &Demand<'_>, motions: Vec<f64>) -> Result<Vec<InputUse>, Trial
                 beyond: 0.0,
                 harmonics,
                 samples,
-            }
+            })
         })
-        .collect())
+        .collect()
 }
 
 #[cfg(test)]

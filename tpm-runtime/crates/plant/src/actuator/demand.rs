@@ -85,13 +85,21 @@ impl<'m> Demand<'m> {
         self.at(motions)
     }
 
+    /// The inputs at given motions, interleaved per sample.
+    ///
+    /// # Errors
+    /// [`TrialError`] when the model cannot be evaluated at a motion or its inputs are not determined.
+    pub fn whole(&self, motions: &[f64]) -> Result<Vec<f64>, TrialError> {
+        demand(self.model, motions, &self.parameters, &self.constants)
+    }
+
     /// The parts at given motions.
     ///
     /// # Errors
     /// [`TrialError`] when the model cannot be evaluated at a motion or its inputs are not determined.
     pub fn at(&self, motions: Vec<f64>) -> Result<Parts, TrialError> {
         let dims = self.model.dims();
-        let whole = demand(self.model, &motions, &self.parameters, &self.constants)?;
+        let whole = self.whole(&motions)?;
         let mut independent = vec![0.0; whole.len()];
         let mut still = motions.clone();
         for input in 0..dims.inputs {
@@ -103,7 +111,7 @@ impl<'m> Demand<'m> {
                     }
                 }
             }
-            let resting = demand(self.model, &still, &self.parameters, &self.constants)?;
+            let resting = self.whole(&still)?;
             for (slot, value) in independent.iter_mut().zip(resting).skip(input).step_by(dims.inputs) {
                 *slot = value;
             }
@@ -129,7 +137,7 @@ impl<'m> Demand<'m> {
         let slot = 2 * dims.coordinates + coordinate;
         pair[slot] = 0.0;
         pair[dims.motion_len() + slot] = 1.0;
-        let found = demand(self.model, &pair, &self.parameters, &self.constants)?;
+        let found = self.whole(&pair)?;
         Ok(Some(found[dims.inputs + input] - found[input]))
     }
 }

@@ -3,13 +3,13 @@
 //! A loop `x[n+1] = A x[n] + B u[n]`, `u = -C x` is opened at one input i while the others stay closed. Its open-loop
 //! transfer function is `L(z) = C_i (z - A_i)^-1 B_i` with `A_i = A - sum_j B_j C_j`, j other than i. The loop is at
 //! the border of stability when a factor times L passes -1 on the unit circle: a real factor is a gain margin, a factor
-//! of magnitude 1 a phase margin. Invariant: crossings are found on a grid of frequencies that is dense about every
+//! of magnitude 1 a phase margin. By the determinant of a product `1 + L(z) = det(z - A_cl) / det(z - A_i)`, with
+//! `A_cl = A - B C`: a response takes the poles of the closed and of the opened loop, and no matrix. Invariant: crossings are found on a grid of frequencies that is dense about every
 //! lightly damped mode, and refined by bisection.
 
 use num_complex::Complex;
 use std::f64::consts::{PI, TAU};
 use tpm_numerics::eigenvalues::eigenvalues;
-use tpm_numerics::{DMatrix, DVector};
 
 /// Frequencies of the grid up to half the sampling frequency.
 const GRID_POINTS: usize = 6000;
@@ -35,20 +35,22 @@ pub struct Margins {
 }
 
 /// A sampled loop, opened at one of its inputs.
-struct Opened {
-    a: DMatrix<Complex<f64>>,
-    b: DVector<Complex<f64>>,
-    c: DVector<Complex<f64>>,
+struct Opened<'c> {
+    /// Poles of the loop while it is closed.
+    closed: &'c [Complex<f64>],
+    /// Poles of the opened loop, as many.
+    open: Vec<Complex<f64>>,
 }
 
-impl Opened {
-    /// L at `e^{j angle}`.
+impl Opened<'_> {
+    /// L at `e^{j angle}`; infinite at a pole.
     fn response(&self, angle: f64) -> Complex<f64> {
-        let n = self.a.nrows();
         let z = Complex::from_polar(1.0, angle);
-        let matrix = DMatrix::from_fn(n, n, |r, c| if r == c { z - self.a[(r, c)] } else { -self.a[(r, c)] });
-        let solved = matrix.lu().solve(&self.b);
-        solved.map_or(Complex::new(f64::INFINITY, 0.0), |x| self.c.iter().zip(x.iter()).map(|(c, x)| c * x).sum())
+        let quotient = self.closed.iter().zip(&self.open).fold(Complex::from(1.0), |product, (closed, open)| {
+            let below = z - open;
+            if below == Complex::from(0.0) { Complex::new(f64::INFINITY, 0.0) } else { product * (z - closed) / below }
+        });
+        if quotient.is_finite() { quotient - 1.0 } else { Complex::new(f64::INFINITY, 0.0) }
     }
 }
 
@@ -62,27 +64,32 @@ pub fn margins(
     sample_time: f64,
 ) -> Vec<Margins> {
     let (a, b, c) = (a.dense(), b.dense(), c.dense());
+    let loops = a - b * c;
+    let closed = paired(eigenvalues(&loops));
     (0..b.ncols())
         .map(|input| {
-            let others = (0..b.ncols()).filter(|&j| j != input);
-            let open = others.fold(a.clone(), |open, j| open - b.column(j) * c.row(j));
+            let open = paired(eigenvalues(&(&loops + b.column(input) * c.row(input))));
+            // Where the poles of a loop are not found, no factor and no lag is known to be allowed.
+            if closed.iter().chain(&open).any(|pole| !pole.is_finite()) {
+                return Margins { gain: (1.0, 1.0), phase: 0.0, delay: 0.0 };
+            }
             let grid = angles(&open);
-            let complex = |x: f64| Complex::new(x, 0.0);
-            let opened = Opened {
-                a: open.map(complex),
-                b: b.column(input).into_owned().map(complex),
-                c: c.row(input).transpose().map(complex),
-            };
-            of_loop(&opened, &grid, sample_time)
+            of_loop(&Opened { closed: &closed, open }, &grid, sample_time)
         })
         .collect()
 }
 
+/// Poles by their distance from 1, so that poles of two loops that stand side by side nearly cancel, and products keep their size.
+fn paired(mut poles: Vec<Complex<f64>>) -> Vec<Complex<f64>> {
+    poles.sort_by(|a, b| (a - 1.0).norm().total_cmp(&(b - 1.0).norm()));
+    poles
+}
+
 /// Angles of the grid from nearly 0 to pi, ascending.
-fn angles(open: &DMatrix<f64>) -> Vec<f64> {
+fn angles(open: &[Complex<f64>]) -> Vec<f64> {
     let even = (0..=GRID_POINTS).map(|i| PI * 10.0_f64.powf(GRID_DECADES * (i as f64 / GRID_POINTS as f64 - 1.0)));
     let mut grid: Vec<f64> = even.collect();
-    for mode in eigenvalues(open).iter().filter(|z| z.im > 0.0) {
+    for mode in open.iter().filter(|z| z.im > 0.0) {
         let reach = MODE_REACH * mode.norm().ln().abs();
         let about = (0..=MODE_POINTS).map(|i| mode.arg() + reach * (2.0 * i as f64 / MODE_POINTS as f64 - 1.0));
         grid.extend(about.filter(|angle| (0.0..PI).contains(angle)));
@@ -91,7 +98,7 @@ fn angles(open: &DMatrix<f64>) -> Vec<f64> {
     grid
 }
 
-fn of_loop(opened: &Opened, grid: &[f64], sample_time: f64) -> Margins {
+fn of_loop(opened: &Opened<'_>, grid: &[f64], sample_time: f64) -> Margins {
     let mut found = Margins { gain: (0.0, f64::INFINITY), phase: PI, delay: f64::INFINITY };
     let mut gain = |response: Complex<f64>| {
         if response.re < 0.0 && response.re.is_finite() {
@@ -139,9 +146,12 @@ fn of_loop(opened: &Opened, grid: &[f64], sample_time: f64) -> Margins {
 
 #[cfg(test)]
 mod tests {
-    use super::margins;
+    use super::{Opened, margins, paired};
     use crate::regulator::optimal::{Regulator, RegulatorWeights, held};
     use num_complex::Complex;
+    use rand::{Rng as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+    use std::f64::consts::PI;
     use tpm_numerics::eigenvalues::eigenvalues;
     use tpm_numerics::{DMatrix, Matrix};
 
@@ -185,6 +195,35 @@ mod tests {
         // The regulator in continuous time has a phase margin of 60 degrees and a gain margin of one half; sampling at
         // 1 kHz reduces them little.
         assert!(found.phase > 1.0 && found.gain.0 < 0.55, "{found:?}");
+    }
+
+    #[test]
+    fn the_response_of_an_opened_loop_is_that_of_its_matrices() {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        for (n, m) in [(1, 1), (4, 1), (6, 3), (12, 4)] {
+            let mut matrix = |rows, columns| DMatrix::from_fn(rows, columns, |_, _| random.random_range(-0.5..0.5));
+            let (a, b, c) = (matrix(n, n), matrix(n, m), matrix(m, n));
+            let loops = &a - &b * &c;
+            for input in 0..m {
+                let open = &loops + b.column(input) * c.row(input);
+                let opened = Opened { closed: &paired(eigenvalues(&loops)), open: paired(eigenvalues(&open)) };
+                for angle in [0.0, 1e-3, 0.4, 1.0, 2.5, PI] {
+                    let z = Complex::from_polar(1.0, angle);
+                    let matrix =
+                        DMatrix::from_fn(
+                            n,
+                            n,
+                            |r, k| {
+                                if r == k { z - open[(r, k)] } else { Complex::from(-open[(r, k)]) }
+                            },
+                        );
+                    let solved = matrix.lu().solve(&b.column(input).map(Complex::from)).expect("no pole there");
+                    let expected: Complex<f64> = c.row(input).iter().zip(solved.iter()).map(|(c, x)| x * *c).sum();
+                    let found = opened.response(angle);
+                    assert!((found - expected).norm() < 1e-10 * (1.0 + expected.norm()), "{n} {m}: {found} {expected}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -121,6 +121,9 @@ impl ContinuousRegulator {
     }
 }
 
+/// Largest entry of a matrix whose exponential is taken.
+const MOST_EXPONENT: f64 = 1e25;
+
 /// Ad and Bd of `x' = A x + B u` under inputs that are held for `sample_time`: the exponential of `[A, B; 0, 0] T`.
 ///
 /// # Errors
@@ -143,7 +146,14 @@ pub(crate) fn held(
     let mut whole = DMatrix::zeros(n + m, n + m);
     whole.view_mut((0, 0), (n, n)).copy_from(&(a * sample_time));
     whole.view_mut((0, n), (n, m)).copy_from(&(b * sample_time));
+    // The tenth power of the matrix, which its exponential takes, must be a number.
+    if whole.amax() > MOST_EXPONENT {
+        return Err(RiccatiError::NotFinite);
+    }
     let exponential = whole.exp();
+    if exponential.iter().any(|x| !x.is_finite()) {
+        return Err(RiccatiError::NotFinite);
+    }
     Ok((exponential.view((0, 0), (n, n)).into_owned(), exponential.view((0, n), (n, m)).into_owned()))
 }
 
@@ -165,6 +175,15 @@ mod tests {
         assert!(
             (ad[(0, 0)] - (-0.6_f64).exp()).abs() < 1e-15 && (bd[(0, 0)] + (-0.6_f64).exp_m1() / 3.0).abs() < 1e-15
         );
+    }
+
+    #[test]
+    fn a_matrix_without_an_exponential_in_range_is_refused() {
+        let b = DMatrix::from_row_slice(2, 1, &[0.0, 1.0]);
+        for entry in [1e300, 1e30, 1e24, 1e6] {
+            let a = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, entry, 0.0]);
+            assert_eq!(held(&a, &b, 1.0), Err(RiccatiError::NotFinite), "{entry}");
+        }
     }
 
     #[test]
