@@ -16,7 +16,7 @@
 //! their forces, and [`PASSES`] more at the estimate of the pass before.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, so that an update takes a fixed time; indices run up to
-//! lengths of the arrays that they index. Equations are solved for the step from the prior in square-root form, so that single
+//! lengths of the arrays that they index. Equations are solved for the step from the pass before in square-root form, so that single
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
 #![allow(
     clippy::needless_range_loop,
@@ -27,8 +27,6 @@ use super::{Phasor, Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspac
 
 /// Passes that weigh equations by their noise.
 const PASSES: usize = 3;
-/// Noise bandwidth of the Hann window in lines of a transform of the whole run.
-const BANDWIDTH: f64 = 1.5;
 /// A harmonic is used where a force on a row is so many times as large as the noise of the row.
 const LEAST_VISIBLE: f64 = 4.0;
 
@@ -41,8 +39,10 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub deviations: [Option<T>; P],
     /// Their covariance; zero for those that the run does not show.
     pub covariance: [[T; P]; P],
-    /// The weighted equations for the step from the prior, by which runs are pooled.
+    /// The weighted equations for the step from `about`, by which runs are pooled.
     pub equations: SquareRoot<T, P>,
+    /// The parameters from which the steps of the equations count: those of the pass before the last.
+    pub about: [T; P],
     /// The number of directions that the run shows.
     pub rank: usize,
     /// At least the condition number of what is shown, and at most the rank times that.
@@ -85,29 +85,29 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         self.sensors = [T::ZERO; Q];
         self.differentiate(model, &theta, w);
         self.find_shown(&M::MOTION, w);
-        let mut shown = self.solve(&M::MOTION, (prior, &theta), w, false)?;
+        let mut shown = self.solve(&M::MOTION, &theta, w, false)?;
         for _ in 0..PASSES {
-            put(&mut theta, prior, &shown.0.solution);
+            theta = moved(&theta, prior, &shown.0.solution);
             self.differentiate(model, &theta, w);
             self.find_noise(&M::MOTION, w);
             self.find_shown(&M::MOTION, w);
-            shown = self.solve(&M::MOTION, (prior, &theta), w, true)?;
+            shown = self.solve(&M::MOTION, &theta, w, true)?;
         }
-        put(&mut theta, prior, &shown.0.solution);
         let (found, equations) = shown;
         let freedom = equations.rows() - T::from_f64(found.rank as f64);
         let chi_squared = if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO };
         let factor = chi_squared.max(T::ONE).sqrt();
         let mut values = [None; P];
-        for ((value, step), prior) in values.iter_mut().zip(found.solution).zip(prior) {
-            *value = step.map(|step| *prior + step);
+        for ((value, step), theta) in values.iter_mut().zip(found.solution).zip(theta) {
+            *value = step.map(|step| theta + step);
         }
-        let samples = T::from_f64(f64::from(run.samples()) / (4.0 * BANDWIDTH));
+        let samples = run.samples_behind_line();
         Ok(RunEstimate {
             values,
             deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * factor)),
             covariance: found.covariance.map(|row| row.map(|entry| entry * factor * factor)),
             equations,
+            about: theta,
             rank: found.rank,
             condition: found.condition,
             chi_squared,
@@ -115,22 +115,16 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         })
     }
 
-    /// Solves the equations for the step from the prior; `weighed` by the noise, otherwise rows by the size of their forces. The
+    /// Solves the equations for the step from these parameters; `weighed` by the noise, otherwise rows by the size of their forces. The
     /// equations are returned too.
-    fn solve(
-        &self,
-        slots: &[(usize, u32); S],
-        (prior, theta): (&[T; P], &[T; P]),
-        w: T,
-        weighed: bool,
-    ) -> Result<Found<T, P>, RunFault> {
+    fn solve(&self, slots: &[(usize, u32); S], theta: &[T; P], w: T, weighed: bool) -> Result<Found<T, P>, RunFault> {
         let mut factor = SquareRoot::<T, P>::default();
         for harmonic in 1..L / 2 {
-            self.push(&mut factor, slots, (prior, theta), w, (harmonic, weighed))?;
+            self.push(&mut factor, slots, theta, w, (harmonic, weighed))?;
         }
         if factor.solution().rank < P {
             // Noise shifts the mean of a term that is even in a velocity, so that means count only where nothing else shows a parameter.
-            self.push(&mut factor, slots, (prior, theta), w, (0, weighed))?;
+            self.push(&mut factor, slots, theta, w, (0, weighed))?;
         }
         let found = factor.solution();
         if found.rank == 0 {
@@ -144,7 +138,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         &self,
         factor: &mut SquareRoot<T, P>,
         slots: &[(usize, u32); S],
-        (prior, theta): (&[T; P], &[T; P]),
+        theta: &[T; P],
         w: T,
         (harmonic, weighed): (usize, bool),
     ) -> Result<(), RunFault> {
@@ -165,7 +159,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             right[row] = self.drive[row][2 * harmonic] - self.known[row][2 * harmonic];
             for column in 0..P {
                 let entry = self.regressor[row][column][2 * harmonic];
-                right[row] -= entry.times(prior[column]);
+                right[row] -= entry.times(theta[column]);
                 if self.shown[column] {
                     phi[row][column] = entry;
                 }
@@ -213,11 +207,13 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
 /// A solution, and the equations behind it.
 type Found<T, const P: usize> = (Shown<T, P>, SquareRoot<T, P>);
 
-/// The prior with the steps of the parameters that the run shows.
-fn put<T: Real, const P: usize>(theta: &mut [T; P], prior: &[T; P], steps: &[Option<T>; P]) {
-    for ((theta, prior), step) in theta.iter_mut().zip(prior).zip(steps) {
-        *theta = *prior + step.unwrap_or(T::ZERO);
+/// The parameters a step on; the prior where the run does not show one.
+fn moved<T: Real, const P: usize>(theta: &[T; P], prior: &[T; P], steps: &[Option<T>; P]) -> [T; P] {
+    let mut moved = *prior;
+    for ((moved, theta), step) in moved.iter_mut().zip(theta).zip(steps) {
+        *moved = step.map_or(*moved, |step| *theta + step);
     }
+    moved
 }
 
 /// Makes equations with this covariance independent, of variance one: divides them by its Cholesky factor. Says whether there is one.

@@ -2,7 +2,8 @@
 //!
 //! Halfway between the harmonics the rows hold without the periodic motion, so that `B u - J q` there is noise alone. The variances of
 //! white noise in every sensor and of a white force on every row are those of largest likelihood; the rows' derivatives J along the motion,
-//! which mix the lines, say what they make of every row at every harmonic.
+//! which mix the lines, say what they make of every row at every harmonic. The force is there only where it explains more than chance does:
+//! from a few lines its variance would otherwise take a share of the sensors', and the small harmonics would count less than they show.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
 #![allow(
@@ -18,6 +19,8 @@ const NOISE_STEPS: usize = 30;
 const LEAST_VISIBLE: f64 = 4.0;
 /// Roundings of its largest line that every line of a coordinate may have gathered.
 const ROUNDINGS: f64 = 16.0;
+/// What the forces of all rows must add to the logarithm of the likelihood, for each row: twice it exceeds 4 by chance once in 40 times.
+const LEAST_GAIN: f64 = 2.0;
 /// Harmonics of a derivative below this share of its largest one do not mix lines of noise.
 const LEAST_MIXING: f64 = 1e-3;
 
@@ -84,14 +87,40 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
                 left[row][line] = residual.square();
             }
         }
-        self.begin_noise(&left);
-        for _ in 0..NOISE_STEPS {
-            self.improve_noise(&left);
+        let rounding = self.begin_noise(&left);
+        let begin = (self.sensors, self.forces);
+        self.forces = rounding;
+        let alone = self.fit_noise(&left, false);
+        let of_sensors = (self.sensors, self.forces);
+        (self.sensors, self.forces) = begin;
+        let both = self.fit_noise(&left, true);
+        if both - alone > T::from_f64(LEAST_GAIN * R as f64) {
+            return;
         }
+        (self.sensors, self.forces) = of_sensors;
     }
 
-    /// Variances to begin with: a half of what is left of every row by its force, and by every sensor as much as the rows allow it.
-    fn begin_noise(&mut self, left: &[[T; L]; R]) {
+    /// Takes the variances of the sensors, and of the forces too or as they are, to those of largest likelihood; gives its logarithm.
+    fn fit_noise(&mut self, left: &[[T; L]; R], with_forces: bool) -> T {
+        for _ in 0..NOISE_STEPS {
+            self.improve_noise(left, with_forces);
+        }
+        let mut sum = T::ZERO;
+        for row in 0..R {
+            for line in (1..L).step_by(2) {
+                let variance = self.variance(row, line);
+                if variance > T::ZERO && variance.is_finite() {
+                    sum -= left[row][line] / variance + variance.ln();
+                }
+            }
+        }
+        sum
+    }
+
+    /// Variances to begin with: what is left of every row by its force, and by every sensor as much as the rows allow it. Gives those that
+    /// rounding has by itself.
+    fn begin_noise(&mut self, left: &[[T; L]; R]) -> [T; R] {
+        let mut roundings = [T::ZERO; R];
         self.sensors = [T::ZERO; Q];
         let count = T::from_f64(L as f64 / 2.0);
         for row in 0..R {
@@ -99,6 +128,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             let sum = halfway().fold(T::ZERO, |sum, line| sum + left[row][line]);
             let peak = self.drive[row].iter().chain(&self.known[row]).fold(T::ZERO, |peak, z| peak.max(z.square()));
             let rounding = T::EPSILON * T::EPSILON * peak;
+            roundings[row] = rounding;
             self.forces[row] = (sum / count).max(rounding);
             for coordinate in 0..Q {
                 let felt = halfway().fold(T::ZERO, |sum, line| sum + self.felt[row][line][coordinate]);
@@ -108,10 +138,11 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
                 }
             }
         }
+        roundings
     }
 
     /// One step towards the variances of largest likelihood.
-    fn improve_noise(&mut self, left: &[[T; L]; R]) {
+    fn improve_noise(&mut self, left: &[[T; L]; R], with_forces: bool) {
         let (mut sensors, mut forces) = ([[T::ZERO; 2]; Q], [[T::ZERO; 2]; R]);
         for row in 0..R {
             for line in (1..L).step_by(2) {
@@ -128,7 +159,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
                 forces[row][1] += expected;
             }
         }
-        let own = self.sensors.iter_mut().zip(sensors).chain(self.forces.iter_mut().zip(forces));
+        let rows = if with_forces { R } else { 0 };
+        let own = self.sensors.iter_mut().zip(sensors).chain(self.forces.iter_mut().zip(forces).take(rows));
         for (variance, [given, expected]) in own {
             if expected > T::ZERO {
                 *variance *= (given / expected).sqrt();

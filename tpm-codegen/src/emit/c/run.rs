@@ -136,7 +136,7 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("ROUNDINGS", 256.0),
     ];
     words.extend(numbers.map(|(name, value)| (name, scalar.literal(value))));
-    let functions = [("FABS", "fabs"), ("SQRT", "sqrt"), ("SIN", "sin"), ("COS", "cos")];
+    let functions = [("FABS", "fabs"), ("SQRT", "sqrt"), ("SIN", "sin"), ("COS", "cos"), ("LOG", "log")];
     words.extend(functions.map(|(name, function)| (name, scalar.function(function))));
     let sizes = [
         ("COORDINATES", "RUN_COORDINATES"),

@@ -50,7 +50,7 @@ static void run_motion_at(const WORKSPACE *workspace, PHASOR turn, REAL w, REAL 
 /* Lines of the channels: the coordinates' as they are, the inputs' as they are applied. */
 static void run_lines(const RUN *run, WORKSPACE *workspace, REAL w)
 {
-    const REAL mean = ONE / (REAL)run->samples;
+    const REAL mean = ONE / (REAL)(run->samples - 2 * run->samples_per_period);
     size_t channel, line;
 
     for (channel = 0; channel < CHANNELS; ++channel) {

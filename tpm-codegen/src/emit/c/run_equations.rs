@@ -165,7 +165,7 @@ static STATUS run_push_harmonic(WORKSPACE *workspace, size_t harmonic, REAL w, i
         run_subtract(&right[row], workspace->known[row][2 * harmonic]);
         for (column = 0; column < COLUMNS; ++column) {
             phi[row][column] = workspace->regressor[row][column][2 * harmonic];
-            run_subtract(&right[row], run_scaled(phi[row][column], workspace->prior[column]));
+            run_subtract(&right[row], run_scaled(phi[row][column], workspace->theta[column]));
             if (!workspace->stands[column]) {
                 phi[row][column] = run_phasor(ZERO, ZERO);
             }
@@ -193,7 +193,7 @@ static STATUS run_push_harmonic(WORKSPACE *workspace, size_t harmonic, REAL w, i
     return OK;
 }
 
-/* Solves the equations for the step from the prior. */
+/* Solves the equations for the step from the parameters of the pass before; the prior stays where the run does not show one. */
 static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
 {
     FACTOR *const factor = &workspace->factor;
@@ -223,8 +223,9 @@ static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
         status = STILL;
     }
     for (i = 0; i < COLUMNS; ++i) {
-        const REAL step = workspace->shown.shown[i] ? workspace->solution.column[i] : ZERO;
-        workspace->theta[i] = workspace->prior[i] + step;
+        const REAL theta = workspace->theta[i] + workspace->solution.column[i];
+        workspace->about[i] = workspace->theta[i];
+        workspace->theta[i] = workspace->shown.shown[i] ? theta : workspace->prior[i];
     }
     return status;
 }

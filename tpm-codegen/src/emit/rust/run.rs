@@ -293,6 +293,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     deviations: Parameters::from_array(found.deviations),
                     covariance: found.covariance,
                     equations: found.equations,
+                    about: found.about,
                     rank: found.rank,
                     condition: found.condition,
                     chi_squared: found.chi_squared,
@@ -310,8 +311,10 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             pub deviations: Parameters<Option<T>>,
             /// Their covariance in the order of the fields; zero for those that the run does not show.
             pub covariance: [[T; #parameters]; #parameters],
-            /// The weighted equations of the run, for the step from the prior.
+            /// The weighted equations of the run, for the step from `about`.
             pub equations: SquareRoot<T, #parameters>,
+            /// The parameters from which the steps of the equations count.
+            pub about: [T; #parameters],
             /// The number of directions that the run shows.
             pub rank: usize,
             /// At least the condition number of what is shown, and at most the rank times that.
