@@ -11,24 +11,18 @@
 //! applied: a hold multiplies their lines by `(1 - e^{-jWT})/(jWT)`, a delay by `e^{-jW delay}`.
 //!
 //! Halfway between the harmonics the same equations hold without the periodic motion, so that `B u - J q` there is noise alone. The
-//! variance of every sensor, and of a force on every row, follows from it by maximum likelihood, and with them the covariance of the
-//! rows at every harmonic, by which equations are weighed. Weights need the parameters: a first pass weighs the rows by the size of
+//! variance of every sensor, and of a force on every row, follows from it by maximum likelihood, and with them the covariance of all
+//! equations, by which they are weighed. Weights need the parameters: a first pass weighs the rows by the size of
 //! their forces, and [`PASSES`] more at the estimate of the pass before.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, so that an update takes a fixed time; indices run up to
 //! lengths of the arrays that they index. Equations are solved for the step from the pass before in square-root form, so that single
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
-use super::{Phasor, Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
+use super::{Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
 
 /// Passes that weigh equations by their noise.
 const PASSES: usize = 3;
-/// A harmonic is used where a force on a row is so many times as large as the noise of the row.
-const LEAST_VISIBLE: f64 = 4.0;
 
 /// What a run says of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,8 +48,16 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub noise: [T; Q],
 }
 
-impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
-    RunWorkspace<T, Q, R, P, S, L>
+impl<
+    T: Real,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// What a run says of the parameters. Its channels are the Q coordinates and then the U inputs; `prior` has the present estimates,
     /// which weights begin from and parameters that the run does not show keep.
@@ -83,12 +85,12 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         self.evaluate(model, &inputs, w)?;
         let mut theta = *prior;
         self.sensors = [T::ZERO; Q];
-        self.differentiate(model, &theta, w);
+        self.differentiate(model, &inputs, &theta, w);
         self.find_shown(&M::MOTION, w);
         let mut shown = self.solve(&M::MOTION, &theta, w, false)?;
         for _ in 0..PASSES {
             theta = moved(&theta, prior, &shown.0.solution);
-            self.differentiate(model, &theta, w);
+            self.differentiate(model, &inputs, &theta, w);
             self.find_noise(&M::MOTION, w);
             self.find_shown(&M::MOTION, w);
             shown = self.solve(&M::MOTION, &theta, w, true)?;
@@ -117,90 +119,24 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
 
     /// Solves the equations for the step from these parameters; `weighed` by the noise, otherwise rows by the size of their forces. The
     /// equations are returned too.
-    fn solve(&self, slots: &[(usize, u32); S], theta: &[T; P], w: T, weighed: bool) -> Result<Found<T, P>, RunFault> {
-        let mut factor = SquareRoot::<T, P>::default();
-        for harmonic in 1..L / 2 {
-            self.push(&mut factor, slots, theta, w, (harmonic, weighed))?;
-        }
-        if factor.solution().rank < P {
+    fn solve(
+        &mut self,
+        slots: &[(usize, u32); S],
+        theta: &[T; P],
+        w: T,
+        weighed: bool,
+    ) -> Result<Found<T, P>, RunFault> {
+        let mut factor = self.equations(slots, theta, w, (weighed, false))?;
+        let mut found = factor.solution();
+        if found.rank < P {
             // Noise shifts the mean of a term that is even in a velocity, so that means count only where nothing else shows a parameter.
-            self.push(&mut factor, slots, theta, w, (0, weighed))?;
+            factor = self.equations(slots, theta, w, (weighed, true))?;
+            found = factor.solution();
         }
-        let found = factor.solution();
         if found.rank == 0 {
             return Err(RunFault::Still);
         }
         Ok((found, factor))
-    }
-
-    /// Takes in the equations of all rows at a harmonic, made independent of each other.
-    fn push(
-        &self,
-        factor: &mut SquareRoot<T, P>,
-        slots: &[(usize, u32); S],
-        theta: &[T; P],
-        w: T,
-        (harmonic, weighed): (usize, bool),
-    ) -> Result<(), RunFault> {
-        let mut covariance = [[Phasor::ZERO; R]; R];
-        if weighed {
-            covariance = self.covariance(slots, harmonic, w);
-            if !self.is_visible(&covariance, theta, harmonic) {
-                return Ok(());
-            }
-        } else {
-            for row in 0..R {
-                covariance[row][row].re = self.size(row);
-            }
-        }
-        let mut phi = [[Phasor::ZERO; P]; R];
-        let mut right = [Phasor::ZERO; R];
-        for row in 0..R {
-            right[row] = self.drive[row][2 * harmonic] - self.known[row][2 * harmonic];
-            for column in 0..P {
-                let entry = self.regressor[row][column][2 * harmonic];
-                right[row] -= entry.times(theta[column]);
-                if self.shown[column] {
-                    phi[row][column] = entry;
-                }
-            }
-        }
-        if !whiten(&mut covariance, &mut phi, &mut right) {
-            return Err(RunFault::Equations);
-        }
-        // A phasor's real and imaginary part have half of its variance each; a mean is real.
-        let scale = if harmonic > 0 { T::from_f64(2.0).sqrt() } else { T::from_f64(2.0) };
-        for (phi, right) in phi.iter().zip(right) {
-            let real = phi.map(|entry| entry.re * scale);
-            factor.push(real, right.re * scale).map_err(|_| RunFault::Equations)?;
-            if harmonic > 0 {
-                let imaginary = phi.map(|entry| entry.im * scale);
-                factor.push(imaginary, right.im * scale).map_err(|_| RunFault::Equations)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether a force on any row stands out of the noise: the applied one, or a term at the prior where nothing is applied.
-    fn is_visible(&self, covariance: &[[Phasor<T>; R]; R], theta: &[T; P], harmonic: usize) -> bool {
-        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
-        (0..R).any(|row| {
-            let terms = self.regressor[row].iter().zip(theta).map(|(lines, theta)| lines[2 * harmonic].times(*theta));
-            let forces = terms.chain([self.drive[row][2 * harmonic], self.known[row][2 * harmonic]]);
-            let largest = forces.fold(T::ZERO, |largest, force| largest.max(force.square()));
-            largest > least * covariance[row][row].re
-        })
-    }
-
-    /// The square of the force on a row: of the applied one, or, where nothing is applied, of its terms by parameters of one.
-    fn size(&self, row: usize) -> T {
-        let power = |lines: &[Phasor<T>; L]| lines.iter().step_by(2).fold(T::ZERO, |sum, line| sum + line.square());
-        let applied = power(&self.drive[row]);
-        if applied > T::ZERO {
-            return applied;
-        }
-        let terms = self.regressor[row].iter().fold(power(&self.known[row]), |sum, lines| sum + power(lines));
-        if terms > T::ZERO { terms } else { T::ONE }
     }
 }
 
@@ -214,46 +150,4 @@ fn moved<T: Real, const P: usize>(theta: &[T; P], prior: &[T; P], steps: &[Optio
         *moved = step.map_or(*moved, |step| *theta + step);
     }
     moved
-}
-
-/// Makes equations with this covariance independent, of variance one: divides them by its Cholesky factor. Says whether there is one.
-fn whiten<T: Real, const R: usize, const P: usize>(
-    covariance: &mut [[Phasor<T>; R]; R],
-    phi: &mut [[Phasor<T>; P]; R],
-    right: &mut [Phasor<T>; R],
-) -> bool {
-    for row in 0..R {
-        let whole = covariance[row][row].re;
-        for column in 0..row {
-            let mut sum = covariance[row][column];
-            for before in 0..column {
-                sum -= covariance[row][before] * covariance[column][before].conj();
-            }
-            covariance[row][column] = sum.times(T::ONE / covariance[column][column].re);
-        }
-        let mut pivot = whole;
-        for before in 0..row {
-            pivot -= covariance[row][before].square();
-        }
-        // Rows that have all their noise in common still differ by rounding.
-        pivot = pivot.max(whole * T::EPSILON.sqrt());
-        if !(pivot > T::ZERO && pivot.is_finite()) {
-            return false;
-        }
-        let length = pivot.sqrt();
-        covariance[row][row] = Phasor::new(length, T::ZERO);
-        for before in 0..row {
-            let share = covariance[row][before];
-            for column in 0..P {
-                let above = phi[before][column];
-                phi[row][column] -= share * above;
-            }
-            let above = right[before];
-            right[row] -= share * above;
-        }
-        let factor = T::ONE / length;
-        phi[row].iter_mut().for_each(|entry| *entry = entry.times(factor));
-        right[row] = right[row].times(factor);
-    }
-    true
 }

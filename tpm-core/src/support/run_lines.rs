@@ -81,6 +81,8 @@ pub struct RunLines<T, const C: usize, const L: usize> {
     /// Sums over the present part, which join the total when it ends.
     part: [[Phasor<T>; L]; C],
     total: [[Phasor<T>; L]; C],
+    /// What rounding has added to the total so far.
+    excess: [[Phasor<T>; L]; C],
 }
 
 impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
@@ -104,7 +106,16 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
     pub fn new(samples_per_period: u32, periods: u32) -> Result<Self, RunFault> {
         let samples = Self::check(samples_per_period, periods)?;
         let (part_samples, zero) = (samples.isqrt(), [[Phasor::ZERO; L]; C]);
-        Ok(Self { samples_per_period, samples, count: 0, fault: None, part_samples, part: zero, total: zero })
+        Ok(Self {
+            samples_per_period,
+            samples,
+            count: 0,
+            fault: None,
+            part_samples,
+            part: zero,
+            total: zero,
+            excess: zero,
+        })
     }
 
     /// Takes in sample `number`, counted from 0, of every channel. Samples beyond the end of the run are not used.
@@ -141,8 +152,12 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
         }
         self.count += 1;
         if self.count.is_multiple_of(self.part_samples) || self.is_whole() {
-            for (total, part) in self.total.iter_mut().flatten().zip(self.part.iter_mut().flatten()) {
-                *total += *part;
+            let sums = self.total.iter_mut().flatten().zip(self.excess.iter_mut().flatten());
+            for ((total, excess), part) in sums.zip(self.part.iter_mut().flatten()) {
+                // Kahan: single precision keeps the noise of a line, which is far below the line itself.
+                let (before, added) = (*total, *part - *excess);
+                *total += added;
+                *excess = (*total - before) - added;
                 *part = Phasor::ZERO;
             }
         }

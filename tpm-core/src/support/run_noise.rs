@@ -24,8 +24,16 @@ const LEAST_GAIN: f64 = 2.0;
 /// Harmonics of a derivative below this share of its largest one do not mix lines of noise.
 const LEAST_MIXING: f64 = 1e-3;
 
-impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
-    RunWorkspace<T, Q, R, P, S, L>
+impl<
+    T: Real,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// Harmonics of the derivatives that mix the lines of noise: those that are a part of the largest one of their entry.
     pub(super) fn find_reach(&mut self) {
@@ -42,7 +50,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
     }
 
     /// What a line of a coordinate, `line - 2 shift`, makes of a line of a row through one harmonic of the row's derivatives.
-    fn through(
+    pub(super) fn through(
         &self,
         slots: &[(usize, u32); S],
         row: usize,
@@ -69,7 +77,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
     pub(super) fn find_noise(&mut self, slots: &[(usize, u32); S], w: T) {
         let reach = self.reach as i32;
         let mut left = [[T::ZERO; L]; R];
-        for line in (1..L).step_by(2) {
+        for line in 0..L {
             for row in 0..R {
                 let mut residual = self.drive[row][line];
                 for coordinate in 0..Q {
@@ -168,8 +176,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         }
     }
 
-    /// Variance of a halfway line of a row.
-    fn variance(&self, row: usize, line: usize) -> T {
+    /// Variance of a line of a row.
+    pub(super) fn variance(&self, row: usize, line: usize) -> T {
         let felt = self.felt[row][line].iter().zip(&self.sensors);
         felt.fold(self.forces[row], |sum, (felt, sensor)| sum + *felt * *sensor)
     }
@@ -194,29 +202,5 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             };
             self.shown[column] = (0..R).any(|row| (0..L / 2).any(|harmonic| stands(row, harmonic)));
         }
-    }
-
-    /// Covariance of the noise of all rows at a harmonic.
-    pub(super) fn covariance(&self, slots: &[(usize, u32); S], harmonic: usize, w: T) -> [[Phasor<T>; R]; R] {
-        let reach = self.reach as i32;
-        let line = 2 * harmonic as i32;
-        let mut covariance = [[Phasor::ZERO; R]; R];
-        for (coordinate, &sensor) in self.sensors.iter().enumerate() {
-            for shift in -reach..=reach {
-                let mut through = [Phasor::ZERO; R];
-                for (row, through) in through.iter_mut().enumerate() {
-                    *through = self.through(slots, row, coordinate, line, shift, w);
-                }
-                for (sums, a) in covariance.iter_mut().zip(through) {
-                    for (sum, b) in sums.iter_mut().zip(through) {
-                        *sum += (a * b.conj()).times(sensor);
-                    }
-                }
-            }
-        }
-        for row in 0..R {
-            covariance[row][row].re += self.forces[row];
-        }
-        covariance
     }
 }

@@ -40,7 +40,7 @@ fn run<T: Real>(later: f64) -> RunLines<T, 2, 26> {
 fn estimate<T: Real>(lines: &RunLines<T, 2, 26>, delay: f64) -> Result<RunEstimate<T, 1, 5>, RunFault> {
     let sampling = RunSampling { sample_time: T::from_f64(SHAPE.2), held: false, delay: T::from_f64(delay) };
     let prior = [1.0, 10.0, 0.0, 0.0, 0.0].map(T::from_f64);
-    RunWorkspace::<T, 1, 1, 5, 3, 26>::default().estimate::<_, 1, 2>(&Oscillator, lines, sampling, &prior)
+    RunWorkspace::<T, 1, 1, 5, 3, 26, 25, 325>::default().estimate::<_, 1, 2>(&Oscillator, lines, sampling, &prior)
 }
 
 #[test]

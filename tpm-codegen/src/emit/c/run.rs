@@ -76,6 +76,8 @@ fn sizes(context: &mut Context<'_>, plan: &RunPlan<'_>) {
             plan.lines(),
             "Lines of a channel: harmonics from the mean on, and the lines halfway behind each.",
         ),
+        ("RUN_ALL_EQUATIONS", plan.equations(), "Equations at all harmonics."),
+        ("RUN_COVARIANCES", plan.covariances(), "Covariances of them."),
         ("RUN_POINTS", plan.points, "Points of a period at which the equations are evaluated."),
     ];
     let sizes: String = list.into_iter().map(|(name, size, about)| size_macro(context, name, size, about)).collect();
@@ -146,6 +148,8 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("COLUMNS", "RUN_PARAMETERS"),
         ("ENTRIES", "RUN_ENTRIES"),
         ("LINES", "RUN_LINES"),
+        ("ALL", "RUN_ALL_EQUATIONS"),
+        ("COVARIANCES", "RUN_COVARIANCES"),
         ("POINTS", "RUN_POINTS"),
         ("OK", "RUN_OK"),
         ("SAMPLES", "RUN_SAMPLES"),

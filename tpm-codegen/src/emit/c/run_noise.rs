@@ -24,7 +24,7 @@ static PHASOR run_through(const WORKSPACE *workspace, size_t row, size_t coordin
     return sum;
 }
 
-/* Variance of a halfway line of a row. */
+/* Variance of a line of a row. */
 static REAL run_variance(const WORKSPACE *workspace, size_t row, size_t line)
 {
     REAL sum = workspace->forces[row];
@@ -111,7 +111,7 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
         REAL sum = ZERO;
         REAL peak = ZERO;
         REAL rounding;
-        for (line = 1; line < LINES; line += 2) {
+        for (line = 0; line < LINES; ++line) {
             PHASOR residual = workspace->drive[row][line];
             for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
                 REAL felt = ZERO;
@@ -131,7 +131,7 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
                 workspace->felt[row][line][coordinate] = felt;
             }
             workspace->left[row][line] = run_square(residual);
-            sum += workspace->left[row][line];
+            sum += line % 2 != 0 ? workspace->left[row][line] : ZERO;
         }
         for (line = 0; line < LINES; ++line) {
             const REAL drive = run_square(workspace->drive[row][line]);

@@ -59,6 +59,8 @@ typedef struct RUN {
     uint32_t part_samples;
     PHASOR part[CHANNELS][LINES];
     PHASOR total[CHANNELS][LINES];
+    /* What rounding has added to the total so far. */
+    PHASOR excess[CHANNELS][LINES];
 } RUN;
 
 /* The triangular factor of weighted equations. */
@@ -95,6 +97,7 @@ typedef struct WORKSPACE {
     PHASOR regressor[ROWS][COLUMNS][LINES];
     PHASOR known[ROWS][LINES];
     PHASOR drive[ROWS][LINES];
+    PHASOR rest[ROWS][LINES];
     PHASOR gains[ROWS][ENTRIES][LINES];
     REAL felt[ROWS][LINES][COORDINATES];
     REAL left[ROWS][LINES];
@@ -110,6 +113,15 @@ typedef struct WORKSPACE {
     FACTOR factor;
     SOLUTION solution;
     SHOWN shown;
+    /* Harmonic, row and part of the equations that count, their coefficients and right sides. */
+    uint16_t places[ALL][3];
+    REAL rows[ALL][COLUMNS];
+    REAL right[ALL];
+    size_t count;
+    /* What noise is multiplied by in every equation. */
+    REAL by[ALL][2];
+    /* Covariance of the equations, then its Cholesky factor: the lower triangle, row by row. */
+    REAL noise[COVARIANCES];
 } WORKSPACE;
 ";
 
@@ -200,7 +212,7 @@ STATUS BEGIN(RUN *run, uint32_t samples_per_period, uint32_t periods, const SAMP
     run->count = 0;
     for (channel = 0; channel < CHANNELS; ++channel) {
         for (line = 0; line < LINES; ++line) {
-            run->part[channel][line] = run->total[channel][line] = run_phasor(ZERO, ZERO);
+            run->part[channel][line] = run->total[channel][line] = run->excess[channel][line] = run_phasor(ZERO, ZERO);
         }
     }
     if (periods < 4 || periods % 2 != 0) {
@@ -264,7 +276,14 @@ static STATUS run_take(RUN *run, uint32_t number, const REAL channels[CHANNELS])
     if (run->count % run->part_samples == 0 || run->count == run->samples) {
         for (channel = 0; channel < CHANNELS; ++channel) {
             for (line = 0; line < LINES; ++line) {
-                run_add(&run->total[channel][line], run->part[channel][line]);
+                /* Kahan: single precision keeps the noise of a line, which is far below the line itself. */
+                const PHASOR before = run->total[channel][line];
+                PHASOR added = run->part[channel][line];
+                run_subtract(&added, run->excess[channel][line]);
+                run_add(&run->total[channel][line], added);
+                run->excess[channel][line] = run->total[channel][line];
+                run_subtract(&run->excess[channel][line], before);
+                run_subtract(&run->excess[channel][line], added);
                 run->part[channel][line] = run_phasor(ZERO, ZERO);
             }
         }

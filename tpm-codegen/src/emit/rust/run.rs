@@ -186,6 +186,8 @@ struct Sizes {
     parameters: proc_macro2::Literal,
     motion: proc_macro2::Literal,
     lines: proc_macro2::Literal,
+    equations: proc_macro2::Literal,
+    covariances: proc_macro2::Literal,
 }
 
 impl Sizes {
@@ -200,13 +202,16 @@ impl Sizes {
             parameters: count(plan.source.form.columns.len()),
             motion: count(plan.motion.len()),
             lines: count(plan.lines()),
+            equations: count(plan.equations()),
+            covariances: count(plan.covariances()),
         }
     }
 }
 
 /// The estimator, and what it gives.
 fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
-    let Sizes { coordinates, inputs, channels, rows, parameters, motion, lines } = Sizes::of(plan);
+    let Sizes { coordinates, inputs, channels, rows, parameters, motion, lines, equations, covariances } =
+        Sizes::of(plan);
     let evaluation = &plan.source.plan.evaluation;
     let (highest, count_coordinates) = (count(plan.harmonics), evaluation.coordinates.len());
     let measured: Vec<TokenStream> = (0..count_coordinates).map(|i| entry("measured", i)).collect();
@@ -223,7 +228,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
         #[derive(Clone, Copy, Debug)]
         pub struct Estimator<T> {
             lines: RunLines<T, #channels, #lines>,
-            workspace: RunWorkspace<T, #coordinates, #rows, #parameters, #motion, #lines>,
+            workspace: RunWorkspace<T, #coordinates, #rows, #parameters, #motion, #lines, #equations, #covariances>,
             sampling: RunSampling<T>,
             limits: Option<Applied<T>>,
         }
