@@ -42,6 +42,7 @@ mod judge;
 mod licences;
 mod lines;
 mod measured;
+mod mechanism;
 mod numerics_room;
 mod packages;
 mod pendulum;

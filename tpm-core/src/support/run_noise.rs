@@ -17,6 +17,9 @@ use super::{Phasor, Real, RunWorkspace};
 const NOISE_STEPS: usize = 30;
 /// A column is shown where it is so many times as large as what noise makes of it.
 const LEAST_VISIBLE: f64 = 4.0;
+/// A force is known to this share of the largest one of its row at best: an equation that no sensor disturbs, such as the mean of a row
+/// without a stiffness, would otherwise count for more than harmonics that were left out.
+const LEAST_FORCE: f64 = 1e-7;
 /// Roundings of its largest line that every line of a coordinate may have gathered.
 const ROUNDINGS: f64 = 16.0;
 /// What the forces of all rows must add to the logarithm of the likelihood, for each row: twice it exceeds 4 by chance once in 40 times.
@@ -135,7 +138,8 @@ impl<
             let halfway = || (1..L).step_by(2);
             let sum = halfway().fold(T::ZERO, |sum, line| sum + left[row][line]);
             let peak = self.drive[row].iter().chain(&self.known[row]).fold(T::ZERO, |peak, z| peak.max(z.square()));
-            let rounding = T::EPSILON * T::EPSILON * peak;
+            let least = T::EPSILON.max(T::from_f64(LEAST_FORCE));
+            let rounding = least * least * peak;
             roundings[row] = rounding;
             self.forces[row] = (sum / count).max(rounding);
             for coordinate in 0..Q {

@@ -132,6 +132,8 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("ONE", 1.0),
         ("TWO", 2.0),
         ("FOUR", 4.0),
+        ("LEAST", 1e-8),
+        ("FORCE", 1e-7),
         ("STEP", 1e-2),
         ("MIXING", 1e-6),
         ("VISIBLE", 16.0),

@@ -139,7 +139,8 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
             peak = drive > peak ? drive : peak;
             peak = known > peak ? known : peak;
         }
-        rounding = EPSILON * EPSILON * peak;
+        /* A force is known to this share of the largest one of its row at best. */
+        rounding = EPSILON > FORCE ? EPSILON * EPSILON * peak : FORCE * FORCE * peak;
         roundings[row] = rounding;
         workspace->forces[row] = sum / ((REAL)LINES / TWO);
         if (!(workspace->forces[row] > rounding)) {
