@@ -16,6 +16,9 @@ const FILTER: &str = "write `filter(W[:Q], sample_time = T[, independent = W[:Q]
 /// How values are written.
 const IDENTIFIED: &str = "write `identified(NAME = VALUE, ...)` with a value for every parameter";
 
+/// Values by name, each with the word of its name.
+type Values = BTreeMap<String, (Span, f64)>;
+
 /// What a macro call asks for:
 ///
 /// - `crate = path` for the runtime,
@@ -30,7 +33,7 @@ pub(super) struct Request {
     forgetting: bool,
     filters: Option<(Span, Filters)>,
     /// Values by name, with the word that begins them and those of the names.
-    values: Option<(Span, BTreeMap<String, (Span, f64)>)>,
+    values: Option<(Span, Values)>,
 }
 
 impl Default for Request {
@@ -173,8 +176,8 @@ fn filters(at: Span, group: TokenStream) -> Result<Filters, Fault> {
 }
 
 /// The values between brackets.
-fn values(at: Span, group: TokenStream) -> Result<BTreeMap<String, (Span, f64)>, Fault> {
-    let mut values = BTreeMap::new();
+fn values(at: Span, group: TokenStream) -> Result<Values, Fault> {
+    let mut values = Values::new();
     for argument in arguments(group) {
         let [name @ TokenTree::Ident(_), sign, value @ ..] = argument.as_slice() else {
             return Err((argument.first().map_or(at, TokenTree::span), IDENTIFIED.to_owned()));
