@@ -8,5 +8,8 @@ void print_number(long value);
 void print_float(float value);
 /* Runs something that makes so many calls, and prints the instructions of one (to 40 in all) and the bytes of stack. */
 void measure(const char *name, void (*what)(void), long calls);
+/* Instructions since the clock was started (to 40, at most 670 million). */
+void clock_start(void);
+long clock_instructions(void);
 
 #endif

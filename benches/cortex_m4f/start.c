@@ -79,14 +79,14 @@ void print_float(float value)
 #define SYST_RVR (*(volatile uint32_t *)0xe000e014)
 #define SYST_CVR (*(volatile uint32_t *)0xe000e018)
 
-static void clock_start(void)
+void clock_start(void)
 {
     SYST_RVR = 0xffffff;
     SYST_CVR = 0;
     SYST_CSR = 5;
 }
 
-static long clock_instructions(void)
+long clock_instructions(void)
 {
     return (long)(0xffffff - SYST_CVR) * 40;
 }

@@ -4,7 +4,6 @@
 
 pub use crate::emit::c::Scalar;
 use crate::emit::estimator::{EmitError, EstimatorSource, Identified};
-use crate::emit::filter::FilterError;
 pub use crate::emit::filter::{Filters, LowPass};
 use crate::emit::regulator::RegulatorSource;
 use crate::emit::{c, rust};
@@ -117,10 +116,7 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
         identified.in_order(&estimator.model, &estimator.form)?;
     }
     if let Some(filters) = options.filters {
-        filters.check()?;
-        if estimator.plan.feed_forward_parts.is_none() {
-            return Err(FilterError::NoParts.into());
-        }
+        estimator.check_filters(filters)?;
     }
     match options.language {
         Language::Rust => {

@@ -3,12 +3,15 @@
 //! Invariant: every fault becomes a `compile_error!`, several at once; nothing panics, and no fault hides the place of
 //! another.
 
+mod request;
+
 use proc_macro2::{Literal, Span, TokenStream, TokenTree};
 use quote::{quote, quote_spanned};
+use request::{Request, is_punct};
 use std::path::Path;
 
 use crate::diagnostic::{Diagnostics, Severity};
-use crate::emit::estimator::{EstimatorSource, Part};
+use crate::emit::estimator::EstimatorSource;
 use crate::emit::rust;
 use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
@@ -25,7 +28,7 @@ fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
     items.collect()
 }
 
-/// The expansion of `model! { [crate = path;] [with(part, ...);] model Name { ... } }`.
+/// The expansion of `model! { [option;] ... model Name { ... } }`, with the options of [`Request`].
 #[must_use]
 pub fn model(input: TokenStream) -> TokenStream {
     within_budget(|| of_model(input))
@@ -44,7 +47,7 @@ fn within_budget(expansion: impl FnOnce() -> TokenStream) -> TokenStream {
 fn of_model(input: TokenStream) -> TokenStream {
     let mut tokens = input.into_iter().peekable();
     let mut request = Request::default();
-    while tokens.peek().is_some_and(|token| is_ident(token, "crate") || is_ident(token, "with")) {
+    while tokens.peek().is_some_and(Request::begins) {
         let head = tokens.by_ref().take_while(|token| !is_punct(token, ';')).collect::<Vec<TokenTree>>();
         if let Err(fault) = request.take(&head) {
             return errors([fault]);
@@ -61,14 +64,23 @@ fn of_model(input: TokenStream) -> TokenStream {
                 Ok(estimator) => estimator,
                 Err(fault) => return errors([fault]),
             };
-            let options = rust::Options { command: "tpm_runtime::model!", source: Some(&text), ..request.options() };
+            let values = match request.values_of(&estimator) {
+                Ok(values) => values,
+                Err(fault) => return errors([fault]),
+            };
+            let options = rust::Options {
+                command: "tpm_runtime::model!",
+                source: Some(&text),
+                identified: values.as_ref(),
+                ..request.options()
+            };
             rust::items(&estimator, &options, &TokenStream::new())
         }
         Err(diagnostic) => tokens.compile_errors(&Diagnostics::from_iter([diagnostic])),
     }
 }
 
-/// The expansion of `model_file!("path/to/x.tpm" [, crate = path] [, with(part, ...)])`; `folder` is the root of the package that calls it.
+/// The expansion of `model_file!("path/to/x.tpm" [, option] ...)`, with the options of [`Request`]; `folder` is the root of the package that calls it.
 #[must_use]
 pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     within_budget(|| of_model_file(input, folder))
@@ -106,8 +118,16 @@ fn of_model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
                 Ok(estimator) => estimator,
                 Err(fault) => return errors([fault]),
             };
-            let options =
-                rust::Options { command: "tpm_runtime::model_file!", source: Some(source.text()), ..request.options() };
+            let values = match request.values_of(&estimator) {
+                Ok(values) => values,
+                Err(fault) => return errors([fault]),
+            };
+            let options = rust::Options {
+                command: "tpm_runtime::model_file!",
+                source: Some(source.text()),
+                identified: values.as_ref(),
+                ..request.options()
+            };
             // The compiler tracks included files, so that a change of the model file rebuilds the crate.
             let watch = quote! {
                 const _: &[u8] = ::core::include_bytes!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/", #path));
@@ -133,104 +153,6 @@ fn at_places(source: &Source, diagnostics: &Diagnostics, span: Span) -> Vec<Faul
     faults
 }
 
-fn is_ident(token: &TokenTree, name: &str) -> bool {
-    matches!(token, TokenTree::Ident(ident) if ident == name)
-}
-
-fn is_punct(token: &TokenTree, mark: char) -> bool {
-    matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
-}
-
-/// The path in `= a::b`, the tokens behind `crate`, whose span is `at`.
-fn crate_path(at: Span, tokens: TokenStream) -> Result<String, Fault> {
-    let mut tokens = tokens.into_iter();
-    let sign = tokens.next();
-    let rest: TokenStream = tokens.collect();
-    let is_path = |token: TokenTree| match token {
-        TokenTree::Ident(_) => true,
-        TokenTree::Punct(punct) => punct.as_char() == ':',
-        _ => false,
-    };
-    if !sign.is_some_and(|token| is_punct(&token, '=')) || rest.is_empty() || !rest.clone().into_iter().all(is_path) {
-        return Err((at, "write `crate = path::to::tpm_runtime` to say where the runtime is".to_owned()));
-    }
-    // Blanks between the parts of a path are removed.
-    Ok(rest.to_string().replace(' ', ""))
-}
-
-/// What a macro call asks for beside its model.
-struct Request {
-    runtime: String,
-    /// The parts, each with the word that asks for it.
-    parts: Vec<(Span, Part)>,
-    strokes: bool,
-    forgetting: bool,
-}
-
-impl Default for Request {
-    fn default() -> Self {
-        Self { runtime: "::tpm_runtime".to_owned(), parts: Vec::new(), strokes: false, forgetting: false }
-    }
-}
-
-impl Request {
-    /// Takes in `crate = path` or `with(part, ...)`.
-    fn take(&mut self, tokens: &[TokenTree]) -> Result<(), Fault> {
-        match tokens {
-            [first, rest @ ..] if is_ident(first, "crate") => {
-                self.runtime = crate_path(first.span(), rest.iter().cloned().collect())?;
-                Ok(())
-            }
-            [first, TokenTree::Group(group)] if is_ident(first, "with") => {
-                group.stream().into_iter().try_for_each(|token| self.word(&token))
-            }
-            [first, ..] => Err((first.span(), format!("write `with({})`: parts between commas", words().join(", ")))),
-            [] => Ok(()),
-        }
-    }
-
-    /// Takes in a word between the brackets of `with`.
-    fn word(&mut self, token: &TokenTree) -> Result<(), Fault> {
-        if is_punct(token, ',') {
-            return Ok(());
-        }
-        match token.to_string().as_str() {
-            "strokes" => self.strokes = true,
-            "forgetting" => self.forgetting = true,
-            name => match Part::from_name(name) {
-                Some(part) => self.parts.push((token.span(), part)),
-                None => {
-                    let known = words();
-                    return Err((token.span(), format!("there is no part `{name}`; there are {}", known.join(", "))));
-                }
-            },
-        }
-        Ok(())
-    }
-
-    /// The model with its parts; what cannot be made is a fault of the word that asks for it.
-    fn parts_of(&self, estimator: EstimatorSource) -> Result<EstimatorSource, Fault> {
-        let add = |estimator: EstimatorSource, (span, part): &(Span, Part)| {
-            estimator.with(&[*part]).map_err(|error| (*span, error.to_string()))
-        };
-        self.parts.iter().try_fold(estimator, add)
-    }
-
-    fn options(&self) -> rust::Options<'_> {
-        rust::Options {
-            runtime: &self.runtime,
-            strokes: self.strokes,
-            forgetting: self.forgetting,
-            ..rust::Options::default()
-        }
-    }
-}
-
-/// The words that `with` takes.
-fn words() -> Vec<&'static str> {
-    Part::ALL.into_iter().map(Part::name).chain(["strokes", "forgetting"]).collect()
-}
-
 /// The arguments of `model_file!`: the span of the path's literal, the path, and what is asked for beside the model.
 fn file_arguments(input: TokenStream) -> Result<(Span, String, Request), Fault> {
     let usage = "write model_file!(\"path/to/model.tpm\"), the path relative to the folder of the package's Cargo.toml";
@@ -245,7 +167,7 @@ fn file_arguments(input: TokenStream) -> Result<(Span, String, Request), Fault> 
     let rest: Vec<TokenTree> = tokens.collect();
     for argument in rest.split(|token| is_punct(token, ',')) {
         match argument.first() {
-            Some(word) if !is_ident(word, "crate") && !is_ident(word, "with") => {
+            Some(word) if !Request::begins(word) => {
                 return Err((word.span(), usage.to_owned()));
             }
             _ => request.take(argument)?,
@@ -336,6 +258,28 @@ mod tests {
             assert!(all.contains(word), "{word}");
         }
         assert!(all.contains("my :: rt :: support ::") && syn::parse_str::<syn::File>(&all).is_ok());
+        let filtered =
+            model_of("filter(100:0.7, sample_time = 1e-3, independent = 50); identified(m = 2.5, d = 1e-1);");
+        assert!(!plain.contains("IDENTIFIED") && !plain.contains("rad/s, quality"));
+        for word in ["IDENTIFIED : Parameters < f64 > = Parameters", "50 rad/s, quality"] {
+            assert!(filtered.contains(word), "{word}: {filtered}");
+        }
+        for (head, wanted) in [
+            ("filter(100);", "write `filter("),
+            ("filter(-1, sample_time = 1e-3);", "natural frequency of a low pass must be positive"),
+            ("filter(100:x, sample_time = 1e-3);", "`x` is not a number"),
+            ("filter(4e3, sample_time = 1e-3);", "needs more than two samples per turn"),
+            ("filter(100, sample_time = 1e-3, other = 1);", "write `filter("),
+            ("identified(m = 2);", "d"),
+            ("identified(m = 2, e = 1);", "there is no parameter `e`; there are m, d"),
+            ("identified(m = 2, m = 1, d = 1);", "`m` has two values"),
+            ("identified(m);", "write `identified("),
+            ("with(run); with(strokes); crate = a; crate = b;", "`crate` stands twice"),
+            ("filter(100, sample_time = 1e-3); filter(50, sample_time = 1e-3);", "`filter` stands twice"),
+        ] {
+            let expansion = model_of(head);
+            assert!(expansion.contains("compile_error") && expansion.contains(wanted), "{head}: {expansion}");
+        }
         let unknown = model_of("with(runn);");
         assert!(unknown.contains("there is no part `runn`") && unknown.contains("campaign, strokes"), "{unknown}");
         assert!(model_of("with run;").contains("write `with("));

@@ -3,7 +3,7 @@
 /// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
 ///
 /// Each file imports its names from its parent module, which must re-export the names that `support` re-exports.
-pub const SUPPORT: [(&str, &str); 13] = [
+pub const SUPPORT: [(&str, &str); 14] = [
     ("accelerations", include_str!("support/accelerations.rs")),
     ("campaign", include_str!("support/campaign.rs")),
     ("error", include_str!("support/error.rs")),
@@ -15,6 +15,7 @@ pub const SUPPORT: [(&str, &str); 13] = [
     ("run_estimate", include_str!("support/run_estimate.rs")),
     ("run_lines", include_str!("support/run_lines.rs")),
     ("run_noise", include_str!("support/run_noise.rs")),
+    ("run_weigh", include_str!("support/run_weigh.rs")),
     ("run_workspace", include_str!("support/run_workspace.rs")),
     ("square_root", include_str!("support/square_root.rs")),
 ];

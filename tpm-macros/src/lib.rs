@@ -50,6 +50,9 @@ use std::path::Path;
 /// motion), `run` (the declared parameters from one run), `campaign` (the machine identifies itself); and `strokes` and `forgetting`. What a
 /// model does not allow is an error on the word.
 ///
+/// `filter(W[:Q], sample_time = T[, independent = W[:Q]]);` adds the feed-forward behind low passes (rad/s, quality, seconds), and
+/// `identified(NAME = VALUE, ...);` the constant `IDENTIFIED` with a value for every parameter.
+///
 /// `model! { crate = path::to::runtime; model Name { ... } }` names the crate that the code uses, when it is not `::tpm_runtime`;
 /// `crate = tpm_core;` is enough for a controller.
 #[proc_macro]
@@ -61,7 +64,8 @@ pub fn model(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
 ///
 /// It expands to what `model!` expands to, and a change of the file rebuilds the crate.
 /// `model_file!("path/to/model.tpm", crate = path::to::runtime)` names the crate that the code uses, when it is not `::tpm_runtime`, and
-/// `model_file!("path/to/model.tpm", with(run, campaign))` asks for parts as `model!` does.
+/// `model_file!("path/to/model.tpm", with(run, campaign))` asks for parts as `model!` does; `filter(...)` and
+/// `identified(...)` stand there too.
 #[proc_macro]
 pub fn model_file(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     let folder = std::env::var_os("CARGO_MANIFEST_DIR");

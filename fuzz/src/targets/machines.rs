@@ -78,22 +78,22 @@ fn at_rest(parsed: &Parsed) -> Result<StateSpace<Rational>, String> {
     let space = space.ok_or_else(|| "an entry is not rational".to_owned())?;
     let resolvent = space.resolvent();
     for (coordinate, row) in transfers.iter().enumerate() {
-        for input in 0..row.len() {
+        for (input, written) in row.iter().enumerate() {
             let output: Vec<Rational> =
                 (0..space.a.len()).map(|state| ratio(i64::from(state == coordinate), 1)).collect();
             let found = resolvent.transfer_function(&output, input).ok_or("no such channel")?;
             // The symbols and the numbers say the same at a point that is no pole.
             let s = ratio(17, 7);
             let of = |coefficients: &[tpm_symbolic::expr::graph::ExprId]| {
-                let values = coefficients.iter().rev().map(|c| {
+                let mut values = coefficients.iter().rev().map(|c| {
                     model.graph.evaluate_exact(*c, |node| match node {
                         tpm_symbolic::expr::graph::Node::Symbol(symbol) => Some(known(&model, *symbol)),
                         _ => None,
                     })
                 });
-                values.fold(Some(ratio(0, 1)), |sum, c| Some(sum? * &s + c?))
+                values.try_fold(ratio(0, 1), |sum, c| Some(sum * &s + c?))
             };
-            let (above, below) = (of(&row[input].numerator), of(&row[input].denominator));
+            let (above, below) = (of(&written.numerator), of(&written.denominator));
             if let (Some(above), Some(below), Some(number)) = (above, below, found.evaluate(&s))
                 && below != ratio(0, 1)
             {

@@ -43,6 +43,7 @@ mod licences;
 mod lines;
 mod matrices;
 mod measured;
+mod mechanism;
 mod mujoco;
 mod numerics_room;
 mod packages;

@@ -109,7 +109,7 @@ fn a_free_body_is_held_as_the_base() {
                 <inertial pos=\"0 0 0\" mass=\"9\" diaginertia=\"1 1 1\"/>\n<body name=\"b\">\
                 <joint axis=\"0 1 0\"/><inertial pos=\"0.1 0 0\" mass=\"2\" diaginertia=\"0.1 0.1 0.1\"/></body>\
                 </body></worldbody></mujoco>";
-    let said = read(text, &Options::default()).err().expect("two roots");
+    let said = read(text, &Options::default()).expect_err("two roots");
     assert!(said.contains("2 roots: `world`, `torso`") && said.contains("name the base"), "{said}");
     let held = read(text, &Options { base: Some("torso".into()), ..Options::default() }).expect("one arm");
     let found = torques(&held, &[[vec![0.4], vec![1.5], vec![-2.0]]])[0][0];

@@ -11,9 +11,6 @@ use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, gener
 use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_symbolic::number::rational::{self, Rational};
 
-/// 1/sqrt(2), the default quality factor: a second-order low pass with it is maximally flat and has no peak.
-const FLATTEST: &str = "0.70710678118654752440084436210484903928";
-
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Language {
@@ -245,9 +242,8 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
         rational::parse(text.trim())
             .ok_or_else(|| Failure::Input(format!("--{option} {text}: `{text}` is not a number such as 100 or 0.001")))
     };
-    let low_pass = |option: &str, text: &str| -> Result<LowPass, Failure> {
-        let (frequency, quality) = text.split_once(':').unwrap_or((text, FLATTEST));
-        Ok(LowPass { natural_frequency: number(option, frequency)?, quality: number(option, quality)? })
+    let low_pass = |option: &str, text: &str| {
+        LowPass::parse(text).map_err(|error| Failure::Input(format!("--{option} {text}: {error}")))
     };
     let (Some(dependent), Some(sample_time)) = (&args.filter, &args.sample_time) else { return Ok(None) };
     Ok(Some(Filters {

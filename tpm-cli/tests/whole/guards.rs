@@ -130,7 +130,8 @@ fn long_log(rows: usize) -> String {
 #[test]
 fn time_grows_far_less_than_with_the_square_of_what_is_read() {
     // Eight times as much: eight times the time where it grows with what is read, 64 times where it grows with its square.
-    let read: [(&str, fn(usize) -> String, [usize; 2], &[&str]); 3] = [
+    type Text = fn(usize) -> String;
+    let read: [(&str, Text, [usize; 2], &[&str]); 3] = [
         ("r.urdf", fixed_links, [2000, 16_000], &["import", "r.urdf", "-o", "-"]),
         ("l.csv", long_log, [20_000, 160_000], &["inspect", "l.csv"]),
         ("m.tpm", ring, [60, 480], &["check", "m.tpm"]),

@@ -18,7 +18,7 @@ use tpm_symbolic::plan::table::TablePlan;
 use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical, structured_form_with};
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, Reconstruction, prepare};
 
-use super::filter::FilterError;
+use super::filter::{FilterError, Filters};
 use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
 use super::part::Parts;
@@ -86,6 +86,18 @@ pub enum EmitError {
 }
 
 impl EstimatorSource {
+    /// Checks that low passes exist, and that there is a feed-forward for them to pass.
+    ///
+    /// # Errors
+    /// [`FilterError`].
+    pub fn check_filters(&self, filters: &Filters) -> Result<(), FilterError> {
+        filters.check()?;
+        match self.plan.feed_forward_parts {
+            Some(_) => Ok(()),
+            None => Err(FilterError::NoParts),
+        }
+    }
+
     /// All plans of a model.
     ///
     /// # Errors

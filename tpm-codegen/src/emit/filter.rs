@@ -22,6 +22,9 @@ pub struct LowPass {
     pub quality: Rational,
 }
 
+/// 1/sqrt(2), the quality factor where none is given: a second-order low pass with it is maximally flat and has no peak.
+const FLATTEST: &str = "0.70710678118654752440084436210484903928";
+
 /// The filters of a feed-forward.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Filters {
@@ -37,6 +40,9 @@ pub struct Filters {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum FilterError {
+    /// A text is not a number.
+    #[error("`{0}` is not a number such as 100 or 0.001")]
+    NotNumber(String),
     /// A value is not positive.
     #[error("the {0} of a low pass must be positive")]
     NotPositive(&'static str),
@@ -67,6 +73,17 @@ pub(super) struct Coefficients {
 }
 
 impl LowPass {
+    /// A low pass written as `W` or `W:Q`, its numbers exactly as they stand.
+    ///
+    /// # Errors
+    /// [`FilterError::NotNumber`].
+    pub fn parse(text: &str) -> Result<Self, FilterError> {
+        let (frequency, quality) = text.split_once(':').unwrap_or((text, FLATTEST));
+        let number =
+            |text: &str| rational::parse(text.trim()).ok_or_else(|| FilterError::NotNumber(text.trim().to_owned()));
+        Ok(Self { natural_frequency: number(frequency)?, quality: number(quality)? })
+    }
+
     /// Coefficients for samples every `sample_time` seconds.
     pub(super) fn coefficients(&self, sample_time: &Rational) -> Result<Coefficients, FilterError> {
         for (value, name) in

@@ -69,6 +69,16 @@ impl<'a> RunPlan<'a> {
         2 * (self.harmonics + 1)
     }
 
+    /// Equations of all harmonics: real and imaginary parts of every row, and the means.
+    pub(super) fn equations(&self) -> usize {
+        self.source.form.rows.len() * (self.lines() - 1)
+    }
+
+    /// Covariances of them: a triangle.
+    pub(super) fn covariances(&self) -> usize {
+        self.equations() * (self.equations() + 1) / 2
+    }
+
     /// The place of a leaf of a motion among the entries.
     pub(super) fn place(&self, leaf: &Leaf) -> Option<usize> {
         let Leaf::Motion(coordinate, derivative) = leaf else { return None };

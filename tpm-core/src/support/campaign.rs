@@ -326,13 +326,13 @@ impl<T: Real, const P: usize> RunPool<T, P> {
         Self { factor: SquareRoot::default(), centre }
     }
 
-    /// Takes in the equations of a run for the step from its own prior, which count by `1 / max(chi_squared, 1)`; gives what all
+    /// Takes in the equations of a run for the step from `about`, which count by `1 / max(chi_squared, 1)`; gives what all
     /// runs show.
-    pub fn take(&mut self, run: &SquareRoot<T, P>, prior: &[T; P], chi_squared: T) -> Pooled<T, P> {
+    pub fn take(&mut self, run: &SquareRoot<T, P>, about: &[T; P], chi_squared: T) -> Pooled<T, P> {
         let mut by = [T::ZERO; P];
-        for ((by, prior), centre) in by.iter_mut().zip(prior).zip(&mut self.centre) {
-            *by = *prior - *centre;
-            *centre = *prior;
+        for ((by, about), centre) in by.iter_mut().zip(about).zip(&mut self.centre) {
+            *by = *about - *centre;
+            *centre = *about;
         }
         self.factor.move_by(&by);
         let mut run = *run;

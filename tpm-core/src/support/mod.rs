@@ -16,6 +16,7 @@ mod run_lines;
 mod run_noise;
 #[cfg(test)]
 mod run_tests;
+mod run_weigh;
 mod run_workspace;
 mod square_root;
 #[cfg(test)]

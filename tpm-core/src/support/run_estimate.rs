@@ -11,26 +11,18 @@
 //! applied: a hold multiplies their lines by `(1 - e^{-jWT})/(jWT)`, a delay by `e^{-jW delay}`.
 //!
 //! Halfway between the harmonics the same equations hold without the periodic motion, so that `B u - J q` there is noise alone. The
-//! variance of every sensor, and of a force on every row, follows from it by maximum likelihood, and with them the covariance of the
-//! rows at every harmonic, by which equations are weighed. Weights need the parameters: a first pass weighs the rows by the size of
+//! variance of every sensor, and of a force on every row, follows from it by maximum likelihood, and with them the covariance of all
+//! equations, by which they are weighed. Weights need the parameters: a first pass weighs the rows by the size of
 //! their forces, and [`PASSES`] more at the estimate of the pass before.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, so that an update takes a fixed time; indices run up to
-//! lengths of the arrays that they index. Equations are solved for the step from the prior in square-root form, so that single
+//! lengths of the arrays that they index. Equations are solved for the step from the pass before in square-root form, so that single
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
-use super::{Phasor, Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
+use super::{Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
 
 /// Passes that weigh equations by their noise.
 const PASSES: usize = 3;
-/// Noise bandwidth of the Hann window in lines of a transform of the whole run.
-const BANDWIDTH: f64 = 1.5;
-/// A harmonic is used where a force on a row is so many times as large as the noise of the row.
-const LEAST_VISIBLE: f64 = 4.0;
 
 /// What a run says of the parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,8 +33,10 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub deviations: [Option<T>; P],
     /// Their covariance; zero for those that the run does not show.
     pub covariance: [[T; P]; P],
-    /// The weighted equations for the step from the prior, by which runs are pooled.
+    /// The weighted equations for the step from `about`, by which runs are pooled.
     pub equations: SquareRoot<T, P>,
+    /// The parameters from which the steps of the equations count: those of the pass before the last.
+    pub about: [T; P],
     /// The number of directions that the run shows.
     pub rank: usize,
     /// At least the condition number of what is shown, and at most the rank times that.
@@ -54,8 +48,16 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub noise: [T; Q],
 }
 
-impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
-    RunWorkspace<T, Q, R, P, S, L>
+impl<
+    T: Real,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// What a run says of the parameters. Its channels are the Q coordinates and then the U inputs; `prior` has the present estimates,
     /// which weights begin from and parameters that the run does not show keep.
@@ -83,31 +85,31 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         self.evaluate(model, &inputs, w)?;
         let mut theta = *prior;
         self.sensors = [T::ZERO; Q];
-        self.differentiate(model, &theta, w);
+        self.differentiate(model, &inputs, &theta, w);
         self.find_shown(&M::MOTION, w);
-        let mut shown = self.solve(&M::MOTION, (prior, &theta), w, false)?;
+        let mut shown = self.solve(&M::MOTION, &theta, w, false)?;
         for _ in 0..PASSES {
-            put(&mut theta, prior, &shown.0.solution);
-            self.differentiate(model, &theta, w);
+            theta = moved(&theta, prior, &shown.0.solution);
+            self.differentiate(model, &inputs, &theta, w);
             self.find_noise(&M::MOTION, w);
             self.find_shown(&M::MOTION, w);
-            shown = self.solve(&M::MOTION, (prior, &theta), w, true)?;
+            shown = self.solve(&M::MOTION, &theta, w, true)?;
         }
-        put(&mut theta, prior, &shown.0.solution);
         let (found, equations) = shown;
         let freedom = equations.rows() - T::from_f64(found.rank as f64);
         let chi_squared = if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO };
         let factor = chi_squared.max(T::ONE).sqrt();
         let mut values = [None; P];
-        for ((value, step), prior) in values.iter_mut().zip(found.solution).zip(prior) {
-            *value = step.map(|step| *prior + step);
+        for ((value, step), theta) in values.iter_mut().zip(found.solution).zip(theta) {
+            *value = step.map(|step| theta + step);
         }
-        let samples = T::from_f64(f64::from(run.samples()) / (4.0 * BANDWIDTH));
+        let samples = run.samples_behind_line();
         Ok(RunEstimate {
             values,
             deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * factor)),
             covariance: found.covariance.map(|row| row.map(|entry| entry * factor * factor)),
             equations,
+            about: theta,
             rank: found.rank,
             condition: found.condition,
             chi_squared,
@@ -115,149 +117,37 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         })
     }
 
-    /// Solves the equations for the step from the prior; `weighed` by the noise, otherwise rows by the size of their forces. The
+    /// Solves the equations for the step from these parameters; `weighed` by the noise, otherwise rows by the size of their forces. The
     /// equations are returned too.
     fn solve(
-        &self,
+        &mut self,
         slots: &[(usize, u32); S],
-        (prior, theta): (&[T; P], &[T; P]),
+        theta: &[T; P],
         w: T,
         weighed: bool,
     ) -> Result<Found<T, P>, RunFault> {
-        let mut factor = SquareRoot::<T, P>::default();
-        for harmonic in 1..L / 2 {
-            self.push(&mut factor, slots, (prior, theta), w, (harmonic, weighed))?;
-        }
-        if factor.solution().rank < P {
+        let mut factor = self.equations(slots, theta, w, (weighed, false))?;
+        let mut found = factor.solution();
+        if found.rank < P {
             // Noise shifts the mean of a term that is even in a velocity, so that means count only where nothing else shows a parameter.
-            self.push(&mut factor, slots, (prior, theta), w, (0, weighed))?;
+            factor = self.equations(slots, theta, w, (weighed, true))?;
+            found = factor.solution();
         }
-        let found = factor.solution();
         if found.rank == 0 {
             return Err(RunFault::Still);
         }
         Ok((found, factor))
-    }
-
-    /// Takes in the equations of all rows at a harmonic, made independent of each other.
-    fn push(
-        &self,
-        factor: &mut SquareRoot<T, P>,
-        slots: &[(usize, u32); S],
-        (prior, theta): (&[T; P], &[T; P]),
-        w: T,
-        (harmonic, weighed): (usize, bool),
-    ) -> Result<(), RunFault> {
-        let mut covariance = [[Phasor::ZERO; R]; R];
-        if weighed {
-            covariance = self.covariance(slots, harmonic, w);
-            if !self.is_visible(&covariance, theta, harmonic) {
-                return Ok(());
-            }
-        } else {
-            for row in 0..R {
-                covariance[row][row].re = self.size(row);
-            }
-        }
-        let mut phi = [[Phasor::ZERO; P]; R];
-        let mut right = [Phasor::ZERO; R];
-        for row in 0..R {
-            right[row] = self.drive[row][2 * harmonic] - self.known[row][2 * harmonic];
-            for column in 0..P {
-                let entry = self.regressor[row][column][2 * harmonic];
-                right[row] -= entry.times(prior[column]);
-                if self.shown[column] {
-                    phi[row][column] = entry;
-                }
-            }
-        }
-        if !whiten(&mut covariance, &mut phi, &mut right) {
-            return Err(RunFault::Equations);
-        }
-        // A phasor's real and imaginary part have half of its variance each; a mean is real.
-        let scale = if harmonic > 0 { T::from_f64(2.0).sqrt() } else { T::from_f64(2.0) };
-        for (phi, right) in phi.iter().zip(right) {
-            let real = phi.map(|entry| entry.re * scale);
-            factor.push(real, right.re * scale).map_err(|_| RunFault::Equations)?;
-            if harmonic > 0 {
-                let imaginary = phi.map(|entry| entry.im * scale);
-                factor.push(imaginary, right.im * scale).map_err(|_| RunFault::Equations)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Whether a force on any row stands out of the noise: the applied one, or a term at the prior where nothing is applied.
-    fn is_visible(&self, covariance: &[[Phasor<T>; R]; R], theta: &[T; P], harmonic: usize) -> bool {
-        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
-        (0..R).any(|row| {
-            let terms = self.regressor[row].iter().zip(theta).map(|(lines, theta)| lines[2 * harmonic].times(*theta));
-            let forces = terms.chain([self.drive[row][2 * harmonic], self.known[row][2 * harmonic]]);
-            let largest = forces.fold(T::ZERO, |largest, force| largest.max(force.square()));
-            largest > least * covariance[row][row].re
-        })
-    }
-
-    /// The square of the force on a row: of the applied one, or, where nothing is applied, of its terms by parameters of one.
-    fn size(&self, row: usize) -> T {
-        let power = |lines: &[Phasor<T>; L]| lines.iter().step_by(2).fold(T::ZERO, |sum, line| sum + line.square());
-        let applied = power(&self.drive[row]);
-        if applied > T::ZERO {
-            return applied;
-        }
-        let terms = self.regressor[row].iter().fold(power(&self.known[row]), |sum, lines| sum + power(lines));
-        if terms > T::ZERO { terms } else { T::ONE }
     }
 }
 
 /// A solution, and the equations behind it.
 type Found<T, const P: usize> = (Shown<T, P>, SquareRoot<T, P>);
 
-/// The prior with the steps of the parameters that the run shows.
-fn put<T: Real, const P: usize>(theta: &mut [T; P], prior: &[T; P], steps: &[Option<T>; P]) {
-    for ((theta, prior), step) in theta.iter_mut().zip(prior).zip(steps) {
-        *theta = *prior + step.unwrap_or(T::ZERO);
+/// The parameters a step on; the prior where the run does not show one.
+fn moved<T: Real, const P: usize>(theta: &[T; P], prior: &[T; P], steps: &[Option<T>; P]) -> [T; P] {
+    let mut moved = *prior;
+    for ((moved, theta), step) in moved.iter_mut().zip(theta).zip(steps) {
+        *moved = step.map_or(*moved, |step| *theta + step);
     }
-}
-
-/// Makes equations with this covariance independent, of variance one: divides them by its Cholesky factor. Says whether there is one.
-fn whiten<T: Real, const R: usize, const P: usize>(
-    covariance: &mut [[Phasor<T>; R]; R],
-    phi: &mut [[Phasor<T>; P]; R],
-    right: &mut [Phasor<T>; R],
-) -> bool {
-    for row in 0..R {
-        let whole = covariance[row][row].re;
-        for column in 0..row {
-            let mut sum = covariance[row][column];
-            for before in 0..column {
-                sum -= covariance[row][before] * covariance[column][before].conj();
-            }
-            covariance[row][column] = sum.times(T::ONE / covariance[column][column].re);
-        }
-        let mut pivot = whole;
-        for before in 0..row {
-            pivot -= covariance[row][before].square();
-        }
-        // Rows that have all their noise in common still differ by rounding.
-        pivot = pivot.max(whole * T::EPSILON.sqrt());
-        if !(pivot > T::ZERO && pivot.is_finite()) {
-            return false;
-        }
-        let length = pivot.sqrt();
-        covariance[row][row] = Phasor::new(length, T::ZERO);
-        for before in 0..row {
-            let share = covariance[row][before];
-            for column in 0..P {
-                let above = phi[before][column];
-                phi[row][column] -= share * above;
-            }
-            let above = right[before];
-            right[row] -= share * above;
-        }
-        let factor = T::ONE / length;
-        phi[row].iter_mut().for_each(|entry| *entry = entry.times(factor));
-        right[row] = right[row].times(factor);
-    }
-    true
+    moved
 }

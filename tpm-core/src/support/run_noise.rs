@@ -2,7 +2,8 @@
 //!
 //! Halfway between the harmonics the rows hold without the periodic motion, so that `B u - J q` there is noise alone. The variances of
 //! white noise in every sensor and of a white force on every row are those of largest likelihood; the rows' derivatives J along the motion,
-//! which mix the lines, say what they make of every row at every harmonic.
+//! which mix the lines, say what they make of every row at every harmonic. The force is there only where it explains more than chance does:
+//! from a few lines its variance would otherwise take a share of the sensors', and the small harmonics would count less than they show.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
 #![allow(
@@ -16,13 +17,26 @@ use super::{Phasor, Real, RunWorkspace};
 const NOISE_STEPS: usize = 30;
 /// A column is shown where it is so many times as large as what noise makes of it.
 const LEAST_VISIBLE: f64 = 4.0;
+/// A force is known to this share of the largest one of its row at best: an equation that no sensor disturbs, such as the mean of a row
+/// without a stiffness, would otherwise count for more than harmonics that were left out.
+const LEAST_FORCE: f64 = 1e-7;
 /// Roundings of its largest line that every line of a coordinate may have gathered.
 const ROUNDINGS: f64 = 16.0;
+/// What the forces of all rows must add to the logarithm of the likelihood, for each row: twice it exceeds 4 by chance once in 40 times.
+const LEAST_GAIN: f64 = 2.0;
 /// Harmonics of a derivative below this share of its largest one do not mix lines of noise.
 const LEAST_MIXING: f64 = 1e-3;
 
-impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
-    RunWorkspace<T, Q, R, P, S, L>
+impl<
+    T: Real,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// Harmonics of the derivatives that mix the lines of noise: those that are a part of the largest one of their entry.
     pub(super) fn find_reach(&mut self) {
@@ -39,7 +53,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
     }
 
     /// What a line of a coordinate, `line - 2 shift`, makes of a line of a row through one harmonic of the row's derivatives.
-    fn through(
+    pub(super) fn through(
         &self,
         slots: &[(usize, u32); S],
         row: usize,
@@ -66,7 +80,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
     pub(super) fn find_noise(&mut self, slots: &[(usize, u32); S], w: T) {
         let reach = self.reach as i32;
         let mut left = [[T::ZERO; L]; R];
-        for line in (1..L).step_by(2) {
+        for line in 0..L {
             for row in 0..R {
                 let mut residual = self.drive[row][line];
                 for coordinate in 0..Q {
@@ -84,21 +98,49 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
                 left[row][line] = residual.square();
             }
         }
-        self.begin_noise(&left);
-        for _ in 0..NOISE_STEPS {
-            self.improve_noise(&left);
+        let rounding = self.begin_noise(&left);
+        let begin = (self.sensors, self.forces);
+        self.forces = rounding;
+        let alone = self.fit_noise(&left, false);
+        let of_sensors = (self.sensors, self.forces);
+        (self.sensors, self.forces) = begin;
+        let both = self.fit_noise(&left, true);
+        if both - alone > T::from_f64(LEAST_GAIN * R as f64) {
+            return;
         }
+        (self.sensors, self.forces) = of_sensors;
     }
 
-    /// Variances to begin with: a half of what is left of every row by its force, and by every sensor as much as the rows allow it.
-    fn begin_noise(&mut self, left: &[[T; L]; R]) {
+    /// Takes the variances of the sensors, and of the forces too or as they are, to those of largest likelihood; gives its logarithm.
+    fn fit_noise(&mut self, left: &[[T; L]; R], with_forces: bool) -> T {
+        for _ in 0..NOISE_STEPS {
+            self.improve_noise(left, with_forces);
+        }
+        let mut sum = T::ZERO;
+        for row in 0..R {
+            for line in (1..L).step_by(2) {
+                let variance = self.variance(row, line);
+                if variance > T::ZERO && variance.is_finite() {
+                    sum -= left[row][line] / variance + variance.ln();
+                }
+            }
+        }
+        sum
+    }
+
+    /// Variances to begin with: what is left of every row by its force, and by every sensor as much as the rows allow it. Gives those that
+    /// rounding has by itself.
+    fn begin_noise(&mut self, left: &[[T; L]; R]) -> [T; R] {
+        let mut roundings = [T::ZERO; R];
         self.sensors = [T::ZERO; Q];
         let count = T::from_f64(L as f64 / 2.0);
         for row in 0..R {
             let halfway = || (1..L).step_by(2);
             let sum = halfway().fold(T::ZERO, |sum, line| sum + left[row][line]);
             let peak = self.drive[row].iter().chain(&self.known[row]).fold(T::ZERO, |peak, z| peak.max(z.square()));
-            let rounding = T::EPSILON * T::EPSILON * peak;
+            let least = T::EPSILON.max(T::from_f64(LEAST_FORCE));
+            let rounding = least * least * peak;
+            roundings[row] = rounding;
             self.forces[row] = (sum / count).max(rounding);
             for coordinate in 0..Q {
                 let felt = halfway().fold(T::ZERO, |sum, line| sum + self.felt[row][line][coordinate]);
@@ -108,10 +150,11 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
                 }
             }
         }
+        roundings
     }
 
     /// One step towards the variances of largest likelihood.
-    fn improve_noise(&mut self, left: &[[T; L]; R]) {
+    fn improve_noise(&mut self, left: &[[T; L]; R], with_forces: bool) {
         let (mut sensors, mut forces) = ([[T::ZERO; 2]; Q], [[T::ZERO; 2]; R]);
         for row in 0..R {
             for line in (1..L).step_by(2) {
@@ -128,7 +171,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
                 forces[row][1] += expected;
             }
         }
-        let own = self.sensors.iter_mut().zip(sensors).chain(self.forces.iter_mut().zip(forces));
+        let rows = if with_forces { R } else { 0 };
+        let own = self.sensors.iter_mut().zip(sensors).chain(self.forces.iter_mut().zip(forces).take(rows));
         for (variance, [given, expected]) in own {
             if expected > T::ZERO {
                 *variance *= (given / expected).sqrt();
@@ -136,8 +180,8 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         }
     }
 
-    /// Variance of a halfway line of a row.
-    fn variance(&self, row: usize, line: usize) -> T {
+    /// Variance of a line of a row.
+    pub(super) fn variance(&self, row: usize, line: usize) -> T {
         let felt = self.felt[row][line].iter().zip(&self.sensors);
         felt.fold(self.forces[row], |sum, (felt, sensor)| sum + *felt * *sensor)
     }
@@ -162,29 +206,5 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             };
             self.shown[column] = (0..R).any(|row| (0..L / 2).any(|harmonic| stands(row, harmonic)));
         }
-    }
-
-    /// Covariance of the noise of all rows at a harmonic.
-    pub(super) fn covariance(&self, slots: &[(usize, u32); S], harmonic: usize, w: T) -> [[Phasor<T>; R]; R] {
-        let reach = self.reach as i32;
-        let line = 2 * harmonic as i32;
-        let mut covariance = [[Phasor::ZERO; R]; R];
-        for (coordinate, &sensor) in self.sensors.iter().enumerate() {
-            for shift in -reach..=reach {
-                let mut through = [Phasor::ZERO; R];
-                for (row, through) in through.iter_mut().enumerate() {
-                    *through = self.through(slots, row, coordinate, line, shift, w);
-                }
-                for (sums, a) in covariance.iter_mut().zip(through) {
-                    for (sum, b) in sums.iter_mut().zip(through) {
-                        *sum += (a * b.conj()).times(sensor);
-                    }
-                }
-            }
-        }
-        for row in 0..R {
-            covariance[row][row].re += self.forces[row];
-        }
-        covariance
     }
 }

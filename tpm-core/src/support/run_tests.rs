@@ -40,7 +40,7 @@ fn run<T: Real>(later: f64) -> RunLines<T, 2, 26> {
 fn estimate<T: Real>(lines: &RunLines<T, 2, 26>, delay: f64) -> Result<RunEstimate<T, 1, 5>, RunFault> {
     let sampling = RunSampling { sample_time: T::from_f64(SHAPE.2), held: false, delay: T::from_f64(delay) };
     let prior = [1.0, 10.0, 0.0, 0.0, 0.0].map(T::from_f64);
-    RunWorkspace::<T, 1, 1, 5, 3, 26>::default().estimate::<_, 1, 2>(&Oscillator, lines, sampling, &prior)
+    RunWorkspace::<T, 1, 1, 5, 3, 26, 25, 325>::default().estimate::<_, 1, 2>(&Oscillator, lines, sampling, &prior)
 }
 
 #[test]
@@ -86,12 +86,38 @@ fn lines_are_those_of_the_signal_and_nothing_stands_halfway() {
 }
 
 #[test]
+fn white_noise_has_the_stated_variance_in_every_line_but_the_mean() {
+    // With four periods the window is that of Hann, whose variance is 1.5 times that without a window.
+    for (periods, window) in [(4, 1.5), (6, 3.5 * 6.0 / 16.0), (24, 21.5 * 24.0 / 22.0 / 22.0)] {
+        let samples = 1000_u32;
+        let mut run = RunLines::<f64, 1, 400>::new(samples, periods).expect("a shape");
+        let behind = run.samples_behind_line();
+        let without = f64::from(samples * periods) / 4.0;
+        assert!((without / behind - window).abs() < 1e-12, "{periods} periods: {}", without / behind);
+        let mut state = 1_u64;
+        let mut square = 0.0;
+        for number in 0..run.samples() {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let noise = (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
+            square += noise * noise / f64::from(run.samples());
+            run.push(number, &[noise]).expect("finite");
+        }
+        let lines = run.lines().expect("whole");
+        for odd in [0, 1] {
+            let own = lines[0].iter().skip(2 + odd).step_by(2);
+            let variance = own.clone().map(|line| line.square()).sum::<f64>() / own.count() as f64 * behind;
+            // About 200 independent lines of two parts each: 5 % of the level, three of them allowed.
+            assert!((variance / square - 1.0).abs() < 0.21, "{periods} periods, {odd}: {variance} of {square}");
+        }
+    }
+}
+
+#[test]
 fn runs_are_pooled_by_what_they_show() {
     let found = estimate(&run::<f64>(0.0), 0.0).expect("a run");
-    let prior = [1.0, 10.0, 0.0, 0.0, 0.0];
-    let mut pool = RunPool::new(prior);
-    let first = pool.take(&found.equations, &prior, 1.0);
-    let second = pool.take(&found.equations, &prior, 1.0);
+    let mut pool = RunPool::new([1.0, 10.0, 0.0, 0.0, 0.0]);
+    let first = pool.take(&found.equations, &found.about, 1.0);
+    let second = pool.take(&found.equations, &found.about, 1.0);
     let (once, deviation, twice, smaller) = (first.values, first.deviations, second.values, second.deviations);
     for i in 0..4 {
         let (once, twice) = (once[i].expect("shown"), twice[i].expect("shown"));

@@ -36,9 +36,19 @@ pub struct RunSampling<T> {
     pub delay: T,
 }
 
-/// The memory of an update.
+/// The memory of an update: Q coordinates, R rows, P parameters, S entries of a motion, L lines, `E = R (L - 1)` equations at all harmonics,
+/// and `K = E (E + 1) / 2` covariances of them.
 #[derive(Clone, Copy, Debug)]
-pub struct RunWorkspace<T, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize> {
+pub struct RunWorkspace<
+    T,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> {
     /// Lines of the measured coordinates.
     pub(super) motion: [[Phasor<T>; L]; Q],
     /// Harmonics of Phi, in the places of even lines.
@@ -47,6 +57,8 @@ pub struct RunWorkspace<T, const Q: usize, const R: usize, const P: usize, const
     pub(super) known: [[Phasor<T>; L]; R],
     /// Lines of B u.
     pub(super) drive: [[Phasor<T>; L]; R],
+    /// Harmonics of what the rows leave at the present parameters, in the places of even lines.
+    pub(super) rest: [[Phasor<T>; L]; R],
     /// Lines of the rows' derivatives by every entry of the motion, in the places of harmonics: entry m is harmonic m.
     pub(super) gains: [[[Phasor<T>; L]; S]; R],
     /// What a unit of noise in a coordinate makes of the variance of a row, line by line.
@@ -60,10 +72,27 @@ pub struct RunWorkspace<T, const Q: usize, const R: usize, const P: usize, const
     pub(super) forces: [T; R],
     /// The highest harmonic of the derivatives that mixes lines of noise.
     pub(super) reach: usize,
+    /// Harmonic, row and part (real, imaginary) of the equations that count.
+    pub(super) places: [[u16; 3]; E],
+    /// Their coefficients and right sides.
+    pub(super) rows: [[T; P]; E],
+    pub(super) right: [T; E],
+    /// How many there are.
+    pub(super) count: usize,
+    /// Their covariance, then its Cholesky factor: the lower triangle, row by row.
+    pub(super) noise: [T; K],
 }
 
-impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize> Default
-    for RunWorkspace<T, Q, R, P, S, L>
+impl<
+    T: Real,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> Default for RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     fn default() -> Self {
         Self {
@@ -71,6 +100,7 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             regressor: [[[Phasor::ZERO; L]; P]; R],
             known: [[Phasor::ZERO; L]; R],
             drive: [[Phasor::ZERO; L]; R],
+            rest: [[Phasor::ZERO; L]; R],
             gains: [[[Phasor::ZERO; L]; S]; R],
             felt: [[[T::ZERO; Q]; L]; R],
             slopes: [[[T::ZERO; S]; P]; R],
@@ -78,12 +108,25 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
             sensors: [T::ZERO; Q],
             forces: [T::ZERO; R],
             reach: 0,
+            places: [[0; 3]; E],
+            rows: [[T::ZERO; P]; E],
+            right: [T::ZERO; E],
+            count: 0,
+            noise: [T::ZERO; K],
         }
     }
 }
 
-impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, const L: usize>
-    RunWorkspace<T, Q, R, P, S, L>
+impl<
+    T: Real,
+    const Q: usize,
+    const R: usize,
+    const P: usize,
+    const S: usize,
+    const L: usize,
+    const E: usize,
+    const K: usize,
+> RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// Lines of the applied inputs, the channels behind the coordinates.
     pub(super) fn applied<const U: usize, const C: usize>(
@@ -152,13 +195,16 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         Ok(())
     }
 
-    /// Lines of the rows' derivatives along the motion at these parameters.
+    /// Lines of the rows' derivatives along the motion at these parameters, and harmonics of what the rows leave there: taken before the
+    /// harmonics it is small, and rounding with it.
     pub(super) fn differentiate<M: RunModel<T, U, R, P, S>, const U: usize>(
         &mut self,
         model: &M,
+        inputs: &[[Phasor<T>; L]; U],
         theta: &[T; P],
         w: T,
     ) {
+        self.rest = [[Phasor::ZERO; L]; R];
         self.gains = [[[Phasor::ZERO; L]; S]; R];
         self.slopes = [[[T::ZERO; S]; P]; R];
         let mean = T::ONE / T::from_f64(M::POINTS as f64);
@@ -166,6 +212,18 @@ impl<T: Real, const Q: usize, const R: usize, const P: usize, const S: usize, co
         for point in 0..M::POINTS {
             let turn = turn::<T>(point, M::POINTS);
             let motion = motion_at(&self.motion, &M::MOTION, turn, w);
+            let (mut phi, mut known, mut map) = ([[T::ZERO; P]; R], [T::ZERO; R], [[T::ZERO; U]; R]);
+            model.rows(&motion, &mut phi, &mut known, &mut map);
+            for row in 0..R {
+                let mut rest = -known[row];
+                for (b, lines) in map[row].iter().zip(inputs) {
+                    rest += *b * value_at(lines, 0, turn, w);
+                }
+                for (entry, theta) in phi[row].iter().zip(theta) {
+                    rest -= *entry * *theta;
+                }
+                add_harmonics(&mut self.rest[row], rest * mean, turn);
+            }
             for entry in 0..S {
                 let mut sides = [([[T::ZERO; P]; R], [T::ZERO; R]); 2];
                 for ((phi, known), sign) in sides.iter_mut().zip([T::ONE, -T::ONE]) {

@@ -305,11 +305,11 @@ static void campaign_take(CAMPAIGN *campaign, REAL chi_squared)
 
     for (i = 0; i < COLUMNS; ++i) {
         for (j = 0; j < COLUMNS; ++j) {
-            pool->right[i] -= pool->factor[i][j] * (campaign->workspace.prior[j] - campaign->centre[j]);
+            pool->right[i] -= pool->factor[i][j] * (campaign->workspace.about[j] - campaign->centre[j]);
         }
     }
     for (i = 0; i < COLUMNS; ++i) {
-        campaign->centre[i] = campaign->workspace.prior[i];
+        campaign->centre[i] = campaign->workspace.about[i];
         for (j = 0; j < COLUMNS; ++j) {
             run->factor[i][j] *= share;
         }

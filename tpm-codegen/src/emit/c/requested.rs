@@ -185,7 +185,8 @@ static void back_substitute(WORKSPACE *workspace, size_t rank, REAL *values)
 
 STATUS SOLVE(const ESTIMATOR *estimator, WORKSPACE *workspace, ESTIMATE *estimate)
 {
-    const REAL tiny = EPSILON * FOUR * ((REAL)COLUMNS + SQRT(estimator->rows));
+    const REAL rounding = EPSILON * FOUR * ((REAL)COLUMNS + SQRT(estimator->rows));
+    const REAL tiny = rounding > LEAST ? rounding : LEAST;
     const REAL leak = SQRT(tiny);
     REAL *const first = &workspace->matrix[0][0];
     size_t *const order = workspace->order;
@@ -318,6 +319,7 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("ZERO", scalar.literal(0.0)),
         ("ONE", scalar.literal(1.0)),
         ("FOUR", scalar.literal(4.0)),
+        ("LEAST", scalar.literal(1e-8)),
         ("FABS", scalar.function("fabs")),
         ("SQRT", scalar.function("sqrt")),
     ];

@@ -76,6 +76,8 @@ fn sizes(context: &mut Context<'_>, plan: &RunPlan<'_>) {
             plan.lines(),
             "Lines of a channel: harmonics from the mean on, and the lines halfway behind each.",
         ),
+        ("RUN_ALL_EQUATIONS", plan.equations(), "Equations at all harmonics."),
+        ("RUN_COVARIANCES", plan.covariances(), "Covariances of them."),
         ("RUN_POINTS", plan.points, "Points of a period at which the equations are evaluated."),
     ];
     let sizes: String = list.into_iter().map(|(name, size, about)| size_macro(context, name, size, about)).collect();
@@ -130,13 +132,15 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("ONE", 1.0),
         ("TWO", 2.0),
         ("FOUR", 4.0),
+        ("LEAST", 1e-8),
+        ("FORCE", 1e-7),
         ("STEP", 1e-2),
         ("MIXING", 1e-6),
         ("VISIBLE", 16.0),
         ("ROUNDINGS", 256.0),
     ];
     words.extend(numbers.map(|(name, value)| (name, scalar.literal(value))));
-    let functions = [("FABS", "fabs"), ("SQRT", "sqrt"), ("SIN", "sin"), ("COS", "cos")];
+    let functions = [("FABS", "fabs"), ("SQRT", "sqrt"), ("SIN", "sin"), ("COS", "cos"), ("LOG", "log")];
     words.extend(functions.map(|(name, function)| (name, scalar.function(function))));
     let sizes = [
         ("COORDINATES", "RUN_COORDINATES"),
@@ -146,6 +150,8 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("COLUMNS", "RUN_PARAMETERS"),
         ("ENTRIES", "RUN_ENTRIES"),
         ("LINES", "RUN_LINES"),
+        ("ALL", "RUN_ALL_EQUATIONS"),
+        ("COVARIANCES", "RUN_COVARIANCES"),
         ("POINTS", "RUN_POINTS"),
         ("OK", "RUN_OK"),
         ("SAMPLES", "RUN_SAMPLES"),

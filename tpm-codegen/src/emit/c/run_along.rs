@@ -50,7 +50,7 @@ static void run_motion_at(const WORKSPACE *workspace, PHASOR turn, REAL w, REAL 
 /* Lines of the channels: the coordinates' as they are, the inputs' as they are applied. */
 static void run_lines(const RUN *run, WORKSPACE *workspace, REAL w)
 {
-    const REAL mean = ONE / (REAL)run->samples;
+    const REAL mean = ONE / (REAL)(run->samples - 2 * run->samples_per_period);
     size_t channel, line;
 
     for (channel = 0; channel < CHANNELS; ++channel) {
@@ -133,7 +133,32 @@ static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
     return OK;
 }
 
-/* Lines of the rows' derivatives along the motion at the present parameters. */
+/* Adds what the rows leave at a point: taken before the harmonics, it is small, and rounding with it. */
+static void run_add_rest(WORKSPACE *workspace, const REAL motion[ENTRIES], PHASOR turn, REAL wCONSTANTS)
+{
+    REAL regressor[ROWS][COLUMNS];
+    REAL known[ROWS];
+    REAL map[ROWS][INPUTS];
+    REAL forces[INPUTS];
+    size_t row, column, input;
+
+    run_rows(motion, regressor, known, mapARGUMENT);
+    for (input = 0; input < INPUTS; ++input) {
+        forces[input] = run_value(workspace->inputs[input], 0, turn, w);
+    }
+    for (row = 0; row < ROWS; ++row) {
+        REAL rest = -known[row];
+        for (input = 0; input < INPUTS; ++input) {
+            rest += map[row][input] * forces[input];
+        }
+        for (column = 0; column < COLUMNS; ++column) {
+            rest -= regressor[row][column] * workspace->theta[column];
+        }
+        run_add_harmonics(workspace->rest[row], rest / (REAL)POINTS, turn);
+    }
+}
+
+/* Lines of the rows' derivatives along the motion at the present parameters, and harmonics of what the rows leave there. */
 static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
 {
     const REAL mean = ONE / (REAL)POINTS;
@@ -156,10 +181,16 @@ static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
             }
         }
     }
+    for (row = 0; row < ROWS; ++row) {
+        for (line = 0; line < LINES; ++line) {
+            workspace->rest[row][line] = run_phasor(ZERO, ZERO);
+        }
+    }
     for (point = 0; point < POINTS; ++point) {
         const PHASOR turn = run_point(point);
         REAL motion[ENTRIES];
         run_motion_at(workspace, turn, w, motion);
+        run_add_rest(workspace, motion, turn, wARGUMENT);
         for (entry = 0; entry < ENTRIES; ++entry) {
             const REAL both = steps[entry] + steps[entry];
             const REAL centre = motion[entry];

@@ -4,38 +4,8 @@
 
 /// The equations, and their solution.
 pub(super) const EQUATIONS: &str = "
-/* Covariance of the noise of all rows at a harmonic. */
-static void run_covariance(const WORKSPACE *workspace, size_t harmonic, REAL w, PHASOR covariance[ROWS][ROWS])
-{
-    size_t row, other, coordinate;
-    int shift;
-
-    for (row = 0; row < ROWS; ++row) {
-        for (other = 0; other < ROWS; ++other) {
-            covariance[row][other] = run_phasor(ZERO, ZERO);
-        }
-    }
-    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
-        for (shift = -workspace->reach; shift <= workspace->reach; ++shift) {
-            PHASOR through[ROWS];
-            for (row = 0; row < ROWS; ++row) {
-                through[row] = run_through(workspace, row, coordinate, 2 * (int)harmonic, shift, w);
-            }
-            for (row = 0; row < ROWS; ++row) {
-                for (other = 0; other < ROWS; ++other) {
-                    const PHASOR product = run_times(through[row], run_conjugate(through[other]));
-                    run_add(&covariance[row][other], run_scaled(product, workspace->sensors[coordinate]));
-                }
-            }
-        }
-    }
-    for (row = 0; row < ROWS; ++row) {
-        covariance[row][row].re += workspace->forces[row];
-    }
-}
-
 /* Whether a force on any row stands out of the noise: the applied one, or a term at the present parameters. */
-static int run_is_visible(const WORKSPACE *workspace, size_t harmonic, PHASOR covariance[ROWS][ROWS])
+static int run_is_visible(const WORKSPACE *workspace, size_t harmonic)
 {
     const size_t line = 2 * harmonic;
     size_t row, column;
@@ -49,7 +19,7 @@ static int run_is_visible(const WORKSPACE *workspace, size_t harmonic, PHASOR co
             const REAL square = run_square(term);
             largest = square > largest ? square : largest;
         }
-        if (largest > VISIBLE * covariance[row][row].re) {
+        if (largest > VISIBLE * run_variance(workspace, row, line)) {
             return 1;
         }
     }
@@ -80,50 +50,10 @@ static REAL run_size(const WORKSPACE *workspace, size_t row)
     return terms > ZERO ? terms : ONE;
 }
 
-/* Divides equations by the Cholesky factor of their covariance; 0 when there is none. */
-static int run_whiten(PHASOR covariance[ROWS][ROWS], PHASOR phi[ROWS][COLUMNS], PHASOR right[ROWS])
+/* Rotates a row in, unless a number of it is not finite; the row itself stays. */
+static int run_push_row(FACTOR *factor, const REAL row[COLUMNS], REAL right)
 {
-    size_t row, column, before;
-
-    for (row = 0; row < ROWS; ++row) {
-        const REAL whole = covariance[row][row].re;
-        REAL pivot = whole;
-        REAL least, length;
-        for (column = 0; column < row; ++column) {
-            PHASOR sum = covariance[row][column];
-            for (before = 0; before < column; ++before) {
-                run_subtract(&sum, run_times(covariance[row][before], run_conjugate(covariance[column][before])));
-            }
-            covariance[row][column] = run_scaled(sum, ONE / covariance[column][column].re);
-        }
-        for (before = 0; before < row; ++before) {
-            pivot -= run_square(covariance[row][before]);
-        }
-        /* Rows that have all their noise in common still differ by rounding. */
-        least = whole * SQRT(EPSILON);
-        pivot = pivot > least ? pivot : least;
-        if (!(pivot > ZERO && pivot <= MAX)) {
-            return 0;
-        }
-        length = SQRT(pivot);
-        covariance[row][row] = run_phasor(length, ZERO);
-        for (before = 0; before < row; ++before) {
-            for (column = 0; column < COLUMNS; ++column) {
-                run_subtract(&phi[row][column], run_times(covariance[row][before], phi[before][column]));
-            }
-            run_subtract(&right[row], run_times(covariance[row][before], right[before]));
-        }
-        for (column = 0; column < COLUMNS; ++column) {
-            phi[row][column] = run_scaled(phi[row][column], ONE / length);
-        }
-        right[row] = run_scaled(right[row], ONE / length);
-    }
-    return 1;
-}
-
-/* Rotates a row in, unless a number of it is not finite. */
-static int run_push_row(FACTOR *factor, REAL row[COLUMNS], REAL right)
-{
+    REAL rotated[COLUMNS];
     size_t column;
 
     if (!(FABS(right) <= MAX)) {
@@ -133,72 +63,144 @@ static int run_push_row(FACTOR *factor, REAL row[COLUMNS], REAL right)
         if (!(FABS(row[column]) <= MAX)) {
             return 0;
         }
+        rotated[column] = row[column];
     }
-    rotate_in(factor, row, right);
+    rotate_in(factor, rotated, right);
     return 1;
 }
 
-/* Takes in the equations of all rows at a harmonic, made independent of each other. */
-static STATUS run_push_harmonic(WORKSPACE *workspace, size_t harmonic, REAL w, int weighed)
+/* The place of an entry of a triangle. */
+static size_t run_at(size_t row, size_t column)
 {
-    const REAL scale = harmonic > 0 ? SQRT(TWO) : TWO;
-    PHASOR covariance[ROWS][ROWS];
-    PHASOR phi[ROWS][COLUMNS];
-    PHASOR right[ROWS];
-    REAL part[COLUMNS];
-    size_t row, other, column;
-
-    if (weighed) {
-        run_covariance(workspace, harmonic, w, covariance);
-        if (!run_is_visible(workspace, harmonic, covariance)) {
-            return OK;
-        }
-    } else {
-        for (row = 0; row < ROWS; ++row) {
-            for (other = 0; other < ROWS; ++other) {
-                covariance[row][other] = run_phasor(row == other ? run_size(workspace, row) : ZERO, ZERO);
-            }
-        }
-    }
-    for (row = 0; row < ROWS; ++row) {
-        right[row] = workspace->drive[row][2 * harmonic];
-        run_subtract(&right[row], workspace->known[row][2 * harmonic]);
-        for (column = 0; column < COLUMNS; ++column) {
-            phi[row][column] = workspace->regressor[row][column][2 * harmonic];
-            run_subtract(&right[row], run_scaled(phi[row][column], workspace->prior[column]));
-            if (!workspace->stands[column]) {
-                phi[row][column] = run_phasor(ZERO, ZERO);
-            }
-        }
-    }
-    if (!run_whiten(covariance, phi, right)) {
-        return NOT_EVALUATED;
-    }
-    for (row = 0; row < ROWS; ++row) {
-        for (column = 0; column < COLUMNS; ++column) {
-            part[column] = phi[row][column].re * scale;
-        }
-        if (!run_push_row(&workspace->factor, part, right[row].re * scale)) {
-            return NOT_EVALUATED;
-        }
-        if (harmonic > 0) {
-            for (column = 0; column < COLUMNS; ++column) {
-                part[column] = phi[row][column].im * scale;
-            }
-            if (!run_push_row(&workspace->factor, part, right[row].im * scale)) {
-                return NOT_EVALUATED;
-            }
-        }
-    }
-    return OK;
+    return row * (row + 1) / 2 + column;
 }
 
-/* Solves the equations for the step from the prior. */
-static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
+/* Harmonic, row and part (real, imaginary) of all equations that count, and their coefficients. */
+static void run_collect(WORKSPACE *workspace, int weighed, int means)
+{
+    size_t harmonic, row, column;
+    uint16_t part;
+
+    workspace->count = 0;
+    for (harmonic = means ? 0 : 1; harmonic < LINES / 2; ++harmonic) {
+        if (weighed && !run_is_visible(workspace, harmonic)) {
+            continue;
+        }
+        for (row = 0; row < ROWS; ++row) {
+            const PHASOR right = workspace->rest[row][2 * harmonic];
+            for (part = 0; part < (harmonic > 0 ? 2 : 1); ++part) {
+                const size_t index = workspace->count++;
+                workspace->places[index][0] = (uint16_t)harmonic;
+                workspace->places[index][1] = (uint16_t)row;
+                workspace->places[index][2] = part;
+                for (column = 0; column < COLUMNS; ++column) {
+                    const PHASOR entry = workspace->regressor[row][column][2 * harmonic];
+                    const REAL own = part == 0 ? entry.re : entry.im;
+                    workspace->rows[index][column] = workspace->stands[column] ? own : ZERO;
+                }
+                workspace->right[index] = part == 0 ? right.re : right.im;
+            }
+        }
+    }
+}
+
+/* Adds what the noise of a coordinate that reaches an equation by a shift is multiplied by there. */
+static void run_reach(WORKSPACE *workspace, size_t index, size_t coordinate, int shift, REAL sign, REAL w)
+{
+    const size_t harmonic = workspace->places[index][0];
+    PHASOR through;
+
+    if (shift > workspace->reach || -shift > workspace->reach) {
+        return;
+    }
+    through = run_through(workspace, workspace->places[index][1], coordinate, 2 * (int)harmonic, shift, w);
+    if (workspace->places[index][2] == 0) {
+        workspace->by[index][0] += through.re;
+        workspace->by[index][1] -= through.im * sign;
+    } else {
+        workspace->by[index][0] += through.im;
+        workspace->by[index][1] += through.re * sign;
+    }
+}
+
+/* Adds the covariance that the noise of a coordinate at one harmonic, below or beyond those that are used, gives all equations. */
+static void run_add_noise(WORKSPACE *workspace, size_t coordinate, int line, REAL w)
+{
+    const REAL half = workspace->sensors[coordinate] / TWO;
+    const REAL variance = line > 0 ? half : half + half;
+    size_t index, other, part;
+
+    for (index = 0; index < workspace->count; ++index) {
+        const int harmonic = (int)workspace->places[index][0];
+        workspace->by[index][0] = workspace->by[index][1] = ZERO;
+        run_reach(workspace, index, coordinate, harmonic - line, ONE, w);
+        if (line > 0) {
+            run_reach(workspace, index, coordinate, harmonic + line, -ONE, w);
+        } else {
+            workspace->by[index][1] = ZERO;
+        }
+        if (harmonic == 0) {
+            workspace->by[index][0] /= TWO;
+            workspace->by[index][1] /= TWO;
+        }
+    }
+    for (index = 0; index < workspace->count; ++index) {
+        for (part = 0; part < 2; ++part) {
+            const REAL own = workspace->by[index][part] * variance;
+            if (!(FABS(own) > ZERO)) {
+                continue;
+            }
+            for (other = 0; other <= index; ++other) {
+                workspace->noise[run_at(index, other)] += own * workspace->by[other][part];
+            }
+        }
+    }
+}
+
+/* The next row of the Cholesky factor in the place of the covariance, and the equation divided by it; 0 when there is none. */
+static int run_whiten(WORKSPACE *workspace, size_t index)
+{
+    REAL *const noise = workspace->noise;
+    REAL *const row = workspace->rows[index];
+    const REAL whole = noise[run_at(index, index)];
+    REAL pivot = whole;
+    REAL least, length;
+    size_t before, other, column;
+
+    for (before = 0; before < index; ++before) {
+        REAL share = noise[run_at(index, before)];
+        for (other = 0; other < before; ++other) {
+            share -= noise[run_at(index, other)] * noise[run_at(before, other)];
+        }
+        share /= noise[run_at(before, before)];
+        noise[run_at(index, before)] = share;
+        pivot -= share * share;
+        for (column = 0; column < COLUMNS; ++column) {
+            row[column] -= share * workspace->rows[before][column];
+        }
+        workspace->right[index] -= share * workspace->right[before];
+    }
+    /* Equations that have all their noise in common still differ by rounding. */
+    least = whole * ROUNDINGS * EPSILON;
+    pivot = pivot > least ? pivot : least;
+    if (!(pivot > ZERO && pivot <= MAX)) {
+        return 0;
+    }
+    length = SQRT(pivot);
+    noise[run_at(index, index)] = length;
+    for (column = 0; column < COLUMNS; ++column) {
+        row[column] /= length;
+    }
+    workspace->right[index] /= length;
+    return 1;
+}
+
+/* The equations of the visible harmonics for the step from the present parameters, independent and of variance one. */
+static STATUS run_equations(WORKSPACE *workspace, REAL w, int weighed, int means)
 {
     FACTOR *const factor = &workspace->factor;
-    STATUS status = OK;
-    size_t i, j;
+    size_t index, i, j;
+    int line;
 
     for (i = 0; i < COLUMNS; ++i) {
         for (j = 0; j < COLUMNS; ++j) {
@@ -208,23 +210,49 @@ static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
     }
     factor->residual = ZERO;
     factor->rows = ZERO;
-    for (i = 1; i < LINES / 2 && status == OK; ++i) {
-        status = run_push_harmonic(workspace, i, w, weighed);
+    run_collect(workspace, weighed, means);
+    for (index = 0; index < COVARIANCES; ++index) {
+        workspace->noise[index] = ZERO;
     }
+    for (index = 0; index < workspace->count; ++index) {
+        const size_t row = workspace->places[index][1];
+        const REAL force = weighed ? workspace->forces[row] : run_size(workspace, row);
+        workspace->noise[run_at(index, index)] = force / (workspace->places[index][0] > 0 ? TWO : FOUR);
+    }
+    for (line = 0; weighed && line < (int)LINES / 2 + workspace->reach; ++line) {
+        for (i = 0; i < COORDINATES; ++i) {
+            run_add_noise(workspace, i, line, w);
+        }
+    }
+    for (index = 0; index < workspace->count; ++index) {
+        if (!run_whiten(workspace, index) || !run_push_row(factor, workspace->rows[index], workspace->right[index])) {
+            return NOT_EVALUATED;
+        }
+    }
+    return OK;
+}
+
+/* Solves the equations for the step from the parameters of the pass before; the prior stays where the run does not show one. */
+static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
+{
+    STATUS status = run_equations(workspace, w, weighed, 0);
+    size_t i;
+
     if (status == OK) {
-        run_solution_of(factor, &workspace->solution, &workspace->shown);
-        if (workspace->shown.rank < COLUMNS) {
+        run_solution_of(&workspace->factor, &workspace->solution, &workspace->shown);
+        if (workspace->shown.rank < (int)COLUMNS) {
             /* Means count only where nothing else shows a parameter: noise shifts that of a term even in a velocity. */
-            status = run_push_harmonic(workspace, 0, w, weighed);
-            run_solution_of(factor, &workspace->solution, &workspace->shown);
+            status = run_equations(workspace, w, weighed, 1);
+            run_solution_of(&workspace->factor, &workspace->solution, &workspace->shown);
         }
     }
     if (status == OK && workspace->shown.rank == 0) {
         status = STILL;
     }
     for (i = 0; i < COLUMNS; ++i) {
-        const REAL step = workspace->shown.shown[i] ? workspace->solution.column[i] : ZERO;
-        workspace->theta[i] = workspace->prior[i] + step;
+        const REAL theta = workspace->theta[i] + workspace->solution.column[i];
+        workspace->about[i] = workspace->theta[i];
+        workspace->theta[i] = workspace->shown.shown[i] ? theta : workspace->prior[i];
     }
     return status;
 }

@@ -67,10 +67,9 @@ fn solution(context: &Context<'_>, names: &Names<String>) -> String {
 ",
         context.constants_argument()
     ));
-    // A line has the variance of 4 times the window's bandwidth over the samples.
     let sqrt = scalar.function("sqrt");
     for (index, names) in names.coordinates.iter().enumerate() {
-        let level = format!("workspace->sensors[{index}] * ({real})run->samples / {}", scalar.literal(6.0));
+        let level = format!("workspace->sensors[{index}] * run_samples_behind_line(run)");
         body.push_str(&statement(1, &format!("estimate->noise.{} = {sqrt}({level});", names.field)));
     }
     body.push_str(&format!("    return {ok};\n"));
@@ -103,7 +102,7 @@ fn fill(context: &mut Context<'_>, names: &Names<String>) {
         solved = context.global("run_solution"),
     );
     for (index, name) in names.columns.iter().enumerate() {
-        let value = format!("workspace->prior[{index}] + solution->solution[{index}]");
+        let value = format!("workspace->about[{index}] + solution->solution[{index}]");
         text.push_str(&statement(1, &format!("estimate->parameters.{name} = {value};")));
     }
     text.push_str(&format!(

@@ -24,7 +24,7 @@ static PHASOR run_through(const WORKSPACE *workspace, size_t row, size_t coordin
     return sum;
 }
 
-/* Variance of a halfway line of a row. */
+/* Variance of a line of a row. */
 static REAL run_variance(const WORKSPACE *workspace, size_t row, size_t line)
 {
     REAL sum = workspace->forces[row];
@@ -36,8 +36,8 @@ static REAL run_variance(const WORKSPACE *workspace, size_t row, size_t line)
     return sum;
 }
 
-/* One step towards the variances of largest likelihood; none becomes negative. */
-static void run_improve_noise(WORKSPACE *workspace)
+/* One step of the sensors' variances, and of the forces' too or as they are, towards the largest likelihood; none becomes negative. */
+static void run_improve_noise(WORKSPACE *workspace, int with_forces)
 {
     REAL sensors[COORDINATES][2];
     REAL forces[ROWS][2];
@@ -69,18 +69,39 @@ static void run_improve_noise(WORKSPACE *workspace)
             workspace->sensors[coordinate] *= SQRT(sensors[coordinate][0] / sensors[coordinate][1]);
         }
     }
-    for (row = 0; row < ROWS; ++row) {
+    for (row = 0; row < ROWS && with_forces; ++row) {
         if (forces[row][1] > ZERO) {
             workspace->forces[row] *= SQRT(forces[row][0] / forces[row][1]);
         }
     }
 }
 
+/* Takes the variances to those of largest likelihood; gives its logarithm. */
+static REAL run_fit_noise(WORKSPACE *workspace, int with_forces)
+{
+    REAL sum = ZERO;
+    size_t row, line, step;
+
+    for (step = 0; step < NOISE_STEPS; ++step) {
+        run_improve_noise(workspace, with_forces);
+    }
+    for (row = 0; row < ROWS; ++row) {
+        for (line = 1; line < LINES; line += 2) {
+            const REAL variance = run_variance(workspace, row, line);
+            if (variance > ZERO && variance <= MAX) {
+                sum -= workspace->left[row][line] / variance + LOG(variance);
+            }
+        }
+    }
+    return sum;
+}
+
 /* Variances of the sensors and of a force on every row, from the lines halfway between the harmonics. */
 static void run_find_noise(WORKSPACE *workspace, REAL w)
 {
     const int reach = workspace->reach;
-    size_t row, line, coordinate, step;
+    REAL roundings[ROWS], forces[ROWS], sensors[COORDINATES], begin[COORDINATES], alone;
+    size_t row, line, coordinate;
     int shift;
 
     for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
@@ -90,7 +111,7 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
         REAL sum = ZERO;
         REAL peak = ZERO;
         REAL rounding;
-        for (line = 1; line < LINES; line += 2) {
+        for (line = 0; line < LINES; ++line) {
             PHASOR residual = workspace->drive[row][line];
             for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
                 REAL felt = ZERO;
@@ -110,7 +131,7 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
                 workspace->felt[row][line][coordinate] = felt;
             }
             workspace->left[row][line] = run_square(residual);
-            sum += workspace->left[row][line];
+            sum += line % 2 != 0 ? workspace->left[row][line] : ZERO;
         }
         for (line = 0; line < LINES; ++line) {
             const REAL drive = run_square(workspace->drive[row][line]);
@@ -118,7 +139,9 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
             peak = drive > peak ? drive : peak;
             peak = known > peak ? known : peak;
         }
-        rounding = EPSILON * EPSILON * peak;
+        /* A force is known to this share of the largest one of its row at best. */
+        rounding = EPSILON > FORCE ? EPSILON * EPSILON * peak : FORCE * FORCE * peak;
+        roundings[row] = rounding;
         workspace->forces[row] = sum / ((REAL)LINES / TWO);
         if (!(workspace->forces[row] > rounding)) {
             workspace->forces[row] = rounding;
@@ -133,8 +156,30 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
             }
         }
     }
-    for (step = 0; step < NOISE_STEPS; ++step) {
-        run_improve_noise(workspace);
+    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+        begin[coordinate] = workspace->sensors[coordinate];
+    }
+    for (row = 0; row < ROWS; ++row) {
+        forces[row] = workspace->forces[row];
+        workspace->forces[row] = roundings[row];
+    }
+    /* A force is there only where it explains more than chance does. */
+    alone = run_fit_noise(workspace, 0);
+    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+        sensors[coordinate] = workspace->sensors[coordinate];
+        workspace->sensors[coordinate] = begin[coordinate];
+    }
+    for (row = 0; row < ROWS; ++row) {
+        workspace->forces[row] = forces[row];
+    }
+    if (run_fit_noise(workspace, 1) - alone > TWO * (REAL)ROWS) {
+        return;
+    }
+    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+        workspace->sensors[coordinate] = sensors[coordinate];
+    }
+    for (row = 0; row < ROWS; ++row) {
+        workspace->forces[row] = roundings[row];
     }
 }
 

@@ -44,7 +44,8 @@ typedef struct PHASOR {
 
 /*
  * The samples of a run, as the lines of every channel. Line i has the angular frequency i w / 2:
- * those of even i are harmonics, those of odd i are noise under a Hann window.
+ * those of even i are harmonics, those of odd i are noise, under a window that rises over two periods
+ * and falls over two.
  */
 typedef struct RUN {
     SAMPLING sampling;
@@ -54,8 +55,12 @@ typedef struct RUN {
     uint32_t samples_per_period;
     uint32_t samples;
     uint32_t count;
-    PHASOR period[CHANNELS][LINES];
+    /* Samples of a part of the run: the root of all, with which rounding grows then. */
+    uint32_t part_samples;
+    PHASOR part[CHANNELS][LINES];
     PHASOR total[CHANNELS][LINES];
+    /* What rounding has added to the total so far. */
+    PHASOR excess[CHANNELS][LINES];
 } RUN;
 
 /* The triangular factor of weighted equations. */
@@ -92,6 +97,7 @@ typedef struct WORKSPACE {
     PHASOR regressor[ROWS][COLUMNS][LINES];
     PHASOR known[ROWS][LINES];
     PHASOR drive[ROWS][LINES];
+    PHASOR rest[ROWS][LINES];
     PHASOR gains[ROWS][ENTRIES][LINES];
     REAL felt[ROWS][LINES][COORDINATES];
     REAL left[ROWS][LINES];
@@ -102,9 +108,20 @@ typedef struct WORKSPACE {
     int reach;
     REAL prior[COLUMNS];
     REAL theta[COLUMNS];
+    /* The parameters from which the steps of the equations count. */
+    REAL about[COLUMNS];
     FACTOR factor;
     SOLUTION solution;
     SHOWN shown;
+    /* Harmonic, row and part of the equations that count, their coefficients and right sides. */
+    uint16_t places[ALL][3];
+    REAL rows[ALL][COLUMNS];
+    REAL right[ALL];
+    size_t count;
+    /* What noise is multiplied by in every equation. */
+    REAL by[ALL][2];
+    /* Covariance of the equations, then its Cholesky factor: the lower triangle, row by row. */
+    REAL noise[COVARIANCES];
 } WORKSPACE;
 ";
 
@@ -191,10 +208,11 @@ STATUS BEGIN(RUN *run, uint32_t samples_per_period, uint32_t periods, const SAMP
     run->status = OK;
     run->samples_per_period = samples_per_period;
     run->samples = 0;
+    run->part_samples = 1;
     run->count = 0;
     for (channel = 0; channel < CHANNELS; ++channel) {
         for (line = 0; line < LINES; ++line) {
-            run->period[channel][line] = run->total[channel][line] = run_phasor(ZERO, ZERO);
+            run->part[channel][line] = run->total[channel][line] = run->excess[channel][line] = run_phasor(ZERO, ZERO);
         }
     }
     if (periods < 4 || periods % 2 != 0) {
@@ -203,6 +221,7 @@ STATUS BEGIN(RUN *run, uint32_t samples_per_period, uint32_t periods, const SAMP
         run->status = SAMPLES;
     } else {
         run->samples = samples_per_period * periods;
+        run->part_samples = (uint32_t)SQRT((REAL)run->samples);
     }
     return run->status;
 }
@@ -213,12 +232,20 @@ static REAL run_angle(uint32_t number, uint32_t of)
     return (REAL)(TURN * (double)number / (double)of);
 }
 
+/* The variance of white noise in the samples of a channel over that of its lines. */
+static REAL run_samples_behind_line(const RUN *run)
+{
+    const REAL flat = (REAL)(run->samples / run->samples_per_period - 2);
+
+    return (REAL)run->samples_per_period * flat * flat / (FOUR * (flat - ONE / TWO));
+}
+
 /* Takes in the channels of a sample. */
 static STATUS run_take(RUN *run, uint32_t number, const REAL channels[CHANNELS])
 {
-    REAL weight;
+    REAL weight = ONE;
     PHASOR step;
-    uint32_t two_periods;
+    uint32_t two_periods, edge;
     size_t channel, line;
 
     if (run->status == OK && number != run->count) {
@@ -233,21 +260,31 @@ static STATUS run_take(RUN *run, uint32_t number, const REAL channels[CHANNELS])
         return run->status;
     }
     two_periods = run->samples_per_period > UINT32_MAX / 2 ? UINT32_MAX : 2 * run->samples_per_period;
-    weight = ONE - COS(run_angle(number, run->samples));
+    edge = number < run->samples - number ? number : run->samples - number;
+    if (edge < two_periods) {
+        weight = (ONE - COS(run_angle(edge, 2 * two_periods))) / TWO;
+    }
     step = run_conjugate(run_turn(run_angle(number % two_periods, two_periods)));
     for (channel = 0; channel < CHANNELS; ++channel) {
         PHASOR turned = run_phasor(channels[channel] * weight, ZERO);
         for (line = 0; line < LINES; ++line) {
-            run_add(&run->period[channel][line], turned);
+            run_add(&run->part[channel][line], turned);
             turned = run_times(turned, step);
         }
     }
     ++run->count;
-    if (run->count % run->samples_per_period == 0) {
+    if (run->count % run->part_samples == 0 || run->count == run->samples) {
         for (channel = 0; channel < CHANNELS; ++channel) {
             for (line = 0; line < LINES; ++line) {
-                run_add(&run->total[channel][line], run->period[channel][line]);
-                run->period[channel][line] = run_phasor(ZERO, ZERO);
+                /* Kahan: single precision keeps the noise of a line, which is far below the line itself. */
+                const PHASOR before = run->total[channel][line];
+                PHASOR added = run->part[channel][line];
+                run_subtract(&added, run->excess[channel][line]);
+                run_add(&run->total[channel][line], added);
+                run->excess[channel][line] = run->total[channel][line];
+                run_subtract(&run->excess[channel][line], before);
+                run_subtract(&run->excess[channel][line], added);
+                run->part[channel][line] = run_phasor(ZERO, ZERO);
             }
         }
     }

@@ -195,10 +195,9 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                 if self.order.phase() != CampaignPhase::Due {
                     return self.order.phase();
                 }
-                let prior = self.parameters.into_array();
                 match self.estimator.estimate(#argument &self.parameters) {
                     Ok(mut estimate) => {
-                        let pooled = self.pool.take(&estimate.equations, &prior, estimate.chi_squared);
+                        let pooled = self.pool.take(&estimate.equations, &estimate.about, estimate.chi_squared);
                         estimate.parameters = Parameters::from_array(pooled.values);
                         estimate.deviations = Parameters::from_array(pooled.deviations);
                         estimate.covariance = pooled.covariance;

@@ -186,6 +186,8 @@ struct Sizes {
     parameters: proc_macro2::Literal,
     motion: proc_macro2::Literal,
     lines: proc_macro2::Literal,
+    equations: proc_macro2::Literal,
+    covariances: proc_macro2::Literal,
 }
 
 impl Sizes {
@@ -200,13 +202,16 @@ impl Sizes {
             parameters: count(plan.source.form.columns.len()),
             motion: count(plan.motion.len()),
             lines: count(plan.lines()),
+            equations: count(plan.equations()),
+            covariances: count(plan.covariances()),
         }
     }
 }
 
 /// The estimator, and what it gives.
 fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
-    let Sizes { coordinates, inputs, channels, rows, parameters, motion, lines } = Sizes::of(plan);
+    let Sizes { coordinates, inputs, channels, rows, parameters, motion, lines, equations, covariances } =
+        Sizes::of(plan);
     let evaluation = &plan.source.plan.evaluation;
     let (highest, count_coordinates) = (count(plan.harmonics), evaluation.coordinates.len());
     let measured: Vec<TokenStream> = (0..count_coordinates).map(|i| entry("measured", i)).collect();
@@ -223,7 +228,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
         #[derive(Clone, Copy, Debug)]
         pub struct Estimator<T> {
             lines: RunLines<T, #channels, #lines>,
-            workspace: RunWorkspace<T, #coordinates, #rows, #parameters, #motion, #lines>,
+            workspace: RunWorkspace<T, #coordinates, #rows, #parameters, #motion, #lines, #equations, #covariances>,
             sampling: RunSampling<T>,
             limits: Option<Applied<T>>,
         }
@@ -293,6 +298,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     deviations: Parameters::from_array(found.deviations),
                     covariance: found.covariance,
                     equations: found.equations,
+                    about: found.about,
                     rank: found.rank,
                     condition: found.condition,
                     chi_squared: found.chi_squared,
@@ -310,8 +316,10 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             pub deviations: Parameters<Option<T>>,
             /// Their covariance in the order of the fields; zero for those that the run does not show.
             pub covariance: [[T; #parameters]; #parameters],
-            /// The weighted equations of the run, for the step from the prior.
+            /// The weighted equations of the run, for the step from `about`.
             pub equations: SquareRoot<T, #parameters>,
+            /// The parameters from which the steps of the equations count.
+            pub about: [T; #parameters],
             /// The number of directions that the run shows.
             pub rank: usize,
             /// At least the condition number of what is shown, and at most the rank times that.

@@ -60,7 +60,7 @@ pub(super) fn text(needs: Needs) -> String {
             "accelerations" => accelerations,
             "square_root" => square_root,
             "campaign" => campaign,
-            "phasor" | "run_estimate" | "run_lines" | "run_noise" | "run_workspace" => run,
+            "phasor" | "run_estimate" | "run_lines" | "run_noise" | "run_weigh" | "run_workspace" => run,
             _ => true,
         };
         if !needed {
