@@ -7,7 +7,7 @@ mod request;
 
 use proc_macro2::{Literal, Span, TokenStream, TokenTree};
 use quote::{quote, quote_spanned};
-use request::{Request, is_punct};
+use request::{Fault, Request, is_punct};
 use std::path::Path;
 
 use crate::diagnostic::{Diagnostics, Severity};
@@ -16,9 +16,6 @@ use crate::emit::rust;
 use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
 use tpm_symbolic::budget::{self, Budget};
-
-/// A fault of a macro call: the token and the message.
-type Fault = (Span, String);
 
 fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
     let items = faults.into_iter().map(|(span, message)| {

@@ -2409,6 +2409,10 @@ pub mod support {
         use super::Real;
         use core::fmt;
 
+        /// The smallest share of a column that no other columns explain and that counts: columns that are equal by the laws of a machine differ by
+        /// the rounding of their own evaluation, which no number of rows tells.
+        const LEAST_SHARE: f64 = 1e-8;
+
         /// A number of a row, or of a matrix, is infinite or not a number; what was there before has stayed.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub struct NotFinite;
@@ -2507,7 +2511,7 @@ pub mod support {
             /// What the rows say about x: modified Gram-Schmidt with column pivoting on the factor, its columns scaled to unit length.
             ///
             /// A direction counts as not shown when what is left of its column is within the rounding errors of all rows, which add up like a
-            /// random walk.
+            /// random walk, or below 1e-8.
             #[must_use]
             pub fn solution(&self) -> Shown<T, C> {
                 let mut columns = [Column { index: 0, values: [T::ZERO; C] }; C];
@@ -2523,7 +2527,8 @@ pub mod support {
                         column.values.iter_mut().for_each(|value| *value /= length);
                     }
                 }
-                let tiny = T::EPSILON * T::from_f64(4.0) * (T::from_f64(C as f64) + self.rows.sqrt());
+                let rounding = T::EPSILON * T::from_f64(4.0) * (T::from_f64(C as f64) + self.rows.sqrt());
+                let tiny = rounding.max(T::from_f64(LEAST_SHARE));
                 let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
                 let mut right = self.right;
                 let mut rank = 0;

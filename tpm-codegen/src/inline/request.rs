@@ -5,11 +5,13 @@
 use proc_macro2::{Span, TokenStream, TokenTree};
 use std::collections::BTreeMap;
 
-use super::Fault;
 use crate::emit::estimator::{EstimatorSource, Identified, Part};
 use crate::emit::filter::{Filters, LowPass};
 use crate::emit::rust;
 use tpm_symbolic::number::rational::{self, Rational};
+
+/// A fault of a macro call: the token and the message.
+pub(super) type Fault = (Span, String);
 
 /// How a filter is written.
 const FILTER: &str = "write `filter(W[:Q], sample_time = T[, independent = W[:Q]])` with rad/s, the quality, and seconds between samples";

@@ -59,9 +59,6 @@ fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
     if let Some(unexplained) = result.warnings.iter().find(|warning| warning.is_distrust()) {
         return Some(unexplained.to_string());
     }
-    if let Some(hidden) = hidden_by_misfit(result, statuses) {
-        return Some(hidden);
-    }
     let Some(outcome) = result.outcome.filter(|_| result.source != Source::Log) else {
         let rank = result.rank;
         return (rank < result.wanted())
@@ -78,16 +75,6 @@ fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
         (true, false) => format!("not everything was identified: the runs do not show {}", open.join(", ")),
         _ => format!("not everything was identified: {}", outcome.describe()),
     })
-}
-
-/// The parameters that what the model lacks leaves poorly determined: deviations contain what it does to the values, and have grown so
-/// large with it that these values say nothing.
-fn hidden_by_misfit(result: &Identification, statuses: &[Status]) -> Option<String> {
-    let misfit = result.warnings.iter().find(|warning| warning.meaning().severity == Severity::Misfit)?;
-    let wanted = if result.physical.is_empty() { &result.parameters } else { &result.physical };
-    let poor = wanted.iter().zip(statuses).filter(|(_, status)| **status == Status::PoorlyDetermined);
-    let poor: Vec<&str> = poor.map(|(parameter, _)| parameter.name.as_str()).collect();
-    (!poor.is_empty()).then(|| format!("what the model lacks hides {}: {misfit}", poor.join(", ")))
 }
 
 impl Identification {
