@@ -26,7 +26,7 @@ class _LogSettings(_ColumnSettings, total=False):
     from_sample: int | None
     period: float | None
     hold: Literal["none", "zoh"] | None
-    delay: Mapping[str, float] | None
+    delay: Mapping[str, float | Literal["fit"]] | None
     low_pass: Mapping[str, tuple[float, float]] | None
     domain: Literal["harmonics", "time"] | None
     harmonics: int | None

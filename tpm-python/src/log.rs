@@ -53,7 +53,12 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
             "period" => request.reading.period = Some(value.extract()?),
             "hold" => request.reading.hold = [Hold::None, Hold::Zoh][chosen(&["none", "zoh"])?],
             "delay" => {
-                for (input, delay) in value.extract::<BTreeMap<String, f64>>()? {
+                for (input, delay) in value.extract::<BTreeMap<String, Bound<'_, PyAny>>>()? {
+                    if delay.extract::<String>().is_ok_and(|word| word == "fit") {
+                        request.estimation.fitted_delays.insert(input);
+                        continue;
+                    }
+                    let delay: f64 = delay.extract()?;
                     if !(delay.is_finite() && delay >= 0.0) {
                         let message = format!("delay={{\"{input}\": {delay}}}: the time must not be negative");
                         return Err(Error::new_err(message));

@@ -49,6 +49,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
     let text = tpm_runtime::report::read_text(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text, model.evaluated().name())?;
+    args.reading.without_fitted_delays()?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.estimation.domain = args.domain.map(Domain::from);
     let result = validate(&model, request, &known).map_err(|error| match &error {

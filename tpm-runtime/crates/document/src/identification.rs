@@ -208,7 +208,10 @@ impl Document {
                     Cell::text(part.log.path.clone()),
                     Cell::percent(Some(part.share)),
                     Cell::percent(Some(part.residual)),
-                    Cell::text(or_dash(farthest, |(name, deviations)| format!("{name}, {deviations:+.1} deviations"))),
+                    Cell::text(or_dash(farthest, |(name, deviations)| {
+                        let left_out = if part.left_out { "; left out" } else { "" };
+                        format!("{name}, {deviations:+.1} deviations{left_out}")
+                    })),
                 ]
             });
             let columns = ["log", "#information", "#residual", "farthest from the others"];

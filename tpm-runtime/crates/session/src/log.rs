@@ -1,6 +1,7 @@
 //! From a log to parameters.
 
 use crate::error::{MachineError, SessionError};
+use crate::fitted_delay::with_delays;
 use crate::identification::{Identification, LogFingerprint, Provenance};
 use crate::log_fault::LogFault;
 use crate::model::{DeclaredModel, Identifiable};
@@ -176,7 +177,8 @@ pub fn from_logs<R: Into<LogRequest>>(
             replaced.extend(lone_readings(evaluated, log, &mended));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part = rows.identify(&segments, &options).map_err(|error| of_pieces(error, &recording.report))?;
+        let mut part = with_delays(evaluated, &options, &|options| rows.identify(&segments, options))
+            .map_err(|error| of_pieces(error, &recording.report))?;
         part.warnings.extend(replaced);
         if let Some(report) = &mut part.log {
             report.reading = recording.report;
