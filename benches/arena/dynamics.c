@@ -114,7 +114,10 @@ static void step(const Machine *m, const Element *e, const double *theta, double
     acceleration(m, e, theta, x, y, u, k3);
     for (int i = 0; i < n; i++) x[i] = q[i] + t * v[i] + t * t / 2 * k2[i], y[i] = v[i] + t * k3[i];
     acceleration(m, e, theta, x, y, u, k4);
-    for (int i = 0; i < n; i++) q[i] += t * v[i] + t * t / 6 * (k1[i] + k2[i] + k3[i]), v[i] += t / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
+    for (int i = 0; i < n; i++) {
+        q[i] += t * v[i] + t * t / 6 * (k1[i] + k2[i] + k3[i]);
+        v[i] += t / 6 * (k1[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
+    }
 }
 
 // What lies between a recorded input and its force, and between the motion and its reading.

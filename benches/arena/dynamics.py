@@ -11,7 +11,7 @@ import numpy as np
 KINDS = ("inertia", "link_inertia", "link_moment", "spring", "cubic", "damper", "drag", "friction", "input", "cogging", "place_friction",
          "offset")
 MOST = 8
-SUBSTEP = 5e-4
+SUBSTEP = 1e-3
 
 
 class _Machine(ctypes.Structure):
@@ -46,7 +46,7 @@ _flat = lambda a: np.ascontiguousarray(a, dtype=float)
 
 
 class Dynamics:
-    """A layout with elements: `layout` has n, inputs, coordinate, length, cart, smooth and gravity; elements have kind, i, j, first, second."""
+    """`layout` has n, inputs, coordinate and length (of links), cart, smooth and gravity; elements have kind, i, j, first, second."""
 
     def __init__(self, layout, elements):
         self.n, self.inputs, self.elements = layout["n"], layout["inputs"], len(elements)
@@ -59,8 +59,11 @@ class Dynamics:
         self.list = (_Element * len(elements))(*[
             _Element(KINDS.index(e["kind"]), e["i"], e["j"], e.get("first", 0), e.get("second", 0)) for e in elements])
 
-    def simulate(self, theta, sample, q0, v0, inputs=None, loop=None, noise=None, late=0, dead=(), play=(), count=(), samples=None):
-        """Readings and inputs at every sample, or None when the motion leaves every bound; `loop` is (reference, driven, kp, kd, filter)."""
+    def simulate(self, theta, sample, q0, v0, inputs=None, loop=None, noise=None, late=0, dead=(), play=(), count=()):
+        """Readings and inputs at every sample, or None when the motion leaves every bound.
+
+        Plays `inputs`, or closes a `loop`: reference, driven coordinates, gains of errors and of their rates, time constant of the rates.
+        """
         channel = _Channel(late=late)
         for name, values in (("dead", dead), ("play", play), ("count", count)):
             for k, value in enumerate(values):
@@ -69,9 +72,10 @@ class Dynamics:
             inputs, rest = _flat(inputs), (None, None, None, None, ctypes.c_double(0))
             samples = len(inputs)
         else:
-            reference, driven, kp, kd, lag = _flat(loop[0]), np.array(loop[1], dtype=np.int32), _flat(loop[2]), _flat(loop[3]), loop[4]
+            reference, driven, kp, kd = _flat(loop[0]), np.array(loop[1], dtype=np.int32), _flat(loop[2]), _flat(loop[3])
             samples = len(reference)
-            inputs, rest = np.zeros((samples, self.inputs)), (_pointer(reference), _pointer(driven), _pointer(kp), _pointer(kd), ctypes.c_double(lag))
+            inputs = np.zeros((samples, self.inputs))
+            rest = (_pointer(reference), _pointer(driven), _pointer(kp), _pointer(kd), ctypes.c_double(loop[4]))
         readings = np.empty((samples, self.n))
         theta, q0, v0, noise = _flat(theta), _flat(q0), _flat(v0), None if noise is None else _flat(noise)
         lost = _library.simulate(

@@ -15,7 +15,7 @@ def element(kind, i, name, value, unit, j=-1, part=None, **more):
 
 
 class Machine:
-    """`layout` for `dynamics.Dynamics`, `elements`, `driven` (coordinate of every input), `size` (motion of every coordinate), names, units."""
+    """`layout` for `dynamics.Dynamics`, `elements`, `driven` (coordinate of every input), `size` (motion of every coordinate), names."""
 
     def __init__(self, kind, layout, elements, driven, size, coordinates, inputs, bound):
         self.kind, self.layout, self.elements, self.driven, self.size = kind, layout, elements, driven, size
@@ -66,7 +66,8 @@ def chain(rng):
     kind = ("rotors" if turns else "masses") + (", first driven" if only_first else "") + (", actuator's gain" if gain else "")
     letter = "q" if turns else "x"
     held = bool(gain or ground)
-    return Machine(kind, layout, elements, driven, np.full(n, size), [(f"{letter}{i + 1}", q) for i in range(n)], list(zip(names, units)), held)
+    coordinates = [(f"{letter}{i + 1}", q) for i in range(n)]
+    return Machine(kind, layout, elements, driven, np.full(n, size), coordinates, list(zip(names, units)), held)
 
 
 def links(rng):

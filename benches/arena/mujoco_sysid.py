@@ -79,8 +79,8 @@ def describe(task, values, step):
                       f'{joint(i, "hinge" if turns else "slide", "1 0 0")}{link(0) if i == layout["cart"] else ""}</body>')
     if count and layout["cart"] < 0:
         bodies.append(link(0))
-    tendons = "".join(f'<fixed name="t{i}{j}" springlength="0" {numbers(own)}><joint joint="j{i}" coef="1"/><joint joint="j{j}" coef="-1"/></fixed>'
-                      for (i, j), own in ties.items())
+    tendons = "".join(f'<fixed name="t{i}{j}" springlength="0" {numbers(own)}>'
+                      f'<joint joint="j{i}" coef="1"/><joint joint="j{j}" coef="-1"/></fixed>' for (i, j), own in ties.items())
     sensors = "".join(f'<jointpos name="s{i}" joint="j{i}"/>' for i in range(layout["n"]))
     return (f'<mujoco><option timestep="{step:.17g}" integrator="RK4" gravity="0 0 {-(weight or 0.0)}"><flag contact="disable"/></option>'
             f'<compiler angle="radian" balanceinertia="false" inertiafromgeom="false"/><worldbody>{"".join(bodies)}</worldbody>'
@@ -107,8 +107,8 @@ def identify(task):
         params[f"v{i} first"] = sysid.Parameter(f"v{i} first", v[i] / rate[i], -50, 50)
     values = lambda p: {name: float(p[name].value[0]) * task.start[name] for name in task.names}
     build = lambda p, _: mujoco.MjModel.from_xml_string(describe(task, values(p), step))
-    state_of = lambda model, p: sysid.create_initial_state(
-        model, *(np.array([float(p[f"{which}{i} first"].value[0]) * scale[i] for i in np.argsort(order)]) for which, scale in (("q", span), ("v", rate))))
+    begin = lambda p, which, scale: np.array([float(p[f"{which}{i} first"].value[0]) * scale[i] for i in np.argsort(order)])
+    state_of = lambda model, p: sysid.create_initial_state(model, begin(p, "q", span), begin(p, "v", rate))
 
     def rollout(models, datas, control_signal, initial_states, param_dicts, rollout_signal_mapping, rollout_state_mapping, ctrl_mapping):
         begun = [state_of(model, p) for model, p in zip(models, param_dicts)]

@@ -97,7 +97,7 @@ def with_fault(machine, fault, rng, force):
         gain = next((e["value"] for e in elements if e["kind"] == "input" and e["first"] == k), 1.0)
         channel["dead"] = [force[k] / gain * rng.uniform(0.05, 0.3) if l == k else 0.0 for l in range(len(machine.driven))]
     elif fault == "delay":
-        channel["late"] = int(rng.integers(2, 11)) * round(5e-4 / SUBSTEP)
+        channel["late"] = round(int(rng.integers(1, 6)) * 1e-3 / SUBSTEP)
     elif fault == "backlash":
         springs = [e for e in elements if e["kind"] == "spring" and e["j"] >= 0]
         if springs and rng.random() < 0.5:
@@ -126,6 +126,12 @@ def coloured(rng, shape, factor):
     return lfilter([np.sqrt(1 - factor**2)], [1, -factor], white, axis=0)
 
 
+def hasty(motion, machine, sample):
+    """Whether rates are beyond those of the signals that are played: a loop that is hardly stable."""
+    rates = np.diff(motion, axis=0) / sample
+    return np.any(np.sqrt(np.mean(rates**2, axis=0)) > 2 * np.pi * 5 * np.maximum(np.std(motion, axis=0), 0.1 * machine.size))
+
+
 def draw(seed, number):
     rng = np.random.default_rng([seed, number])
     while True:
@@ -137,7 +143,7 @@ def draw(seed, number):
 def attempt(rng, number):
     machine = draw_machine(rng)
     fault = "right" if rng.random() < 0.3 else None
-    fault = fault or rng.choice([*RIGHT[1:], *applicable(machine)])
+    fault = fault or str(rng.choice([*RIGHT[1:], *applicable(machine)]))
     n, m = machine.layout["n"], len(machine.driven)
     sample = 1 / rng.choice([200, 250, 500, 1000])
     closed = not machine.bound or rng.random() < 0.65
@@ -159,7 +165,8 @@ def attempt(rng, number):
 
     plain = Dynamics(machine.layout, machine.elements)
     theta = [e["value"] for e in machine.elements]
-    mass = np.diag(plain.mass(theta, np.zeros(n)))[machine.driven]
+    # The inertia that an input sees while the others give way: a loop on the larger one that it sees while they hold still is unstable.
+    mass = 1 / np.diag(np.linalg.inv(plain.mass(theta, np.zeros(n))))[machine.driven]
     gains = np.array([next(e["value"] for e in machine.elements if e["kind"] == "input" and e["first"] == k) for k in range(m)])
     w = 2 * np.pi * rng.uniform(2, 4)
     loop = (machine.driven, mass * w**2 / gains, 1.4 * mass * w / gains, 3e-3)
@@ -171,7 +178,7 @@ def attempt(rng, number):
     scale = scale * 0.05
     for _ in range(6):
         run = play(plain, theta, scale)
-        if run is None:
+        if run is None or hasty(run[0][warm:], machine, sample):
             return None
         scale = scale * np.clip(1 / (np.abs(run[0][warm:]) / machine.size).max(), 0.3, 6)
     force = np.sqrt(np.mean(run[1][warm:] ** 2, axis=0)) * gains
@@ -187,7 +194,7 @@ def attempt(rng, number):
         return None
     # The state some samples before the log begins (inputs may act late), from a run under the same inputs without noise.
     state = dynamics.simulate(theta, sample, rest, rest, inputs=run[1], **{key: value for key, value in channel.items() if key != "play"})
-    if state is None:
+    if state is None or hasty(state[0][warm:], machine, sample):
         return None
     begin = warm - BEFORE
     rate = (state[0][begin + 1] - state[0][begin - 1]) / (2 * sample)
@@ -196,8 +203,8 @@ def attempt(rng, number):
     case.inputs, case.start = run[1][begin:], (state[0][begin], rate)
     case.noise = dict(deviation=list(deviation), count=list(count), factor=factor)
     case.record = ", ".join([
-        "closed loop" if closed else "open loop", f"{1 / sample:.0f} Hz", f"{samples * sample:.1f} s", "periodic" if periodic else "not periodic",
-        "encoder" if count.any() else "no encoder"])
+        "closed loop" if closed else "open loop", f"{1 / sample:.0f} Hz", f"{samples * sample:.1f} s",
+        "periodic" if periodic else "not periodic", "encoder" if count.any() else "no encoder"])
     case.log = np.column_stack([np.arange(samples) * sample, *spoilt(machine, fault, readings, inputs, rng)])
     return case
 

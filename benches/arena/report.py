@@ -55,13 +55,16 @@ def tables(whole):
     machines = whole["machines"]
     names = list(machines[0]["tools"])  # The first machine is given to every tool.
     head = ["tool", "machines", "refused", "too long", "right models: confident and wrong", "wrong models: confident and wrong",
-            "95 % intervals of right models", "width / bound, right", "width / bound, wrong", "wrong models: cause named", "processor time, s", "largest"]
-    lines = [f"{whole['date']}, seed {whole['seed']}, {len(machines)} machines, {sum(m['fault'] in RIGHT for m in machines)} with their right model.",
+            "95 % intervals of right models", "width / bound, right", "width / bound, wrong", "wrong models: cause named",
+            "processor time, s", "largest"]
+    right = sum(m["fault"] in RIGHT for m in machines)
+    lines = [f"{whole['date']}, seed {whole['seed']}, {len(machines)} machines, {right} with their right model.",
              "", table(head, [summary(name, machines) for name in names]), "",
              "Machines with a confident wrong number / refused / with a cause named (tpm alone names causes), fault by fault:", "",
              table(["fault", "machines", *names], [by_fault(fault, names, machines) for fault in (*RIGHT, *FAULTS)])]
-    rows = [[str(m["number"]), m["machine"], m["fault"], name, f"{number['errors']:+.1f}", f"{100 * number['share']:.1f} %"]
-            for m in machines if "tpm" in m["tools"] for name in m["tools"]["tpm"]["confident"] for number in [m["tools"]["tpm"]["numbers"][name]]]
+    own = [(m, m["tools"]["tpm"]) for m in machines if "tpm" in m["tools"]]
+    rows = [[str(m["number"]), m["machine"], m["fault"], name, f"{n['errors']:+.1f}", f"{100 * n['share']:.1f} %"]
+            for m, t in own for name in t["confident"] for n in [t["numbers"][name]]]
     lines += ["", "Confident wrong numbers of tpm:", "",
               table(["number", "machine", "fault", "parameter", "stated deviations", "off by"], rows) if rows else "None."]
     return "\n".join(lines) + "\n"

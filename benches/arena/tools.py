@@ -8,30 +8,33 @@ inverse dynamics with smoothed derivatives (M. Gautier), rows weighed by what is
 
 import json
 import subprocess
+from signal import SIGXCPU
 
 import numpy as np
 from dynamics import Dynamics
 from scipy import signal
 from scipy.optimize import least_squares
 
-CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged", "negative_inertia"}
+CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged",
+          "negative_inertia"}
 
 
 def result(values=None, refused=None, causes=()):
     return dict(values=values or {}, refused=refused, causes=sorted(causes))
 
 
-def tpm(task, program, folder, seconds):
-    command = ["timeout", str(seconds), program, "identify", folder / "model.tpm", "--log", folder / "log.csv", "--hold", "zoh", "--json"]
+def tpm(program, folder):
+    command = [program, "identify", folder / "model.tpm", "--log", folder / "log.csv", "--hold", "zoh", "--json"]
     run = subprocess.run([str(part) for part in command], capture_output=True, text=True)
     (folder / "tpm.json").write_text(run.stdout)
     (folder / "tpm.txt").write_text(f"exit code {run.returncode}\n{run.stderr}")
-    if run.returncode == 124:
+    if run.returncode == -SIGXCPU:
         return result(refused="took too long")
     if run.returncode not in (0, 1) or not run.stdout:
         return result(refused=f"exit code {run.returncode}: {run.stderr.strip()[:200]}")
     said = json.loads(run.stdout)
-    values = {own["name"]: (own["value"], own["std"]) for own in [*said["parameters"], *said["physical"]] if own["value"] is not None and own["std"]}
+    stated = [own for own in [*said["parameters"], *said["physical"]] if own["value"] is not None and own["std"]]
+    values = {own["name"]: (own["value"], own["std"]) for own in stated}
     causes = {own["kind"] for own in said["findings"]} & CAUSES
     return result(values, f"exit code 1: {run.stderr.strip()[-200:]}" if run.returncode else None, causes)
 
@@ -76,8 +79,9 @@ def output_error(task):
 
     x = np.concatenate([start, q, v]) / scale
     weight, fit = 1 / span, None
-    for most in (100, 50):
-        fit = least_squares(left, x, args=(weight,), method="trf", max_nfev=most)
+    for most in (60, 30):
+        # A millionth of the sum of squares is far below what noise does to it.
+        fit = least_squares(left, x, args=(weight,), method="trf", ftol=1e-6, max_nfev=most)
         x = fit.x
         weight = weight / np.maximum(np.sqrt(np.mean(fit.fun.reshape(-1, n) ** 2, axis=0)), 1e-12)
     if fit.status <= 0:
