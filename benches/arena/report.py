@@ -32,7 +32,7 @@ def summary(name, machines):
     return [
         name, str(len(tried)), str(len(tried) - len(answered) - late), str(late), count(right), count(wrong),
         f"{share(inside, len(held))} of {len(held)}", median([n["width"] for n in held]), median([n["width"] for n in numbers_of(wrong)]),
-        f"{len(wrong) - len(quiet)}", f"{np.median(seconds):.1f}", f"{max(seconds):.1f}"]
+        str(len(wrong) - len(quiet)), median(seconds, 1), f"{max(seconds, default=0):.1f}"]
 
 
 def table(head, rows):
