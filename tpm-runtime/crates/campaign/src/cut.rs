@@ -6,8 +6,8 @@ use tpm_plant::actuator::{Cut, LimitUse, Limited};
 /// A sample counts as cut from this share of the largest force on: a record in text has been rounded.
 const AT_LIMIT: f64 = 1.0 - 1e-9;
 
-/// The limit at which most samples of a run were cut, with their number; `most` is the limit of which the periodic motion uses the largest
-/// share, which is named where no input was at its largest force. `used` is the use of an input's limits by the periodic motion.
+/// The limit at which most samples of a run were cut, with their number; `most`, the limit of which the periodic motion uses the largest
+/// share, where no input was at its largest force. `used` is the use of an input's limits by the periodic motion.
 pub(crate) fn cut_by_noise<'l>(
     limited: impl Iterator<Item = (usize, &'l Limited)>,
     record: &Record,
@@ -22,6 +22,5 @@ pub(crate) fn cut_by_noise<'l>(
         (samples > 0).then(|| LimitUse { cut: Some(Cut { samples, of }), ..used(i, &by_force) })
     });
     let count = |one: &LimitUse| one.cut.map_or(0, |cut| cut.samples);
-    cut.max_by_key(count)
-        .or_else(|| most.map(|most| LimitUse { cut: Some(Cut { samples: record.saturated, of }), ..most }))
+    cut.max_by_key(count).or(most)
 }
