@@ -60,7 +60,8 @@ pub struct LimitUse {
     pub cut: Option<Cut>,
 }
 
-/// Samples in which an input was cut at a limit that the periodic motion keeps: what the feedback makes of the sensors' noise passes it.
+/// Samples in which an input was cut at a limit that the periodic motion keeps: what the feedback makes of the sensors' noise and rounding
+/// passes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Cut {
     /// How many samples were cut.
@@ -76,7 +77,7 @@ impl fmt::Display for LimitUse {
             return write!(
                 f,
                 "in {} of {} samples of the run, at {}{unit} for the {} of {}; the periodic motion takes {}{unit} of it ({:.1} %), the rest \
-                 is what the feedback makes of the sensors' noise; lower its gains, or filter its rate with a longer time constant",
+                 is what the feedback makes of the sensors' noise and rounding; lower its gains, or filter its rate with a longer time constant",
                 cut.samples,
                 cut.of,
                 self.available,
