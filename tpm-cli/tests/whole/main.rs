@@ -6,6 +6,7 @@ mod bad_input;
 mod campaign;
 mod compare;
 mod controller;
+mod controller_estimators;
 mod dry_friction;
 mod editors;
 mod excite;
