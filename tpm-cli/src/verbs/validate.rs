@@ -3,6 +3,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::domain::DomainChoice;
 use crate::input::experiment::model;
+use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
 use crate::output::{file, report, writable};
@@ -35,6 +36,8 @@ pub(crate) struct Args {
     /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    issue: IssueArgs,
     /// Print JSON (tpm.validation/1).
     #[arg(long)]
     json: bool,
@@ -62,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     })?;
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
     if let Some(folder) = &args.report {
-        report::write(folder, &Document::from(&result), &[])?;
+        report::write(folder, &Document::from(&result).issued(args.issue.now()), &[])?;
     }
     result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
 }

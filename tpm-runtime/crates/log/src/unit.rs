@@ -66,7 +66,7 @@ pub(super) enum UnitFault {
 }
 
 /// The unit that a text of a header means; none where it is no unit.
-pub(super) fn unit_of(text: &str) -> Option<Unit> {
+pub fn unit_of(text: &str) -> Option<Unit> {
     let mut product = String::new();
     // A unit in brackets of its own, as in a row of units.
     let text = text.trim();
