@@ -4,6 +4,7 @@ use crate::columns::Columns;
 use crate::csv::{Csv, HEAD_BYTES, Lines};
 use crate::error::LogError;
 use crate::long::Long;
+use crate::paired::Paired;
 use crate::{json, npy, rosbag, sqlite, wpilog};
 use std::fs::File;
 use std::io::Read;
@@ -104,9 +105,10 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
     match Format::of(head) {
         Format::Text => {
             let table = Csv::new(path, lines)?;
-            match Long::of(table.header()) {
-                Some(long) => Ok(Box::new(long.read(table)?)),
-                None => Ok(Box::new(table)),
+            match (Long::of(table.header()), Paired::of(table.header())) {
+                (Some(long), _) => Ok(Box::new(long.read(table)?)),
+                (_, Some(paired)) => Ok(Box::new(paired.read(table)?)),
+                (None, None) => Ok(Box::new(table)),
             }
         }
         Format::Json => Ok(Box::new(json::read(lines.into_rest(), path)?)),
