@@ -4,6 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output::file;
 use crate::verbs::import;
 use std::path::{Path, PathBuf};
+use tpm_runtime::log::model_unit;
 use tpm_runtime::session::inspect;
 
 /// Options of `tpm init`.
@@ -48,15 +49,27 @@ pub(crate) fn run(args: &Args) -> Outcome {
             ))
         }
         (None, Some(log)) => {
-            let (columns, first, last) = columns(log)?;
-            let command =
-                format!("tpm identify {} --log {} --map x={first} --map u={last}", target.display(), log.display());
+            let (columns, position, force) = columns(log)?;
+            let words = [
+                target.display().to_string(),
+                "--log".to_owned(),
+                log.display().to_string(),
+                "--map".to_owned(),
+                format!("x={}", position.name),
+                "--map".to_owned(),
+                format!("u={}", force.name),
+            ];
+            let command = format!("tpm identify {}", words.map(|word| shell_word(&word)).join(" "));
             let head = format!(
-                "// Columns of {}: {}.\n// x is taken from `{first}` and u from `{last}` by this command; change it where another column is meant:\n//   {command}\n",
-                log.display(),
-                columns.join(", ")
+                "// Columns of {}: {}.\n// x is taken from `{}` and u from `{}` by this command; change it where another column is meant:\n//   {}\n",
+                one_line(&log.display().to_string()),
+                one_line(&columns.join(", ")),
+                one_line(&position.name),
+                one_line(&force.name),
+                one_line(&command)
             );
             let model = model.split_once("    // A motion").map_or(model.as_str(), |(before, _)| before).trim_end();
+            let model = in_units(model, position.unit, force.unit);
             begin(&[(target.clone(), format!("{head}{model}\n}}\n"))])?;
             file::print(&format!("{}: a first model for {}\nnext: {command}\n", target.display(), log.display()))
         }
@@ -88,12 +101,47 @@ fn begin(files: &[(PathBuf, String)]) -> Outcome {
     file::write_files(&files)
 }
 
+/// A word of a command as a shell takes it.
+fn shell_word(word: &str) -> String {
+    let plain = |letter: char| letter.is_ascii_alphanumeric() || "_./:=@%+,-".contains(letter);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+/// A text for a comment, which ends with its line.
+fn one_line(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}
+
+/// The model's text with the units of its position and its force, and of the parameters between them.
+fn in_units(model: &str, position: Option<&str>, force: Option<&str>) -> String {
+    let (x, u) = (position.unwrap_or("m"), force.unwrap_or("N"));
+    if (x, u) == ("m", "N") {
+        return model.to_owned();
+    }
+    model
+        .replace("coordinate x [m]", &format!("coordinate x [{x}]"))
+        .replace("input u [N]", &format!("input u [{u}]"))
+        .replace("m [kg]", &format!("m [{u}*s^2/{x}]"))
+        .replace("d [N*s/m]", &format!("d [{u}*s/{x}]"))
+        .replace("k [N/m]", &format!("k [{u}/{x}]"))
+}
+
+/// A column of a log: its name, and the unit in which a model states its quantity, where it is known.
+#[derive(Clone, Debug, PartialEq)]
+struct Column {
+    name: String,
+    unit: Option<&'static str>,
+}
+
 /// Names of a log's columns of numbers, and those that are most likely a measured position and the force that moves it.
-fn columns(log: &Path) -> Result<(Vec<String>, String, String), Failure> {
+fn columns(log: &Path) -> Result<(Vec<String>, Column, Column), Failure> {
     let seen = inspect(log)?;
-    let all: Vec<(&str, Option<&str>)> =
-        seen.channels.iter().map(|channel| (channel.name.as_str(), channel.unit.as_deref())).collect();
-    let recorded: Vec<(&str, Option<&str>)> = all.iter().copied().filter(|(name, _)| !is_asked_for(name)).collect();
+    let column = |name: &str, unit: Option<&str>| Column { name: name.to_owned(), unit: unit.and_then(model_unit) };
+    let all: Vec<Column> = seen.channels.iter().map(|channel| column(&channel.name, channel.unit.as_deref())).collect();
+    let recorded: Vec<Column> = all.iter().filter(|column| !is_asked_for(&column.name)).cloned().collect();
     let likely = if recorded.len() < 2 { &all } else { &recorded };
     let Some((position, force)) = position_and_force(likely) else {
         return Err(Failure::Input(format!(
@@ -101,7 +149,7 @@ fn columns(log: &Path) -> Result<(Vec<String>, String, String), Failure> {
             log.display()
         )));
     };
-    Ok((all.iter().map(|(name, _)| (*name).to_owned()).collect(), position, force))
+    Ok((all.into_iter().map(|column| column.name).collect(), position, force))
 }
 
 /// Whether a column's name says that it holds what was asked for, which is no measurement.
@@ -112,18 +160,17 @@ fn is_asked_for(name: &str) -> bool {
 
 /// The first column with the unit of a force, else of a voltage or a current, else the last one; and of the others the first with the
 /// unit of a length or an angle, else the first one. Nothing of fewer than two columns.
-fn position_and_force(columns: &[(&str, Option<&str>)]) -> Option<(String, String)> {
+fn position_and_force(columns: &[Column]) -> Option<(Column, Column)> {
     let with_unit = |units: &[&str], but: Option<usize>| {
-        columns
-            .iter()
-            .enumerate()
-            .position(|(i, (_, unit))| Some(i) != but && unit.is_some_and(|unit| units.contains(&unit)))
+        let of_kind =
+            |(i, column): (usize, &Column)| Some(i) != but && column.unit.is_some_and(|unit| units.contains(&unit));
+        columns.iter().enumerate().position(of_kind)
     };
-    let kinds: [&[&str]; 3] = [&["N", "kN", "mN", "N*m", "Nm", "mNm", "kNm"], &["V", "mV"], &["A", "mA"]];
+    let kinds: [&[&str]; 3] = [&["N", "N*m"], &["V"], &["A"]];
     let force = kinds.into_iter().find_map(|units| with_unit(units, None)).or(columns.len().checked_sub(1))?;
     let first = (0..columns.len()).find(|i| *i != force);
-    let position = with_unit(&["m", "mm", "cm", "um", "rad", "mrad", "deg", "rev"], Some(force)).or(first)?;
-    Some((columns[position].0.to_owned(), columns[force].0.to_owned()))
+    let position = with_unit(&["m", "rad"], Some(force)).or(first)?;
+    Some((columns[position].clone(), columns[force].clone()))
 }
 
 /// The name of a model from that of its file: `my_cart` is MyCart.
@@ -137,20 +184,48 @@ fn camel(stem: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{is_asked_for, position_and_force};
+    use super::{Column, MODEL, in_units, is_asked_for, one_line, position_and_force, shell_word};
+    use tpm_runtime::log::model_unit;
 
     #[test]
     fn a_position_and_its_force_are_taken_by_unit_before_place() {
         let taken = |columns: &[(&str, Option<&str>)]| {
-            position_and_force(columns).map(|(position, force)| format!("{position} {force}"))
+            let column = |(name, unit): &(&str, Option<&str>)| Column {
+                name: (*name).to_owned(),
+                unit: unit.and_then(model_unit),
+            };
+            let columns: Vec<Column> = columns.iter().map(column).collect();
+            position_and_force(&columns).map(|(position, force)| format!("{} {}", position.name, force.name))
         };
         let units = [("q_m", Some("m")), ("u_V", Some("V")), ("force_N", Some("N")), ("spare", None)];
         assert_eq!(taken(&units).as_deref(), Some("q_m force_N"));
         assert_eq!(taken(&[("u_V", Some("V")), ("y_V", Some("V"))]).as_deref(), Some("y_V u_V"));
         assert_eq!(taken(&[("x", None), ("v", None), ("u", None)]).as_deref(), Some("x u"));
+        assert_eq!(taken(&[("i", Some("mA")), ("phi", Some("°"))]).as_deref(), Some("phi i"));
         assert_eq!(taken(&[("x", Some("m"))]), None);
         assert!(
             is_asked_for("q_ref_m") && is_asked_for("tau_ff1") && !is_asked_for("refined") && !is_asked_for("offset")
         );
+    }
+
+    #[test]
+    fn words_are_taken_by_a_shell_as_they_are() {
+        let words = ["x=position", "x=Output angle [deg]", "it's", "a\nb", "$HOME `id`", ""];
+        let quoted: Vec<String> = words.iter().map(|word| shell_word(word)).collect();
+        assert_eq!(quoted[..3], ["x=position", "'x=Output angle [deg]'", "'it'\\''s'"]);
+        let output =
+            std::process::Command::new("sh").arg("-c").arg(format!("printf '%s|' {}", quoted.join(" "))).output();
+        let shown = String::from_utf8(output.expect("a shell").stdout).expect("text");
+        assert_eq!(shown, words.map(|word| format!("{word}|")).concat());
+        assert_eq!(one_line("a\nb"), "a b");
+    }
+
+    #[test]
+    fn the_model_has_the_units_of_its_columns() {
+        let model = in_units(MODEL, Some("rad"), Some("A"));
+        for text in ["x [rad]", "u [A]", "m [A*s^2/rad]", "d [A*s/rad]", "k [A/rad]"] {
+            assert!(model.contains(text), "{text}");
+        }
+        assert_eq!(in_units(MODEL, None, None), MODEL);
     }
 }
