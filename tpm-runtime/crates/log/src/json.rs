@@ -404,7 +404,7 @@ mod tests {
         file.select(&(0..names.len()).collect::<Vec<_>>());
         let mut values = vec![0.0; names.len()];
         let mut rows = Vec::new();
-        while let Some(_) = file.next_row(&mut values).expect("sound") {
+        while file.next_row(&mut values).expect("sound").is_some() {
             rows.push(values.clone());
         }
         (names, rows)

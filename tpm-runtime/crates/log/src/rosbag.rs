@@ -19,7 +19,7 @@ struct Described {
 }
 
 /// The tables of topics and of messages.
-fn tables<'a>(all: &'a [Table]) -> Option<(&'a Table, &'a Table)> {
+fn tables(all: &[Table]) -> Option<(&Table, &Table)> {
     let find = |name: &str| all.iter().find(|table| table.name == name);
     Some((find("topics")?, find("messages")?))
 }
