@@ -108,7 +108,9 @@ fn verb_of(file: &str) -> Option<String> {
     let line = match kind.to_ascii_lowercase().as_str() {
         "tpm" => format!("tpm identify {file}"),
         "urdf" => format!("tpm init NAME --from {file}"),
-        "csv" | "mat" | "mcap" | "parquet" => format!("tpm inspect {file}"),
+        "csv" | "mat" | "mcap" | "parquet" | "npz" | "npy" | "json" | "jsonl" | "wpilog" | "db3" => {
+            format!("tpm inspect {file}")
+        }
         _ => return None,
     };
     Some(format!("a verb comes first: type `{line}`"))

@@ -33,7 +33,7 @@ impl From<HoldChoice> for Hold {
 /// Options about the columns of a log, of verbs which all have an argument `log`.
 #[derive(clap::Args)]
 pub(crate) struct ColumnArgs {
-    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
+    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log, or an expression over columns.
     #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
     map: Vec<(String, String)>,
     /// Factor from a column's numbers (or those of t_s) to the model's unit, such as pi/180 or 2*pi/4096; a unit in the header is then

@@ -12,6 +12,7 @@ mod editors;
 mod excite;
 mod faults;
 mod first_steps;
+mod formats;
 mod functions;
 mod generate;
 mod guards;
