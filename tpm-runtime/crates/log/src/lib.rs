@@ -72,4 +72,4 @@ pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, U
 pub use resample::InterpolationError;
 pub use source::{LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};
-pub use unit::{model_unit, unit_of};
+pub use unit::unit_of;
