@@ -12,6 +12,8 @@ use num_traits::{One, Zero};
 
 /// Operations for an entry that is looked at, for the budget.
 const VISITED: u64 = 4;
+/// Operations for an entry of a new matrix, for the budget: also a zero takes memory of its own.
+const MADE: u64 = 32;
 /// Operations for a product of two entries and its sum, beside those that long entries count themselves.
 const MULTIPLIED: u64 = 64;
 
@@ -125,7 +127,7 @@ pub fn multiply<R: Ring>(ring: &mut R, a: &[Vec<R::Element>], b: &[Vec<R::Elemen
     let zero = ring.number(&Rational::zero());
     let mut rows = Vec::with_capacity(a.len());
     for row in a {
-        budget::charge(VISITED.saturating_mul((row.len() + width) as u64));
+        budget::charge(VISITED.saturating_mul(row.len() as u64).saturating_add(MADE.saturating_mul(width as u64)));
         let mut sums = vec![zero.clone(); width];
         for (left, others) in row.iter().zip(b) {
             if ring.is_zero(left) {

@@ -35,9 +35,9 @@ struct InS<'a>(NormalForms<'a>);
 type Element = Vec<Polynomial<ExprId>>;
 
 /// Operations for a coefficient that is made or copied, for the budget.
-const COPIED: u64 = 16;
+const COPIED: u64 = 32;
 /// Operations for a product of two coefficients, for the budget.
-const COEFFICIENT: u64 = 16;
+const COEFFICIENT: u64 = 32;
 
 impl Ring for InS<'_> {
     type Element = Element;

@@ -25,6 +25,8 @@ mod mat73;
 mod mcap;
 mod names;
 mod options;
+#[cfg(any(feature = "mat", feature = "mcap"))]
+mod packed;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod paths;

@@ -298,10 +298,9 @@ impl<'a> Balance<'a> {
     fn sample(&self, now: &Trajectory, widths: &[f64]) -> Result<Samples, EvalError> {
         let dims = self.model.dims();
         // 1. The motion at all points, and the size of each of its slots.
-        let mut motions = vec![0.0; self.points * dims.motion_len()];
+        let mut motions = now.period(self.points, dims.motion_len());
         let mut sizes = vec![0.0_f64; dims.motion_len()];
-        for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
-            now.motion_at(n, self.points, 0.0, motion);
+        for motion in motions.chunks_exact(dims.motion_len()) {
             for (size, value) in sizes.iter_mut().zip(motion.iter()) {
                 *size = size.max(value.abs());
             }
