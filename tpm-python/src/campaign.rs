@@ -47,17 +47,6 @@ pub(crate) struct Submission {
     result: PyResult<Py<Identification>>,
 }
 
-#[pymethods]
-impl Submission {
-    #[getter]
-    fn result(&self, py: Python<'_>) -> PyResult<Py<Identification>> {
-        match &self.result {
-            Ok(found) => Ok(found.clone_ref(py)),
-            Err(fault) => Err(fault.clone_ref(py)),
-        }
-    }
-}
-
 impl Campaign {
     fn take(&self, py: Python<'_>, request: LogRequest, stopped: bool) -> PyResult<Submission> {
         let submitted = detached(py, false, || Ok(self.folder.submit(request, stopped)?))?;
@@ -205,6 +194,14 @@ impl Run {
 
 #[pymethods]
 impl Submission {
+    #[getter]
+    fn result(&self, py: Python<'_>) -> PyResult<Py<Identification>> {
+        match &self.result {
+            Ok(found) => Ok(found.clone_ref(py)),
+            Err(fault) => Err(fault.clone_ref(py)),
+        }
+    }
+
     fn __repr__(&self) -> String {
         let kept = if self.kept { "kept" } else { "not kept" };
         self.outcome

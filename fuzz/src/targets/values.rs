@@ -89,10 +89,13 @@ pub(super) fn forces(text: &str) -> Verdict {
             if model.inverse_dynamics(&motion, &parameters, &constants, &mut workspace, &mut found).is_err() {
                 return Err("the forces have no value there".to_owned());
             }
+            if !found.iter().all(|force| force.is_finite()) {
+                return Err("a force beyond the range of numbers".to_owned());
+            }
             for (row, &force) in estimator.form.rows.iter().zip(&found) {
                 let expected = point.force(row, &parameters[..linear]);
                 let (value, magnitude) = (rational::to_f64(&expected.value), rational::to_f64(&expected.magnitude));
-                if !(force.is_finite() && magnitude.is_finite()) {
+                if !magnitude.is_finite() {
                     return Err("a force beyond the range of numbers".to_owned());
                 }
                 let error = rational::to_f64(&rational::abs(&(exact(force) - &expected.value)));

@@ -28,6 +28,10 @@ pub trait Ring {
     fn number(&mut self, value: &Rational) -> Self::Element;
     /// The sum.
     fn add(&mut self, a: &Self::Element, b: &Self::Element) -> Self::Element;
+    /// Adds to a sum, which keeps its memory where the ring can do that.
+    fn add_to(&mut self, sum: &mut Self::Element, part: Self::Element) {
+        *sum = self.add(sum, &part);
+    }
     /// The product.
     fn mul(&mut self, a: &Self::Element, b: &Self::Element) -> Self::Element;
     /// The element multiplied by a rational number.
@@ -140,7 +144,7 @@ pub fn multiply<R: Ring>(ring: &mut R, a: &[Vec<R::Element>], b: &[Vec<R::Elemen
                 }
                 budget::charge(MULTIPLIED);
                 let product = ring.mul(left, right);
-                *sum = ring.add(sum, &product);
+                ring.add_to(sum, product);
             }
         }
         rows.push(sums);

@@ -35,9 +35,9 @@ struct InS<'a>(NormalForms<'a>);
 type Element = Vec<Polynomial<ExprId>>;
 
 /// Operations for a coefficient that is made or copied, for the budget.
-const COPIED: u64 = 32;
+const COPIED: u64 = 16;
 /// Operations for a product of two coefficients, for the budget.
-const COEFFICIENT: u64 = 32;
+const COEFFICIENT: u64 = 16;
 
 impl Ring for InS<'_> {
     type Element = Element;
@@ -56,6 +56,16 @@ impl Ring for InS<'_> {
         sum
     }
 
+    fn add_to(&mut self, sum: &mut Element, mut part: Element) {
+        if sum.len() < part.len() {
+            std::mem::swap(sum, &mut part);
+        }
+        budget::charge(COPIED.saturating_mul(sum.len() as u64));
+        for (slot, value) in sum.iter_mut().zip(part).filter(|(_, value)| !value.is_zero()) {
+            *slot = if slot.is_zero() { value } else { slot.add(&value) };
+        }
+    }
+
     fn mul(&mut self, a: &Element, b: &Element) -> Element {
         let length = (a.len() + b.len()).saturating_sub(1);
         budget::charge(COEFFICIENT.saturating_mul((a.len() * b.len()) as u64).saturating_add(COPIED * length as u64));
@@ -63,7 +73,8 @@ impl Ring for InS<'_> {
         for (i, left) in a.iter().enumerate().filter(|(_, left)| !left.is_zero()) {
             for (j, right) in b.iter().enumerate().filter(|(_, right)| !right.is_zero()) {
                 let term = self.0.mul(left, right);
-                product[i + j] = product[i + j].add(&term);
+                let slot = &mut product[i + j];
+                *slot = if slot.is_zero() { term } else { slot.add(&term) };
             }
         }
         product
