@@ -32,6 +32,7 @@ mod names;
 mod npy;
 mod options;
 mod own_times;
+mod packed;
 mod paired;
 #[cfg(feature = "parquet")]
 mod parquet;
