@@ -106,11 +106,22 @@ fn logs_of_different_machines_and_a_log_twice_are_named() {
     sweep(folder.path(), "a.csv", TRUTH, 15.0, 0.06);
     sweep(folder.path(), "b.csv", TRUTH, 10.0, 0.11);
     sweep(folder.path(), "loaded.csv", [2.2, 40.0, 1.5], 12.0, 0.09);
-    let (code, json, messages) = identify(folder.path(), &["--log", "a.csv", "--log", "b.csv", "--log", "loaded.csv"]);
+    let (code, json, messages) = identify(folder.path(), &["--log", "a.csv", "--log", "loaded.csv"]);
     assert_eq!(code, Some(1), "{json}");
     assert!(messages.contains("contradicts the other logs: m differs most"), "{messages}");
     let (value, std) = parameters(&json)[0];
     assert!((value - TRUTH[0]).abs() < 4.0 * std, "deviations grow with what differs: {value} +- {std}");
+    // Two logs that agree are more than one.
+    let (code, json, messages) = identify(folder.path(), &["--log", "a.csv", "--log", "loaded.csv", "--log", "b.csv"]);
+    assert_eq!(code, Some(0), "{messages}");
+    assert!(messages.contains("loaded.csv contradicts the logs that agree, and is left out: m"), "{messages}");
+    assert!(!messages.contains("all that it tells"), "only m differs: {messages}");
+    let left_out: Vec<bool> =
+        json["pool"]["logs"].as_array().expect("logs").iter().map(|log| log["left_out"] == true).collect();
+    assert_eq!(left_out, [false, true, false]);
+    for ((value, std), truth) in parameters(&json).into_iter().zip(TRUTH) {
+        assert!((value - truth).abs() < 4.0 * std, "{value} +- {std}: {truth}");
+    }
     let (code, _, messages) = identify(folder.path(), &["--log", "a.csv", "--log", "a.csv"]);
     assert_eq!(code, Some(2));
     assert!(messages.contains("the same log"), "{messages}");

@@ -280,7 +280,6 @@ fn mistakes_are_answered_by_what_to_type() {
         (vec!["check", "models"], vec!["type the path of a file in it"]),
         (vec!["identify", "none.tpm"], vec![there]),
         (vec!["identify", model, "--log", "none.csv"], vec!["none.csv", there]),
-        (vec!["identify", &run], vec!["give one ending in .tpm"]),
         (vec!["check", "models/mass_spring_drag.toml"], vec!["give one ending in .tpm"]),
         (
             vec!["validate", model, "--log", &run, "--params", &run],

@@ -96,8 +96,8 @@ fn a_log_without_a_model_gets_models_whose_commands_paste() {
         }
     }
     // What cannot be a machine's log is said, and a model under any name stays a model.
-    std::fs::write(at.join("rates.csv"), "t_s,speed,temperature\n0,1,2\n1,2,3\n2,1,3\n3,2,1\n4,1,2\n")
-        .expect("writable");
+    let rows: String = (0..40).map(|k| format!("{k},{},{}\n", 1 + k % 2, 20 + k % 3)).collect();
+    std::fs::write(at.join("rates.csv"), format!("t_s,speed,temperature\n{rows}")).expect("writable");
     let output = crate::support::tpm_in(at, &["identify", "rates.csv"]);
     assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(String::from_utf8_lossy(&output.stderr).contains("no template fits these columns"), "{output:?}");
