@@ -119,7 +119,7 @@ fn the_command_that_init_prints_for_a_log_pastes_into_a_shell() {
     let said = printed_in(folder.path(), &["init", "motor", "--log", "motor test.csv"], 0);
     let command = said.lines().find_map(|line| line.strip_prefix("next: tpm ")).expect("a command");
     let model = std::fs::read_to_string(folder.path().join("motor.tpm")).expect("written");
-    assert!(model.contains("coordinate x [rad]") && model.contains("input u [A]"), "{model}");
+    assert!(model.contains("coordinate phi [rad]") && model.contains("input u [A]"), "{model}");
     let line = format!("'{}' {command} --json", env!("CARGO_BIN_EXE_tpm"));
     let output = std::process::Command::new("sh").arg("-c").arg(line).current_dir(folder.path()).output();
     let output = output.expect("a shell");
