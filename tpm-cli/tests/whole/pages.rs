@@ -258,7 +258,7 @@ fn no_page_contradicts_itself_or_its_result() {
     // A spring in two parts.
     let (log, ..) = recorded("mass_spring_drag", MACHINES[0].1, "3");
     let text = std::fs::read_to_string(root().join("models/mass_spring_drag.tpm")).expect("a model");
-    let twice = text.replace("k1 [N/m]", "k1 [N/m], k3 [N/m]").replace("k1*x", "(k1 + k3)*x");
+    let twice = text.replace("k1 [N/m]", "k1 [N/m], k3 [N/m]").replace("k1*x", "k1*x + k3*x");
     let model = DeclaredModel::parse("twice.tpm", &twice).unwrap_or_else(|fault| panic!("{fault}"));
     let result = from_log(&model, LogRequest::new(log.path())).expect("identifies");
     assert!(!result.unobservable.is_empty(), "a spring in two parts");

@@ -69,7 +69,7 @@ fn a_changed_machine_fails_its_check_and_an_unchanged_one_passes() {
     }
     for (arguments, said) in [
         (&["check", "slide.tpm", "same.csv"][..], "--against"),
-        (&["check", "slide.tpm", "--against", "result.json"], "[LOG]"),
+        (&["check", "slide.tpm", "--against", "result.json"], "<LOG>"),
         (&["check", "slide.tpm", "same.csv", "--against", "slide.toml"], "no result of"),
         (&["check", "slide.tpm", "none.csv", "--against", "result.json"], "none.csv"),
         (&["check", "slide.tpm", "same.csv", "--against", "result.json", "--junit", "none/a.xml"], "none/a.xml"),

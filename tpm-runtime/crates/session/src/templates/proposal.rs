@@ -67,7 +67,11 @@ fn placed(template: &'static Template, columns: &[(&str, Quantity)], wanted: &[Q
     let input = input(columns, *wanted.first()?)?;
     let mut taken: Vec<usize> = Vec::new();
     for quantity in wanted {
-        let free = |at: &usize| *at != input && !taken.contains(at);
+        // Coordinates of one quantity are subtracted from each other, and have one unit.
+        let unit = |at: usize| columns[at].1.unit(*quantity);
+        let alike =
+            |at: usize| wanted.iter().zip(&taken).all(|(own, other)| own != quantity || unit(at) == unit(*other));
+        let free = |at: &usize| *at != input && !taken.contains(at) && alike(*at);
         let first = |fits: &dyn Fn(Quantity) -> bool| (0..columns.len()).filter(free).find(|at| fits(columns[*at].1));
         let at = first(&|of| of == *quantity).or_else(|| first(&|of| of.may_be(*quantity)))?;
         taken.push(at);
