@@ -7,6 +7,7 @@
 //! are read or found, checked, and reported with the result; every fault is an error that names the line.
 
 mod answers;
+mod as_recorded;
 mod assumption;
 mod columns;
 mod csv;
@@ -46,6 +47,7 @@ mod table;
 mod unit;
 mod wraps;
 
+pub use as_recorded::{AsRecorded, Lone, OwnTimes};
 pub use assumption::{Assumption, Separator};
 pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;

@@ -1,5 +1,6 @@
 //! From a log to parameters.
 
+use crate::entry::Entry;
 use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, LogFingerprint, Provenance};
 use crate::log_fault::LogFault;
@@ -17,8 +18,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::{Domain, EstimateError, Frozen};
-use tpm_log::{Log, LogSource, ReadingReport, Recording, Samples};
+use tpm_estimate::Frozen;
+use tpm_log::{LogSource, Recording, Samples};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -135,9 +136,13 @@ pub fn from_logs<R: Into<LogRequest>>(
         result.warnings.insert(0, used);
         return Ok(result);
     }
-    let rows = Rows::new(model, declared.as_deref());
+    let unmeasured = declared.as_deref().filter(|declared| declared.has_unmeasured());
+    let rows = match unmeasured {
+        // A compiled model does not say which of its coordinates are measured; its declaration does.
+        Some(declared) => Rows::new(declared, Some(declared)),
+        None => Rows::new(model, declared.as_deref()),
+    };
     let evaluated = rows.model();
-    let coordinates = evaluated.dims().coordinates;
     let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     if let (None, Some(name)) = (&lumped, first.estimation.bounds.keys().next()) {
@@ -159,28 +164,17 @@ pub fn from_logs<R: Into<LogRequest>>(
         let constants = first.estimation.constants.clone();
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
-        let mut recording = Recording::open(request.source(), evaluated, &options.reading.columns)?;
+        let entry = Entry { rows: &rows, declared: declared.as_deref(), options: &options };
+        let (part, hash) = if unmeasured.is_some() || evaluated.dims().inputs == 0 {
+            entry.as_recorded(request)?
+        } else {
+            entry.by_the_best_way(request)?
+        };
         let path = request.path.display().to_string();
-        let hash = std::mem::take(&mut recording.fingerprint);
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {
             return Err(SessionError::LogTwice { path, other: same.path.clone() });
         }
         fingerprints.push(LogFingerprint { path, hash });
-        if options.domain == Some(Domain::Harmonics) {
-            recording = alone(recording, coordinates, &options);
-        }
-        let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
-        let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
-        for log in &mut recording.segments {
-            let mended = log.mend(coordinates);
-            replaced.extend(lone_readings(evaluated, log, &mended));
-        }
-        let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part = rows.identify(&segments, &options).map_err(|error| of_pieces(error, &recording.report))?;
-        part.warnings.extend(replaced);
-        if let Some(report) = &mut part.log {
-            report.reading = recording.report;
-        }
         parts.push(part);
     }
     let mut result = pooled(evaluated, parts, &known)
@@ -219,26 +213,6 @@ fn with_their_coordinates(
     Ok(Some((whole, Warning::AllCoordinates { coordinates: eliminated })))
 }
 
-/// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.
-fn of_pieces(error: LogFault, report: &ReadingReport) -> LogFault {
-    match (error, report.segments.as_slice()) {
-        (LogFault::Estimate { path, source: EstimateError::NoSignal }, [first, .., last]) => LogFault::ShortSegments {
-            path,
-            from: first.from_line,
-            to: last.to_line,
-            segments: report.segments.len(),
-            longest: report.segments.iter().map(|segment| segment.samples).max().unwrap_or(0),
-            cut: report
-                .segments
-                .iter()
-                .find_map(|segment| segment.cut.as_ref())
-                .map(|cut| cut.to_string())
-                .unwrap_or_default(),
-        },
-        (error, _) => error,
-    }
-}
-
 /// Directions in parameter space that no motion shows while some parameters are held, exact but for one rounding: noise seems to show
 /// them, and the combinations that the data show would be those of the noise. Nothing where they are not known.
 fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Frozen]) -> Vec<Vec<f64>> {
@@ -268,19 +242,4 @@ pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogO
     recording.report.used = Some(used);
     recording.segments = vec![recording.segments.swap_remove(used)];
     recording
-}
-
-/// One warning for every coordinate of which readings were replaced.
-fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64)]) -> Vec<Warning> {
-    let of = |c: usize| {
-        let own: Vec<_> = mended.iter().filter(|(channel, ..)| *channel == c).collect();
-        own.first().map(|(_, first, _)| Warning::LoneReadings {
-            coordinate: model.coordinate(c).name.into(),
-            count: own.len(),
-            line: log.lines[*first],
-            farthest: own.iter().map(|(.., by)| by.abs()).fold(0.0, f64::max),
-            unit: model.coordinate(c).unit.map(Into::into),
-        })
-    };
-    (0..model.dims().coordinates).filter_map(of).collect()
 }
