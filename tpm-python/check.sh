@@ -25,7 +25,7 @@ python3 -m venv "$work/fresh"
 "$work/fresh/bin/pip" install --quiet "$work"/wheels/*.whl
 (cd "$work" && fresh/bin/python -c 'import tpm; print("tpm", tpm.__version__)')
 
-"$work/fresh/bin/pip" install --quiet pytest mypy nbclient nbformat ipykernel typing_extensions
+"$work/fresh/bin/pip" install --quiet pytest mypy pandas polars pandas-stubs nbclient nbformat ipykernel typing_extensions
 "$work/fresh/bin/python" -m pytest -q -p no:cacheprovider tests
 # Types of the stubs as users of the module have them, and the stubs against the module itself.
 MYPYPATH=tests "$work/fresh/bin/mypy" --strict --cache-dir "$work/mypy" tests

@@ -1,9 +1,10 @@
 """Identifies the parameters of non-linear machines by the Trajectory Pattern Method."""
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
 from fractions import Fraction
 from os import PathLike
-from typing import Any, Literal, TypedDict, final
+from typing import Any, Literal, Protocol, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,17 @@ _Exact = Mapping[str, int | float | str | Fraction]
 _Change = bool | int | float | str | Sequence["_Change"] | Mapping[str, "_Change"]
 _Changes = Mapping[str, _Change]
 
+class _Frame(Protocol):
+    """A frame of pandas or polars: columns by name."""
+
+    @property
+    def columns(self) -> Any: ...
+    def __getitem__(self, key: Any, /) -> Any: ...
+
+_Signals = Mapping[str, ArrayLike] | _Frame
+# Numbers of seconds, or times of numpy, pandas, polars or Python.
+_Stamps = ArrayLike | Sequence[datetime] | Sequence[timedelta]
+
 class _ColumnSettings(TypedDict, total=False):
     map: Mapping[str, str] | None
     scale: Mapping[str, float] | None
@@ -26,7 +38,7 @@ class _LogSettings(_ColumnSettings, total=False):
     from_sample: int | None
     period: float | None
     hold: Literal["none", "zoh"] | None
-    delay: Mapping[str, float] | None
+    delay: Mapping[str, float | Literal["fit"]] | None
     low_pass: Mapping[str, tuple[float, float]] | None
     domain: Literal["harmonics", "time"] | None
     harmonics: int | None
@@ -74,7 +86,7 @@ class Model:
         allow_large: bool = False,
     ) -> dict[str, Any]: ...
     def identify(
-        self, t: ArrayLike, signals: Mapping[str, ArrayLike], **settings: Unpack[_LogSettings]
+        self, t: _Stamps, signals: _Signals, **settings: Unpack[_LogSettings]
     ) -> Identification: ...
     def identify_log(self, log: _Path | Sequence[_Path], **settings: Unpack[_LogSettings]) -> Identification: ...
     def identify_simulated(
@@ -226,8 +238,8 @@ class Campaign:
     def next(self) -> Run | None: ...
     def submit(
         self,
-        t: ArrayLike,
-        signals: Mapping[str, ArrayLike],
+        t: _Stamps,
+        signals: _Signals,
         *,
         stopped: bool = False,
         **settings: Unpack[_ColumnSettings],
@@ -237,5 +249,20 @@ class Campaign:
     def result(self) -> Identification: ...
 
 def identify(
-    model: Model, t: ArrayLike, signals: Mapping[str, ArrayLike], **settings: Unpack[_LogSettings]
+    model: Model, t: _Stamps, signals: _Signals, **settings: Unpack[_LogSettings]
 ) -> Identification: ...
+def validate(
+    model: Model, t: _Stamps, signals: _Signals, result: Identification, **settings: Unpack[_LogSettings]
+) -> dict[str, Any]:
+    """Predicts arrays with the parameters of a result, as `tpm validate --json`: nothing is fitted."""
+
+def validate_log(
+    model: Model, log: _Path, result: Identification, **settings: Unpack[_LogSettings]
+) -> dict[str, Any]:
+    """Predicts a log with the parameters of a result, as `tpm validate --json`: nothing is fitted."""
+
+def inspect_log(log: _Path, model: Model | None = None, **settings: Unpack[_LogSettings]) -> dict[str, Any]:
+    """Looks at a log before anything is identified from it, as `tpm inspect --json`."""
+
+def compare(a: Identification, b: Identification) -> dict[str, Any]:
+    """What changed between two results of different data, as `tpm compare --json`."""

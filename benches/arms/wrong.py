@@ -1,8 +1,8 @@
-"""A UR10 that is not what its model says: `python3 wrong.py TPM URDF [SEEDS]` (`pip install pin numpy`).
+"""A UR10 that is not what its model says: `python3 wrong.py TPM URDF [SEEDS] [RATE_HZ]` (`pip install pin numpy`).
 
 The machine of `cramer_rao.py`, with a fault in the machine, the log or the model. Counted, fault by fault: logs with numbers that are
-wrong beyond 3.5 stated deviations and 1 %, exit code 0 and no cause named (confident and wrong), logs in which a cause is named, exit codes
-1, and the share of the true values inside the 95 % intervals.
+wrong beyond 3.5 stated deviations and 1 %, exit code 0 and no cause named (confident and wrong), logs in which a cause is named, logs that
+say that they do not test the zero of the sensor that is off, exit codes 1, and the share of the true values inside the 95 % intervals.
 """
 
 import sys
@@ -20,9 +20,10 @@ def faults(machine):
     """Name, losses of the model, torques and readings of the log, and factors of the true values by joint."""
     torque, q = machine.torque, machine.q
     swapped = [0, 2, 1, 3, 4, 5]
-    late = np.roll(torque, -3, axis=0)
+    late = np.roll(torque, -round(0.003 / (machine.times[1] - machine.times[0])) or -1, axis=0)
+    unit = np.eye(6)
     signs = np.array([1, 1, -1, 1, 1, 1])
-    gains = np.array([1, 12.0, 1, 1, 1, 1])
+    constants = np.array([12.7, 12.7, 9.2, 6.1, 6.1, 4.4])
     payload = {name: value for name, value in machine.values.items()}
     for name, value in zip(["m", "mx", "my", "mz", "Ixx", "Iyy", "Izz"], [2.0, 0.1, 0.0, 0.16, 0.02, 0.025, 0.012]):
         payload[f"{name}_wrist_3_link"] += value
@@ -31,22 +32,33 @@ def faults(machine):
     yield "no dry friction in the model", "viscous,rotor", torque, q, machine.values
     yield "no viscous friction in the model", "coulomb,rotor", torque, q, machine.values
     yield "torques recorded 3 ms early", "viscous,coulomb,rotor", late, q, machine.values
-    yield "offset of .02 rad of joint 2", "viscous,coulomb,rotor", torque, q + 0.02 * np.eye(6)[1], machine.values
-    yield "offset of 5 N m of joint 3", "viscous,coulomb,rotor", torque + 5 * np.eye(6)[2], q, machine.values
+    yield "offset of .02 rad of joint 2", "viscous,coulomb,rotor", torque, q + 0.02 * unit[1], machine.values
+    yield "offset of .02 rad of joint 3", "viscous,coulomb,rotor", torque, q + 0.02 * unit[2], machine.values
+    yield "offset of 5 N m of joint 3", "viscous,coulomb,rotor", torque + 5 * unit[2], q, machine.values
     yield "a load of 2 kg, compared with the empty arm", "viscous,coulomb,rotor", loaded, q, payload
     yield "joints 2 and 3 exchanged", "viscous,coulomb,rotor", torque, q[:, swapped], machine.values
     yield "torque of joint 3 with the other sign", "viscous,coulomb,rotor", torque * signs, q, machine.values
-    yield "torque of joint 2 in A, 12 N m each", "viscous,coulomb,rotor", torque / gains, q, machine.values
+    yield "torque of joint 2 in A, 12 N m each", "viscous,coulomb,rotor", torque / (1 + 11 * unit[1]), q, machine.values
+    yield "torque of joint 5 in A, 12 N m each", "viscous,coulomb,rotor", torque / (1 + 11 * unit[4]), q, machine.values
+    yield "torque of joint 5 by 5 % too small", "viscous,coulomb,rotor", torque / (1 + 0.05 * unit[4]), q, machine.values
+    yield "torque of joint 1 by 5 % too small", "viscous,coulomb,rotor", torque / (1 + 0.05 * unit[0]), q, machine.values
+    yield "torques in A, constants of their own", "viscous,coulomb,rotor", torque / constants, q, machine.values
 
 
-def main(tpm, urdf, seeds=20):
-    machine = Machine(urdf, 1000.0, 2.0)
+def untested(result):
+    """Joints whose zeros the log is said not to test."""
+    return {own["coordinate"] for own in (result.get("log") or {}).get("untested_offsets", [])}
+
+
+def main(tpm, urdf, seeds=20, rate=1000.0):
+    machine = Machine(urdf, float(rate), 2.0)
     folder = Path(tempfile.mkdtemp())
     for name, losses, torque, read, values in faults(machine):
         own = folder / losses.replace(",", "_")
         own.mkdir(exist_ok=True)
         model, log = imported(tpm, urdf, own, losses), own / "log.csv"
-        confident, named, codes, inside, kinds = 0, 0, Counter(), [], Counter()
+        confident, named, silent, codes, inside, kinds = 0, 0, 0, Counter(), [], Counter()
+        moved = {joint for joint, own, true in zip(machine.joints, read.T, machine.q.T) if np.ptp(own - true) < 1e-9 < abs(own - true).max()}
         for seed in range(int(seeds)):
             machine.log(seed, log, torque, read)
             code, result = identified(tpm, model, log)
@@ -54,13 +66,19 @@ def main(tpm, urdf, seeds=20):
             kinds.update(said)
             codes[code] += 1
             named += bool(said)
+            not_tested = bool(moved & untested(result))
+            silent += not_tested
             wrong = False
             for terms, value, std in numbers(result):
                 true = sum(float(f) * truth_of(part, values) for part, f in terms.items())
                 inside.append(abs(value - true) < 1.96 * std)
                 wrong |= abs(value - true) > max(3.5 * std, 0.01 * abs(true))
-            confident += wrong and code == 0 and not said
-        print(f"{name:45s} confident and wrong {confident}, cause named {named}, exit codes {dict(codes)}, inside {100 * np.mean(inside):.1f} %, {dict(kinds)}")
+            confident += wrong and code == 0 and not said and not not_tested
+        print(
+            f"{name:45s} confident and wrong {confident}, cause named {named}, said not to be tested {silent}, exit codes {dict(codes)}, "
+            f"inside {100 * np.mean(inside):.1f} %, {dict(kinds)}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
-const EXAMPLES: [(&str, &str); 39] = [
+const EXAMPLES: [(&str, &str); 41] = [
     ("actuator", "tpm actuator cart.tpm --motor motors.toml --params values.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),
@@ -15,6 +15,7 @@ const EXAMPLES: [(&str, &str); 39] = [
     ("check", "tpm check cart.tpm"),
     ("compare", "tpm compare before.json after.json"),
     ("completions", "tpm completions bash"),
+    ("demo", "tpm demo"),
     ("design", "tpm design cart.tpm --experiment cart.toml"),
     (
         "excite chirp",
@@ -39,6 +40,7 @@ const EXAMPLES: [(&str, &str); 39] = [
     ("inertias", "tpm inertias arm.tpm result.json --description arm.urdf --urdf identified.urdf"),
     ("init", "tpm init cart"),
     ("inspect", "tpm inspect log.csv cart.tpm"),
+    ("language", "tpm language"),
     ("linearize", "tpm linearize cart.tpm --at x=0"),
     ("lsp", "tpm lsp"),
     ("man", "tpm man manual_pages"),
@@ -106,7 +108,9 @@ fn verb_of(file: &str) -> Option<String> {
     let line = match kind.to_ascii_lowercase().as_str() {
         "tpm" => format!("tpm identify {file}"),
         "urdf" => format!("tpm init NAME --from {file}"),
-        "csv" | "mat" | "mcap" | "parquet" => format!("tpm inspect {file}"),
+        "csv" | "mat" | "mcap" | "parquet" | "npz" | "npy" | "json" | "jsonl" | "wpilog" | "db3" => {
+            format!("tpm inspect {file}")
+        }
         _ => return None,
     };
     Some(format!("a verb comes first: type `{line}`"))

@@ -48,6 +48,8 @@ enum Command {
     Check(verbs::check::Args),
     /// Print the completions of the command line for a shell.
     Completions(verbs::shell::CompletionArgs),
+    /// Show it all in a minute: write a sample machine, record a log of it, identify from the log and write the report.
+    Demo(verbs::demo::Args),
     /// Propose experiments that show the most within the limits.
     Design(Box<verbs::design::Args>),
     /// Compare two results of identifications: what changed, in their joint covariance.
@@ -56,7 +58,7 @@ enum Command {
     Excite(verbs::excite::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(verbs::expand::Args),
-    /// Say what a field of an experiment, motor or run file means.
+    /// Say what a word of the model language, or a field of an experiment, motor or run file means.
     Explain(verbs::explain::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
     Feedforward(Box<verbs::feedforward::Args>),
@@ -69,6 +71,9 @@ enum Command {
     /// Print the table of all flags, verb by verb.
     #[command(hide = true)]
     Flags,
+    /// Print the reference of the model language.
+    #[command(hide = true)]
+    Language,
     /// Write the source code of a model's estimator.
     Generate(verbs::generate::Args),
     /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
@@ -132,6 +137,12 @@ fn main() -> ExitCode {
     }
 }
 
+/// Runs a command line as if it had been typed.
+fn line(words: &[String]) -> Outcome {
+    let parsed = command().try_get_matches_from(words).and_then(|matches| Cli::from_arg_matches(&matches));
+    dispatch(&parsed.map_err(|error| Failure::Input(error.to_string()))?.command)
+}
+
 /// Runs a command.
 fn dispatch(verb: &Command) -> Outcome {
     match verb {
@@ -139,6 +150,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Campaign(args) => verbs::campaign::run(args),
         Command::Check(args) => verbs::check::run(args),
         Command::Completions(args) => verbs::shell::completions(args, command()),
+        Command::Demo(args) => verbs::demo::run(args, line),
         Command::Design(args) => verbs::design::run(args),
         Command::Compare(args) => verbs::compare::run(args),
         Command::Excite(args) => verbs::excite::run(args),
@@ -156,6 +168,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Inertias(args) => verbs::inertias::run(args),
         Command::Init(args) => verbs::init::run(args),
         Command::Inspect(args) => verbs::inspect::run(args),
+        Command::Language => verbs::explain::language(),
         Command::Linearize(args) => verbs::linearize::run(args),
         Command::Lsp(args) => verbs::lsp::run(args),
         Command::Man(args) => verbs::shell::man(args, command()),

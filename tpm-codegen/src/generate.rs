@@ -109,7 +109,7 @@ pub fn generate_regulator(
 /// The source files of an estimator.
 ///
 /// # Errors
-/// [`EmitError`] when the identified values are of another model or leave open what an equation needs, a filter is out of range or has no feed-forward to pass, or the
+/// [`EmitError`] when the identified values are of another model or leave open what an equation needs, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
 /// target language cannot express the model.
 pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(identified) = options.identified {
@@ -117,6 +117,12 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
     }
     if let Some(filters) = options.filters {
         estimator.check_filters(filters)?;
+    }
+    if options.strokes {
+        estimator.check_strokes()?;
+    }
+    if options.forgetting {
+        estimator.check_forgetting()?;
     }
     match options.language {
         Language::Rust => {

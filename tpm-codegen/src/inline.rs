@@ -25,7 +25,7 @@ fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
     items.collect()
 }
 
-/// The expansion of `model! { [option;] ... model Name { ... } }`, with the options of [`Request`].
+/// The expansion of `model! { [option;] ... model Name { ... } }`, with its options.
 #[must_use]
 pub fn model(input: TokenStream) -> TokenStream {
     within_budget(|| of_model(input))
@@ -77,7 +77,7 @@ fn of_model(input: TokenStream) -> TokenStream {
     }
 }
 
-/// The expansion of `model_file!("path/to/x.tpm" [, option] ...)`, with the options of [`Request`]; `folder` is the root of the package that calls it.
+/// The expansion of `model_file!("path/to/x.tpm" [, option] ...)`; `folder` is the root of the package that calls it.
 #[must_use]
 pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     within_budget(|| of_model_file(input, folder))

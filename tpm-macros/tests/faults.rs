@@ -49,7 +49,18 @@ fn shown(path: &str, source: &str) -> String {
 
 #[test]
 fn faults_are_shown_on_the_users_tokens() {
-    for name in ["impossible_part", "no_path", "not_linear", "several_faults", "unknown_part"] {
+    for name in [
+        "impossible_part",
+        "many_harmonics",
+        "no_chain",
+        "no_path",
+        "no_run",
+        "no_strokes",
+        "not_linear",
+        "nothing_forgets",
+        "several_faults",
+        "unknown_part",
+    ] {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ui");
         let read = |ending: &str| std::fs::read_to_string(folder.join(format!("{name}.{ending}"))).expect("readable");
         assert_eq!(shown(&format!("tests/ui/{name}.rs"), &read("rs")), read("stderr"), "{name}");

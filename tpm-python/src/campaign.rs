@@ -1,6 +1,7 @@
 //! Campaigns in a folder: what to play next goes out as arrays, what was recorded comes in.
 
-use crate::log::{TIME, Vector, of_arrays, with_columns};
+use crate::arrays::of_arrays;
+use crate::log::{TIME, with_columns};
 use crate::model::{Model, experiment_request};
 use crate::result::{Identification, dictionary};
 use crate::words::Fault;
@@ -96,12 +97,12 @@ impl Campaign {
     fn submit(
         &self,
         py: Python<'_>,
-        t: Vector<'_>,
-        signals: BTreeMap<String, Vector<'_>>,
+        t: &Bound<'_, PyAny>,
+        signals: &Bound<'_, PyAny>,
         stopped: bool,
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Submission> {
-        self.take(py, with_columns(of_arrays(&t, &signals), settings)?, stopped)
+        self.take(py, with_columns(of_arrays(t, signals)?, settings)?, stopped)
     }
 
     #[pyo3(signature = (log, *, stopped = false, **settings))]

@@ -3,11 +3,13 @@
 //! Nothing is decided here. Arrays become columns of a log, keyword arguments the settings of a request, results arrays, and faults
 //! exceptions whose remedies are spelled as keyword arguments.
 
+mod arrays;
 mod campaign;
 mod log;
 mod model;
 mod result;
 mod table;
+mod verdicts;
 mod words;
 mod work;
 
@@ -24,6 +26,8 @@ mod tpm {
     use crate::result::Identification;
     #[pymodule_export]
     use crate::table::{Entry, Table};
+    #[pymodule_export]
+    use crate::verdicts::{compare, inspect_log, validate, validate_log};
     #[pymodule_export]
     use crate::words::Error;
     use pyo3::prelude::*;

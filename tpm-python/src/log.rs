@@ -1,4 +1,4 @@
-//! Arrays and keyword arguments as the request of a log.
+//! Keyword arguments as settings of the request of a log.
 
 use crate::words::Error;
 use numpy::{AllowTypeChange, PyArrayLike1};
@@ -9,26 +9,16 @@ use std::collections::BTreeMap;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::log::Samples;
 use tpm_runtime::motion::LowPass;
 use tpm_runtime::session::LogRequest;
 
 /// Name of the time among the columns of a log.
 pub(crate) const TIME: &str = "t_s";
-/// What messages call a log that came as arrays.
-const ARRAYS: &str = "arrays";
 
 /// Anything that numpy makes a vector of numbers of.
 pub(crate) type Vector<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
 /// Keyword arguments.
 pub(crate) type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
-
-/// The log of arrays: stamps and signals. They are copied once, since Python may change them while they are used.
-pub(crate) fn of_arrays(t: &Vector<'_>, signals: &BTreeMap<String, Vector<'_>>) -> LogRequest {
-    let column = |name: &str, array: &Vector<'_>| (name.to_owned(), array.as_array().to_vec());
-    let signals = signals.iter().map(|(name, array)| column(name, array));
-    LogRequest::of_samples(ARRAYS, Samples::new(std::iter::once(column(TIME, t)).chain(signals).collect()))
-}
 
 /// A request with what keyword arguments say of the log's columns alone.
 pub(crate) fn with_columns(mut request: LogRequest, settings: Keywords<'_, '_>) -> PyResult<LogRequest> {
@@ -53,7 +43,12 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
             "period" => request.reading.period = Some(value.extract()?),
             "hold" => request.reading.hold = [Hold::None, Hold::Zoh][chosen(&["none", "zoh"])?],
             "delay" => {
-                for (input, delay) in value.extract::<BTreeMap<String, f64>>()? {
+                for (input, delay) in value.extract::<BTreeMap<String, Bound<'_, PyAny>>>()? {
+                    if delay.extract::<String>().is_ok_and(|word| word == "fit") {
+                        request.estimation.fitted_delays.insert(input);
+                        continue;
+                    }
+                    let delay: f64 = delay.extract()?;
                     if !(delay.is_finite() && delay >= 0.0) {
                         let message = format!("delay={{\"{input}\": {delay}}}: the time must not be negative");
                         return Err(Error::new_err(message));

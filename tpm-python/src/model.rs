@@ -1,6 +1,7 @@
 //! Models: what they say, what they show, and what logs say of them.
 
-use crate::log::{Vector, of_arrays, with_settings};
+use crate::arrays::of_arrays;
+use crate::log::with_settings;
 use crate::result::{Identification, dictionary};
 use crate::table::Table;
 use crate::words::{Error, Fault};
@@ -258,11 +259,11 @@ impl Model {
     pub(crate) fn identify(
         &self,
         py: Python<'_>,
-        t: Vector<'_>,
-        signals: BTreeMap<String, Vector<'_>>,
+        t: &Bound<'_, PyAny>,
+        signals: &Bound<'_, PyAny>,
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Identification> {
-        let request = with_settings(of_arrays(&t, &signals), settings)?;
+        let request = with_settings(of_arrays(t, signals)?, settings)?;
         self.identified(py, vec![request])
     }
 
@@ -364,8 +365,8 @@ impl Model {
 pub(crate) fn identify(
     py: Python<'_>,
     model: &Model,
-    t: Vector<'_>,
-    signals: BTreeMap<String, Vector<'_>>,
+    t: &Bound<'_, PyAny>,
+    signals: &Bound<'_, PyAny>,
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Identification> {
     model.identify(py, t, signals, settings)

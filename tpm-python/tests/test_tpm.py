@@ -1,10 +1,12 @@
 """The module beside the command line: same data, same numbers, same words."""
 
+import datetime
 import json
 import re
 import signal
 import threading
 import time
+import types
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -238,3 +240,70 @@ def test_ctrl_c_stops_long_work() -> None:
 
 def test_the_version_is_that_of_the_command_line(tpm_command: Command) -> None:
     assert tpm_command("--version").stdout.split()[1] == tpm.__version__
+
+
+def test_times_of_every_kind_are_seconds(log: Path) -> None:
+    columns = read(log)
+    model = tpm.Model.from_file(CART)
+    signals = {"x": columns["x"], "u": columns["u"]}
+    expected = model.identify(columns["t_s"], signals, hold="zoh")
+    nanoseconds = np.round(columns["t_s"] * 1e9).astype("int64")
+    instants = np.datetime64("2026-03-01T12:00:00", "ns") + nanoseconds.astype("timedelta64[ns]")
+    start = datetime.datetime(2026, 3, 1, tzinfo=datetime.timezone.utc)
+    times: list[Any] = [
+        instants,
+        nanoseconds.astype("timedelta64[ns]"),
+        nanoseconds.astype("timedelta64[ns]") + np.timedelta64(7, "s"),
+        [datetime.timedelta(microseconds=int(own) // 1000) for own in nanoseconds],
+        [start.replace(tzinfo=None) + datetime.timedelta(microseconds=int(own) // 1000) for own in nanoseconds],
+    ]
+    for t in times:
+        result = model.identify(t, signals, hold="zoh")
+        assert result.trusted
+        np.testing.assert_allclose(result.values, expected.values, rtol=1e-6)
+    unreadable: list[Any] = [["one"] * 5, [object()] * 5, columns["t_s"] + 1j]
+    for wrong in unreadable:
+        with pytest.raises(TypeError, match="t: "):
+            model.identify(wrong, signals)
+    for kind in ("datetime64[ns]", "U8", "complex"):
+        with pytest.raises(TypeError, match="signals.*x.*vector of numbers"):
+            model.identify(columns["t_s"], {"x": np.zeros(5).astype("int64").astype(kind), "u": columns["u"]})
+
+
+def test_frames_and_mappings_are_signals(log: Path) -> None:
+    columns = read(log)
+    model = tpm.Model.from_file(CART)
+    expected = model.identify(columns["t_s"], {"x": columns["x"], "u": columns["u"]}, hold="zoh").json()
+    assert model.identify(columns["t_s"], types.MappingProxyType(columns), hold="zoh").json() == expected
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(columns)
+    frame["note"] = "a text that no model needs"
+    assert model.identify(frame.t_s, frame, hold="zoh").json() == expected
+    zoned = pandas.to_datetime(frame.t_s, unit="s", utc=True).dt.tz_convert("Europe/Berlin")
+    for t in (pandas.to_datetime(frame.t_s, unit="s"), pandas.to_timedelta(frame.t_s, unit="s"), zoned):
+        np.testing.assert_allclose(model.identify(t, frame, hold="zoh").values, model.identify(frame.t_s, frame, hold="zoh").values, rtol=1e-6)
+    polars = pytest.importorskip("polars")
+    other = polars.DataFrame(columns)
+    assert model.identify(other["t_s"], other, hold="zoh").json() == expected
+    with pytest.raises(TypeError, match="a mapping of names to vectors"):
+        model.identify(columns["t_s"], [columns["x"], columns["u"]])  # type: ignore[arg-type]
+
+
+def test_verdicts_are_those_of_the_command_line(tpm_command: Command, log: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.csv"
+    assert tpm_command("simulate", CART, "--set", "seed=2", "--set", "plant.parameters.m=2.1", "-o", other).returncode == 0
+    model = tpm.Model.from_file(CART)
+    a, b = (model.identify_log(path, hold="zoh") for path in (log, other))
+    for name, result in (("a.json", a), ("b.json", b)):
+        (tmp_path / name).write_text(result.json())
+    compared = tpm_command("compare", tmp_path / "a.json", tmp_path / "b.json", "--json")
+    assert tpm.compare(a, b) == json.loads(compared.stdout)
+    validated = tpm_command("validate", CART, "--params", tmp_path / "a.json", "--log", other, "--hold", "zoh", "--json")
+    assert tpm.validate_log(model, other, a, hold="zoh") == json.loads(validated.stdout)
+    columns = read(other)
+    again = tpm.validate(model, columns["t_s"], columns, a, hold="zoh")
+    assert again["rows"] == json.loads(validated.stdout)["rows"]
+    inspected = tpm_command("inspect", log, "--json")
+    assert tpm.inspect_log(log) == json.loads(inspected.stdout)
+    inspected = tpm_command("inspect", log, CART, "--json")
+    assert tpm.inspect_log(log, model) == json.loads(inspected.stdout)

@@ -2508,6 +2508,17 @@ pub mod support {
                 self.rows
             }
 
+            /// Euclidean length of what no x explains.
+            #[must_use]
+            pub fn residual(&self) -> T {
+                self.residual
+            }
+
+            /// The rows of the triangular factor, each with its right-hand side: equations of x with independent errors of variance one.
+            pub fn equations(&self) -> impl Iterator<Item = (&[T; C], T)> {
+                self.factor.iter().zip(self.right)
+            }
+
             /// What the rows say about x: modified Gram-Schmidt with column pivoting on the factor, its columns scaled to unit length.
             ///
             /// A direction counts as not shown when what is left of its column is within the rounding errors of all rows, which add up like a

@@ -1,5 +1,8 @@
 //! One rule for trust: whatever was noticed, the text, the JSON, the page and the exit code of a result say the same of it.
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use tpm_runtime::campaign::{NearMode, Outcome};
 use tpm_runtime::document::Document;
 use tpm_runtime::estimate::PhysicalRemark;
@@ -16,6 +19,11 @@ const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg
 
 /// Five periods of a cart with m = 1, c = 0.5 and k = 20 under exact forces, times `scale`.
 fn samples(scale: f64) -> Samples {
+    with_noise(scale, || 0.0)
+}
+
+/// The same with noise of the position.
+fn with_noise(scale: f64, mut noise: impl FnMut() -> f64) -> Samples {
     let (mut time, mut x, mut u) = (Vec::new(), Vec::new(), Vec::new());
     for n in 0..2500 {
         let t = f64::from(n) * 4e-3;
@@ -25,7 +33,7 @@ fn samples(scale: f64) -> Samples {
             (q, v, a) = (q + size * sin, v + size * w * cos, a - size * w * w * sin);
         }
         time.push(t);
-        x.push(q);
+        x.push(q + noise());
         u.push(scale * (a + 0.5 * v + 20.0 * q));
     }
     Samples::new(vec![("t_s".into(), time), ("x".into(), x), ("u".into(), u)])
@@ -71,6 +79,7 @@ fn findings() -> Vec<Warning> {
             warning: Box::new(Warning::Halves { parameter: m(), moved: 0.5, deviation: 0.1 }),
         },
         Warning::LogsDisagree { path: "a.csv".into(), parameter: m(), deviations: 300.0 },
+        Warning::OddLog { path: "a.csv".into(), parameter: m(), deviations: 300.0, factor: None },
         Warning::Unsteady { mismatch: 0.1 },
         Warning::MostlyLeftOut { left_out: 100, samples: 150 },
         Warning::HarmonicsLeftOut { from: 5, to: 7 },
@@ -113,6 +122,7 @@ fn findings() -> Vec<Warning> {
             | Warning::RateDiffers { .. }
             | Warning::InLog { .. }
             | Warning::LogsDisagree { .. }
+            | Warning::OddLog { .. }
             | Warning::Unsteady { .. }
             | Warning::MostlyLeftOut { .. }
             | Warning::HarmonicsLeftOut { .. }
@@ -187,4 +197,23 @@ fn logs_that_contradict_each_other_identify_nothing() {
     let result = from_logs(&model, [log("a.csv", 1.0), log("b.csv", 1.3)]).expect("identifies");
     let disagree = result.warnings.iter().find(|warning| matches!(warning, Warning::LogsDisagree { .. }));
     says_the_same_everywhere(&result, disagree.expect("the logs are of two machines"));
+}
+
+#[test]
+fn one_log_of_three_is_blamed_and_its_factor_named() {
+    let model = DeclaredModel::parse("cart", MODEL).expect("a model");
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut noise = || 1e-4 * Distribution::<f64>::sample(&StandardNormal, &mut rng);
+    let logs = [("a.csv", 1.0), ("b.csv", 1.3), ("c.csv", 1.0)]
+        .map(|(name, scale)| LogRequest::of_samples(name, with_noise(scale, &mut noise)));
+    let result = from_logs(&model, logs).expect("identifies");
+    let odd = result.warnings.iter().find(|warning| matches!(warning, Warning::OddLog { .. })).expect("one is odd");
+    let Warning::OddLog { path, factor: Some(factor), .. } = odd else { panic!("{odd:?}") };
+    assert!(path == "b.csv" && (factor.value - 1.3).abs() < 1e-3, "{odd:?}");
+    assert!(result.is_complete(), "{result}");
+    for (name, truth) in [("m", 1.0), ("c", 0.5), ("k", 20.0)] {
+        let value = result.parameters.iter().find(|own| own.name == name).and_then(|own| own.value);
+        assert!(value.is_some_and(|value| (value - truth).abs() < 1e-3 * truth), "{name} {value:?}");
+    }
+    says_the_same_everywhere(&result, odd);
 }

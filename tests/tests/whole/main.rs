@@ -36,6 +36,7 @@ mod generated {
     pub mod three_carts;
     pub mod two_carts;
 }
+mod delays;
 mod imported_motion;
 mod inertias;
 mod judge;

@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use crate::input::assignments::once;
 use crate::input::values::Values;
+use crate::output::file;
 use tpm_codegen::parse_value;
 use tpm_codegen::source::Source;
 use tpm_symbolic::expr::graph::Coordinate;
@@ -34,6 +35,20 @@ pub(crate) fn operating_point(
         }
     }
     Ok(point)
+}
+
+/// Says which dry friction a linear model leaves out; nothing where there is none.
+pub(crate) fn tell_friction(model: &ExactModel, linear: &Linearization) {
+    let said: Vec<String> = (linear.friction.iter())
+        .map(|(equation, sign)| format!("{} in equation {equation}", model.display_brief(*sign)))
+        .collect();
+    if !said.is_empty() {
+        file::remark(&format!(
+            "remark: dry friction is left out ({}): this is the linear model of a machine that moves one way, on which friction is a constant \
+             force; from rest it moves only where more than that acts",
+            said.join(", ")
+        ));
+    }
 }
 
 /// A and B in rational numbers, and whether they are exact; `None` when no values were given. Parameters that a result leaves open

@@ -33,7 +33,7 @@ impl From<HoldChoice> for Hold {
 /// Options about the columns of a log, of verbs which all have an argument `log`.
 #[derive(clap::Args)]
 pub(crate) struct ColumnArgs {
-    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
+    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log, or an expression over columns.
     #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
     map: Vec<(String, String)>,
     /// Factor from a column's numbers (or those of t_s) to the model's unit, such as pi/180 or 2*pi/4096; a unit in the header is then
@@ -81,9 +81,9 @@ pub(crate) struct LogArgs {
     /// What the inputs do between samples.
     #[arg(long, value_enum, requires = "log")]
     hold: Option<HoldChoice>,
-    /// Known time by which an input's force lags behind its recorded value, s; corrected.
-    #[arg(long, value_name = "INPUT=SECONDS", requires = "log", value_parser = number_assignment)]
-    delay: Vec<(String, f64)>,
+    /// Known time by which an input's force lags behind its recorded value, s; corrected. `fit` finds it with the parameters.
+    #[arg(long, value_name = "INPUT=SECONDS", requires = "log", value_parser = delay)]
+    delay: Vec<(String, Delay)>,
     /// Known second-order low pass behind an input's recorded value, natural frequency in rad/s and quality (1/sqrt(2) when not
     /// given); corrected.
     #[arg(long, value_name = "INPUT=W[:Q]", requires = "log", value_parser = low_pass)]
@@ -97,6 +97,24 @@ pub(crate) struct LogArgs {
     /// Value of a constant that is known at run time only.
     #[arg(long = "constant", value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     constants: Vec<(String, f64)>,
+}
+
+/// A delay as it is stated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Delay {
+    /// Known, s.
+    Known(f64),
+    /// To be found with the parameters.
+    Fitted,
+}
+
+fn delay(text: &str) -> Result<(String, Delay), String> {
+    let (name, value) = assignment(text)?;
+    match value.parse::<f64>() {
+        _ if value == "fit" => Ok((name, Delay::Fitted)),
+        Ok(seconds) if seconds.is_finite() && seconds >= 0.0 => Ok((name, Delay::Known(seconds))),
+        _ => Err(format!("`{value}` is neither a time in seconds, which must not be negative, nor `fit`")),
+    }
 }
 
 fn low_pass(text: &str) -> Result<(String, LowPass), String> {
@@ -124,15 +142,29 @@ impl LogArgs {
                 .extend(stated.into_iter().enumerate().map(|(i, dynamics)| (model.input(i).name.to_owned(), dynamics)));
         }
         for (name, delay) in by_name("--delay", &self.delay, &inputs)? {
-            if !(delay.is_finite() && delay >= 0.0) {
-                return Err(Failure::Input(format!("--delay {name}={delay}: the time must not be negative")));
+            // A delay that is found begins at what a motor file says of the others.
+            if let Delay::Known(seconds) = delay {
+                known.entry(name).or_default().delay = seconds;
             }
-            known.entry(name).or_default().delay = delay;
         }
         for (name, filter) in by_name("--low-pass", &self.low_pass, &inputs)? {
             known.entry(name).or_default().filter = Some(filter);
         }
         Ok(known)
+    }
+
+    /// Inputs whose delays are to be found.
+    fn fitted_delays(&self) -> impl Iterator<Item = &str> {
+        self.delay.iter().filter(|(_, delay)| *delay == Delay::Fitted).map(|(name, _)| name.as_str())
+    }
+
+    /// Refuses what is found with parameters where none are.
+    pub(crate) fn without_fitted_delays(&self) -> Result<(), Failure> {
+        let refuse = |name| {
+            let remedy = "`tpm identify` finds a delay; state it in seconds here";
+            Err(Failure::Input(format!("--delay {name}=fit: nothing is fitted here; {remedy}")))
+        };
+        self.fitted_delays().next().map_or(Ok(()), refuse)
     }
 
     /// The log at a path with those settings of the command line that need no model.
@@ -168,6 +200,7 @@ impl LogArgs {
         request.reading = self.reading()?;
         request.estimation = EstimationSettings {
             actuators: self.actuators(model)?,
+            fitted_delays: self.fitted_delays().map(ToOwned::to_owned).collect(),
             harmonics: self.harmonics,
             constants: once("--constant", &self.constants)?,
             ..EstimationSettings::default()

@@ -6,7 +6,7 @@ use crate::render::flags;
 use std::collections::BTreeMap;
 use std::path::Path;
 use tpm_runtime::campaign::RunReport;
-use tpm_runtime::document::{Document, PlayedRun};
+use tpm_runtime::document::{Document, Issue, PlayedRun};
 use tpm_runtime::estimate::ParameterReport;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::motion::{Record, Trial};
@@ -30,7 +30,13 @@ impl Watched {
     }
 
     /// Writes the report of the campaign into a folder.
-    pub(crate) fn write(&self, folder: &Path, session: &Session, result: &Identification) -> Result<(), Failure> {
+    pub(crate) fn write(
+        &self,
+        folder: &Path,
+        session: &Session,
+        result: &Identification,
+        issue: Issue,
+    ) -> Result<(), Failure> {
         let run = self.last.as_ref().or(self.first.as_ref());
         let explained = run.map(|run| session.explained(result, run.record(), run.report())).transpose();
         let evidence = explained.map(Option::flatten).unwrap_or_else(|error| {
@@ -41,7 +47,7 @@ impl Watched {
         if let (Some(first), Some(last)) = (&self.first, &self.last) {
             document.add_runs(session.machine().plant(), first, last);
         }
-        report::write(folder, &document, &[("table.md", table(session.machine(), result))])
+        report::write(folder, &document.issued(issue), &[("table.md", table(session.machine(), result))])
     }
 }
 

@@ -5,6 +5,8 @@ pub(crate) mod cells;
 pub(crate) mod combination;
 pub(crate) mod flags;
 pub(crate) mod method;
+pub(crate) mod quoted;
 pub(crate) mod result;
 pub(crate) mod roots;
 pub(crate) mod showing;
+pub(crate) mod templates;

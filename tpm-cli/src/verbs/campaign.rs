@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
+use crate::input::issue::IssueArgs;
 use crate::input::log::ColumnArgs;
 use crate::interrupt;
 use crate::output::{file, writable};
@@ -78,6 +79,8 @@ enum Step {
         /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
         #[arg(long, value_name = "DIR")]
         report: Option<PathBuf>,
+        #[command(flatten)]
+        issue: IssueArgs,
         /// Print the contract's JSON (tpm.identification/2).
         #[arg(long)]
         json: bool,
@@ -109,6 +112,8 @@ struct RunArgs {
     /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    issue: IssueArgs,
     /// Print the contract's JSON (tpm.identification/2).
     #[arg(long)]
     json: bool,
@@ -129,7 +134,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Step::Next { folder, output } => next(folder, output.as_deref()),
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Run(args) => play(args),
-        Step::Result { folder, bounds, method, report, json, output } => {
+        Step::Result { folder, bounds, method, report, issue, json, output } => {
             writable(output.as_deref(), report.as_deref())?;
             let mut folder = CampaignFolder::open(folder, bounds.by_name()?)?;
             if method.is_some() {
@@ -144,7 +149,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             })?;
             print_with_method(&result, *json, method.unwrap_or(Style::Text), output.as_deref())?;
             if let Some(report) = report {
-                seen.write(report, folder.session(), &result)?;
+                seen.write(report, folder.session(), &result, issue.now())?;
             }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
@@ -225,7 +230,7 @@ fn play(args: &RunArgs) -> Outcome {
         Ok(result) => {
             print(&result, args.json, args.output.as_deref())?;
             if let Some(report) = &args.report {
-                seen.write(report, folder.session(), &result)?;
+                seen.write(report, folder.session(), &result, args.issue.now())?;
             }
             if interrupted {
                 return Err(Failure::Interrupted);

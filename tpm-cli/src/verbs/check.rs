@@ -1,8 +1,12 @@
-//! `tpm check`: the properties of a model, and what stands in the way of its uses.
+//! `tpm check`: the properties of a model, and what stands in the way of its uses; and whether a machine is still the one that was
+//! identified.
+
+mod against;
 
 use crate::failure::Outcome;
 use crate::input::load::Loaded;
 use crate::output::file;
+use crate::verbs::check::against::MachineArgs;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
@@ -15,10 +19,15 @@ use tpm_symbolic::regressor::form::{RegressorForm, canonical};
 pub(crate) struct Args {
     /// The model file.
     file: PathBuf,
+    #[command(flatten)]
+    machine: MachineArgs,
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    if let Some(done) = against::run(&args.file, &args.machine) {
+        return done;
+    }
     let loaded = Loaded::from_file(&args.file)?;
     let prepared = loaded.prepared()?;
     let (model, form) = (&prepared.model, &prepared.form);

@@ -1,19 +1,26 @@
-//! `tpm explain` and `tpm schema`: what the fields of the files mean.
+//! `tpm explain` and `tpm schema`: what the words of the model language and the fields of the files mean.
 
 use crate::failure::{Failure, Outcome};
 use crate::output::file;
 use clap::ValueEnum;
 use serde_json::Value;
 use std::path::PathBuf;
+use tpm_codegen::language::function::Function;
+use tpm_codegen::language::keywords::KEYWORDS;
+use tpm_codegen::language::reference::{EXAMPLES, Explained, explained};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::motion::RunFile;
 use tpm_runtime::plant::actuator::motor_schema;
 use tpm_runtime::report::{Align, FieldText, TextTable, fields};
 
+/// Width of a page of the book, in characters.
+const WIDTH: usize = 120;
+
 /// Options of `tpm explain`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// A field such as `noise` or `control.feedback.kp`, or a table with all its fields; a list of all fields when not given.
+    /// A word or function of the model language such as `nonlinear` or `sign`; a field such as `noise` or `control.feedback.kp`, or a table
+    /// with all its fields. A list of them all when not given.
     key: Option<String>,
     /// In files of this kind only.
     #[arg(long, value_enum, value_name = "KIND")]
@@ -71,8 +78,12 @@ pub(crate) fn schema(args: &SchemaArgs) -> Outcome {
 pub(crate) fn run(args: &Args) -> Outcome {
     let kinds = FileKind::ALL.into_iter().filter(|kind| args.file.is_none_or(|asked| asked == *kind));
     let all: Vec<(FileKind, Vec<FieldText>)> = kinds.map(|kind| (kind, fields(&kind.schema()))).collect();
-    let Some(key) = args.key.as_deref() else { return file::print(&list(&all)) };
-    let mut text = String::new();
+    let Some(key) = args.key.as_deref() else {
+        let language = if args.file.is_none() { words() } else { String::new() };
+        return file::print(&format!("{language}{}", list(&all)));
+    };
+    let word = explained(key).filter(|_| args.file.is_none());
+    let mut text = word.map_or(String::new(), |found| of_language(key, &found));
     for (kind, own) in &all {
         let found: Vec<&FieldText> = own.iter().filter(|field| is_meant(key, &field.path)).collect();
         for field in &found {
@@ -88,6 +99,69 @@ pub(crate) fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(unknown(key, &all)));
     }
     file::print(&format!("{}\n", text.trim_end()))
+}
+
+/// A word of the language with a model that shows it.
+fn of_language(word: &str, found: &Explained) -> String {
+    let example: String =
+        found.example.text.lines().map(|line| format!("    {line}").trim_end().to_owned() + "\n").collect();
+    format!(
+        "{word} (model language): {}\n  {}\n  Example, a whole model:\n\n{example}\n",
+        found.usage,
+        sentence_case(found.meaning)
+    )
+}
+
+/// A meaning as a sentence.
+fn sentence_case(meaning: &str) -> String {
+    let mut letters = meaning.chars();
+    letters.next().map(|first| first.to_uppercase().to_string() + letters.as_str() + ".").unwrap_or_default()
+}
+
+/// The words and functions of the model language.
+fn words() -> String {
+    let mut table = TextTable::new(&[("model language", Align::Left), ("", Align::Left), ("meaning", Align::Left)]);
+    for (word, usage, meaning) in KEYWORDS {
+        table.row(&[word.to_owned(), usage.to_owned(), meaning.to_owned()]);
+    }
+    for function in Function::ALL {
+        table.row(&[function.name().to_owned(), function.usage().to_owned(), function.meaning().to_owned()]);
+    }
+    format!("{}\n", table.finish())
+}
+
+/// Prints the reference of the model language, a page of the book.
+pub(crate) fn language() -> Outcome {
+    let mut page = String::from(
+        "# The language\n\nWritten by `tpm language`; a test compares this page with what the program says, and every model on it passes \
+         `tpm check`.\n`tpm explain WORD` says what a word means, with a model that shows it.\n",
+    );
+    for example in &EXAMPLES {
+        page.push_str(&format!("\n## {}\n\n```tpm\n{}```\n", example.title, example.text));
+    }
+    page.push_str("\n## All words\n\n| word | written | meaning |\n|---|---|---|\n");
+    for (word, usage, meaning) in KEYWORDS {
+        page.push_str(&format!("| `{word}` | `{usage}` | {meaning} |\n"));
+    }
+    page.push_str("\n## All functions\n\n| function | meaning |\n|---|---|\n");
+    for function in Function::ALL {
+        page.push_str(&format!("| `{}` | {} |\n", function.usage(), function.meaning()));
+    }
+    page.push_str(
+        "\n## Units\n\nIn brackets behind a name, as products with integer powers: `[kg*m^2/s]`. Values are never converted silently; sums of \
+         different\nquantities are faults. These names are known, those of the SI with its prefixes too:\n\n",
+    );
+    let mut line = String::new();
+    for name in tpm_units::names() {
+        let word = format!("`{name}` ");
+        if line.chars().count() + word.chars().count() > WIDTH {
+            page.push_str(&format!("{}\n", line.trim_end()));
+            line.clear();
+        }
+        line.push_str(&word);
+    }
+    page.push_str(&format!("{}\n", line.trim_end()));
+    file::print(&page)
 }
 
 /// Whether a key is the path of a field or its last parts; names that the user chooses fit any name.
@@ -145,5 +219,5 @@ fn unknown(key: &str, all: &[(FileKind, Vec<FieldText>)]) -> String {
     } else {
         format!("try `tpm explain {}`", near.join("`, `tpm explain "))
     };
-    format!("no file has a field `{key}`; {hint}")
+    format!("no file has a field `{key}`, and the model language no such word; {hint}")
 }

@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{by_name, number_assignment};
+use crate::input::linear::tell_friction;
 use crate::input::load::Loaded;
 use crate::input::measured::{Measured, MeasuredArgs};
 use crate::input::values::{ValueArgs, Values};
@@ -456,6 +457,7 @@ impl Physical {
         })?;
         let linear = linearize(&mut model, &OperatingPoint::default())
             .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;
+        tell_friction(&model, &linear);
         Ok(Physical {
             linear,
             input: inputs[input],

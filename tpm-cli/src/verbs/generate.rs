@@ -48,13 +48,17 @@ enum Part {
     Estimator,
     /// An estimator of the declared parameters from the samples of one run, where all coordinates are measured.
     Run,
+    /// The estimators `error` and `hill` of a run, linearised about its reference.
+    Linearised,
+    /// The estimator `numerical` of a run and of those with one parameter of the feed-forward changed.
+    Numerical,
     /// A whole campaign on the controller, run by run, over the estimator of a run: the machine identifies itself.
     Campaign,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    const ALL: [(Self, Requested); 8] = [
+    const ALL: [(Self, Requested); 10] = [
         (Self::Split, Requested::Split),
         (Self::Gravity, Requested::Gravity),
         (Self::MassMatrix, Requested::MassMatrix),
@@ -62,6 +66,8 @@ impl Part {
         (Self::BaseRegressor, Requested::BaseRegressor),
         (Self::Estimator, Requested::Estimator),
         (Self::Run, Requested::Run),
+        (Self::Linearised, Requested::Linearised),
+        (Self::Numerical, Requested::Numerical),
         (Self::Campaign, Requested::Campaign),
     ];
 }

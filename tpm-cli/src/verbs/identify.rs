@@ -4,6 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{PriorArg, number_assignment, once};
 use crate::input::domain::DomainChoice;
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
+use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
 use crate::interrupt;
 use crate::output::{file, progress, report, writable};
@@ -11,8 +12,10 @@ use crate::render::campaign::Watched;
 use crate::render::flags;
 use crate::render::method::Style;
 use crate::render::result::{print, print_with_method};
+use crate::render::templates;
 use clap::ValueEnum;
-use std::path::PathBuf;
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::document::Document;
 use tpm_runtime::estimate::Weights;
@@ -20,13 +23,13 @@ use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
     CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, SessionError, Validation, from_logs,
-    validate,
+    inspect, proposals, validate,
 };
 
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The model file.
+    /// The model file. Or a log, where there is no model yet: what its columns are, and models to begin with that fit them.
     file: PathBuf,
     /// Identify from this log instead of a simulated plant: columns of text with a header, time and signals by name. Given several times,
     /// from all these logs of one machine together.
@@ -62,6 +65,8 @@ pub(crate) struct Args {
     /// parameters with intervals, correlations; of a campaign a table of the runs too.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    issue: IssueArgs,
     /// Also show how the method came to the parameters: run by run the harmonics of error and inputs beside their prediction, the matrix
     /// T B Lambda, the update; then one row per update. JSON has all lines under `method`.
     #[arg(long, value_enum, value_name = "STYLE", num_args = 0..=1, require_equals = true, default_missing_value = "text", conflicts_with = "log")]
@@ -73,6 +78,9 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
+
+/// Bytes of a file in which a model is declared, comments before it included.
+const MOST_HEAD_BYTES: u64 = 65536;
 
 /// What the harmonics of a log count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -114,6 +122,7 @@ impl From<WeightsChoice> for Weights {
 pub(crate) fn run(args: &Args) -> Outcome {
     writable(args.output.as_deref(), args.report.as_deref())?;
     match args.log.as_slice() {
+        [] if is_log(&args.file) => propose(args),
         [] => simulated(args),
         paths => {
             let simulated = &args.simulated;
@@ -161,11 +170,48 @@ pub(crate) fn run(args: &Args) -> Outcome {
                     Vec::new()
                 });
                 let document = Document::of_identification(&result, &shown, &flags::remedy);
-                report::write(folder, &document, &[])?;
+                report::write(folder, &document.issued(args.issue.now()), &[])?;
             }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }
+}
+
+/// Whether a file in the model's place is a log: neither its name nor its text is that of another kind of file.
+fn is_log(path: &Path) -> bool {
+    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
+    if extension.is_some_and(|extension| ["tpm", "toml", "json", "urdf", "xml"].contains(&extension.as_str())) {
+        return false;
+    }
+    // A model may have any name. What is no text, such as MAT or Parquet, is none. Pipes can be read but once.
+    let mut head = Vec::new();
+    let mut read = || std::fs::File::open(path).and_then(|file| file.take(MOST_HEAD_BYTES).read_to_end(&mut head));
+    path.is_file() && read().is_ok() && !String::from_utf8_lossy(&head).lines().any(declares_model)
+}
+
+/// Whether a line of a file begins a model: `model Name`, with or without the bracket.
+fn declares_model(line: &str) -> bool {
+    let name = line.trim_start().strip_prefix("model ").map(|rest| rest.trim_end_matches('{').trim());
+    name.is_some_and(|name| !name.is_empty() && name.chars().all(|c| c.is_alphanumeric() || c == '_'))
+}
+
+/// What the columns of a log are, and models to begin with that fit them.
+fn propose(args: &Args) -> Outcome {
+    if args.json || args.report.is_some() {
+        return Err(Failure::Input(format!(
+            "{0} is a log, and a model stands before it; `tpm identify {0}` shows models to begin with, `tpm inspect {0}` has JSON and figures",
+            args.file.display()
+        )));
+    }
+    let found = inspect(args.reading.request_without_model(&args.file)?)?;
+    let fitting = proposals(&found);
+    file::emit(args.output.as_deref(), &templates::shown(&found, &fitting, &args.file))?;
+    let next = if fitting.is_empty() {
+        "no template fits these columns; `tpm init NAME` writes a model to change, whose signals --map takes from columns"
+    } else {
+        "paste the two commands of the machine that it is"
+    };
+    Err(Failure::Incomplete(format!("nothing is identified, since no model was given: {next}")))
 }
 
 fn simulated(args: &Args) -> Outcome {
@@ -199,7 +245,7 @@ fn simulated(args: &Args) -> Outcome {
     let result = result?;
     print_with_method(&result, args.json, args.method.unwrap_or(Style::Text), args.output.as_deref())?;
     if let Some(folder) = &args.report {
-        seen.write(folder, &session, &result)?;
+        seen.write(folder, &session, &result, args.issue.now())?;
     }
     if interrupted {
         return Err(Failure::Interrupted);

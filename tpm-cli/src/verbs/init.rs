@@ -2,9 +2,11 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::output::file;
+use crate::render::{quoted, templates};
 use crate::verbs::import;
+use clap::ValueEnum;
 use std::path::{Path, PathBuf};
-use tpm_runtime::session::inspect;
+use tpm_runtime::session::{Inspection, Proposal, Template, inspect, proposals};
 
 /// Options of `tpm init`.
 #[derive(clap::Args)]
@@ -14,9 +16,30 @@ pub(crate) struct Args {
     /// Begin with this log: its columns stand in the model's comments, and the command that identifies from it is printed.
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     log: Option<PathBuf>,
+    /// The machine that the log is of; the template that fits the columns best when not given (`tpm identify LOG` shows all that fit).
+    #[arg(long, value_enum, requires = "log")]
+    template: Option<TemplateChoice>,
     /// Begin with this robot description (URDF), as `tpm import` does.
     #[arg(long, value_name = "URDF")]
     from: Option<PathBuf>,
+}
+
+/// Machines whose models one may begin with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
+enum TemplateChoice {
+    /// A mass on a spring.
+    Spring,
+    /// A slider with viscous and dry friction.
+    Slider,
+    /// A motor with a gear and a load.
+    Motor,
+    /// A driven pendulum.
+    Pendulum,
+    /// Two masses with a spring between them.
+    TwoMasses,
+    /// A driven cart with a pendulum on it.
+    CartPole,
 }
 
 const MODEL: &str = include_str!("init/model.tpm");
@@ -41,24 +64,36 @@ pub(crate) fn run(args: &Args) -> Outcome {
             begin(&import::files(description, &target)?)?;
             file::print(&format!(
                 "{0}: the arm of {1}\nbeside it {2}.prior.toml, the inertias of the description, and {2}.experiment.toml, its limits\n\
-                 next: tpm check {0}, tpm identifiability {0}, tpm identify {0} --log LOG --prior {2}.prior.toml\n",
+                 next: tpm check {3}, tpm identifiability {3}, tpm identify {3} --log LOG --prior {4}\n",
                 target.display(),
                 description.display(),
-                target.with_extension("").display()
+                target.with_extension("").display(),
+                quoted::quoted(&target.display().to_string()),
+                quoted::quoted(&target.with_extension("prior.toml").display().to_string())
             ))
         }
         (None, Some(log)) => {
-            let (columns, first, last) = columns(log)?;
-            let command =
-                format!("tpm identify {} --log {} --map x={first} --map u={last}", target.display(), log.display());
-            let head = format!(
-                "// Columns of {}: {}.\n// x is taken from `{first}` and u from `{last}` by this command; change it where another column is meant:\n//   {command}\n",
+            let found = inspect(log.as_path())?;
+            let proposal = proposal(&found, args.template)?;
+            let command = templates::identify(&proposal, &target, log);
+            let columns: Vec<&str> = found.channels.iter().map(|channel| channel.name.as_str()).collect();
+            let head = [
+                format!("Columns of {}: {}.", log.display(), columns.join(", ")),
+                "Signals are taken from columns by this command; change it where another column is meant:".to_owned(),
+                format!("  {command}"),
+            ];
+            // A name of a column may hold an end of line, behind which it would be no comment.
+            let line = |line: &String| {
+                format!("// {}\n", line.replace(|c: char| c.is_control() || "\u{2028}\u{2029}".contains(c), " "))
+            };
+            let head: String = head.iter().map(line).collect();
+            begin(&[(target.clone(), format!("{head}{}", proposal.model(&camel(&stem))))])?;
+            file::print(&format!(
+                "{}: a first model for {}, {}\nnext: {command}\n",
+                target.display(),
                 log.display(),
-                columns.join(", ")
-            );
-            let model = model.split_once("    // A motion").map_or(model.as_str(), |(before, _)| before).trim_end();
-            begin(&[(target.clone(), format!("{head}{model}\n}}\n"))])?;
-            file::print(&format!("{}: a first model for {}\nnext: {command}\n", target.display(), log.display()))
+                proposal.template.machine
+            ))
         }
         (None, None) => {
             let text = EXPERIMENT.replace("model_name", &stem);
@@ -74,7 +109,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 /// Writes the files of a beginning, none over a file of the user. Where some of them are there as they would be written, an earlier
 /// command was ended before the others, and this one finishes what it began.
-fn begin(files: &[(PathBuf, String)]) -> Outcome {
+pub(crate) fn begin(files: &[(PathBuf, String)]) -> Outcome {
     let is_own = |path: &Path, text: &str| std::fs::read(path).is_ok_and(|there| there == text.as_bytes());
     let there: Vec<&(PathBuf, String)> = files.iter().filter(|(path, _)| path.exists()).collect();
     let refused = if there.len() == files.len() { there.first() } else { None };
@@ -88,42 +123,26 @@ fn begin(files: &[(PathBuf, String)]) -> Outcome {
     file::write_files(&files)
 }
 
-/// Names of a log's columns of numbers, and those that are most likely a measured position and the force that moves it.
-fn columns(log: &Path) -> Result<(Vec<String>, String, String), Failure> {
-    let seen = inspect(log)?;
-    let all: Vec<(&str, Option<&str>)> =
-        seen.channels.iter().map(|channel| (channel.name.as_str(), channel.unit.as_deref())).collect();
-    let recorded: Vec<(&str, Option<&str>)> = all.iter().copied().filter(|(name, _)| !is_asked_for(name)).collect();
-    let likely = if recorded.len() < 2 { &all } else { &recorded };
-    let Some((position, force)) = position_and_force(likely) else {
-        return Err(Failure::Input(format!(
-            "{} has no two columns of numbers beside the time; type a log with a position and a force",
-            log.display()
-        )));
-    };
-    Ok((all.iter().map(|(name, _)| (*name).to_owned()).collect(), position, force))
-}
-
-/// Whether a column's name says that it holds what was asked for, which is no measurement.
-fn is_asked_for(name: &str) -> bool {
-    let mut words = name.split(|c: char| !c.is_ascii_alphabetic()).map(str::to_ascii_lowercase);
-    words.any(|word| ["ref", "reference", "des", "desired", "cmd", "target", "setpoint", "ff"].contains(&word.as_str()))
-}
-
-/// The first column with the unit of a force, else of a voltage or a current, else the last one; and of the others the first with the
-/// unit of a length or an angle, else the first one. Nothing of fewer than two columns.
-fn position_and_force(columns: &[(&str, Option<&str>)]) -> Option<(String, String)> {
-    let with_unit = |units: &[&str], but: Option<usize>| {
-        columns
-            .iter()
-            .enumerate()
-            .position(|(i, (_, unit))| Some(i) != but && unit.is_some_and(|unit| units.contains(&unit)))
-    };
-    let kinds: [&[&str]; 3] = [&["N", "kN", "mN", "N*m", "Nm", "mNm", "kNm"], &["V", "mV"], &["A", "mA"]];
-    let force = kinds.into_iter().find_map(|units| with_unit(units, None)).or(columns.len().checked_sub(1))?;
-    let first = (0..columns.len()).find(|i| *i != force);
-    let position = with_unit(&["m", "mm", "cm", "um", "rad", "mrad", "deg", "rev"], Some(force)).or(first)?;
-    Some((columns[position].0.to_owned(), columns[force].0.to_owned()))
+/// The template that was chosen, else the one that fits best, with the columns of a log.
+fn proposal(found: &Inspection, choice: Option<TemplateChoice>) -> Result<Proposal, Failure> {
+    let chosen = choice.and_then(|choice| choice.to_possible_value());
+    let chosen = chosen.as_ref().and_then(|value| Template::named(value.get_name()));
+    let mut fitting = proposals(found);
+    let names: Vec<&str> = fitting.iter().map(|proposal| proposal.template.name).collect();
+    let said = if names.is_empty() { "none does".to_owned() } else { format!("these do: {}", names.join(", ")) };
+    let at = chosen.map_or(fitting.first().map(|_| 0), |template| names.iter().position(|name| *name == template.name));
+    match (at, chosen) {
+        (Some(at), _) => Ok(fitting.swap_remove(at)),
+        (None, Some(template)) => Err(Failure::Input(format!(
+            "{} has no columns for `{}`, {}; {said} (`tpm inspect` shows what the columns hold)",
+            found.log, template.name, template.machine
+        ))),
+        (None, None) => Err(Failure::Input(format!(
+            "{} has no two columns of numbers beside the time that may be a position and what moves it; type a log with a position and a \
+             force, a torque, a current or a voltage",
+            found.log
+        ))),
+    }
 }
 
 /// The name of a model from that of its file: `my_cart` is MyCart.
@@ -137,20 +156,35 @@ fn camel(stem: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{is_asked_for, position_and_force};
+    use super::TemplateChoice;
+    use clap::ValueEnum as _;
+    use tpm_runtime::session::TEMPLATES;
 
     #[test]
-    fn a_position_and_its_force_are_taken_by_unit_before_place() {
-        let taken = |columns: &[(&str, Option<&str>)]| {
-            position_and_force(columns).map(|(position, force)| format!("{position} {force}"))
-        };
-        let units = [("q_m", Some("m")), ("u_V", Some("V")), ("force_N", Some("N")), ("spare", None)];
-        assert_eq!(taken(&units).as_deref(), Some("q_m force_N"));
-        assert_eq!(taken(&[("u_V", Some("V")), ("y_V", Some("V"))]).as_deref(), Some("y_V u_V"));
-        assert_eq!(taken(&[("x", None), ("v", None), ("u", None)]).as_deref(), Some("x u"));
-        assert_eq!(taken(&[("x", Some("m"))]), None);
-        assert!(
-            is_asked_for("q_ref_m") && is_asked_for("tau_ff1") && !is_asked_for("refined") && !is_asked_for("offset")
-        );
+    fn every_template_can_be_chosen() {
+        let choices = TemplateChoice::value_variants().iter().filter_map(|choice| choice.to_possible_value());
+        let choices: Vec<String> = choices.map(|value| value.get_name().to_owned()).collect();
+        assert_eq!(choices, TEMPLATES.map(|template| template.name.to_owned()));
+    }
+
+    #[test]
+    fn words_are_taken_by_a_shell_as_they_are() {
+        let words = ["x=position", "x=Output angle [deg]", "it's", "a\nb", "$HOME `id`", ""];
+        let quoted: Vec<String> = words.iter().map(|word| shell_word(word)).collect();
+        assert_eq!(quoted[..3], ["x=position", "'x=Output angle [deg]'", "'it'\\''s'"]);
+        let output =
+            std::process::Command::new("sh").arg("-c").arg(format!("printf '%s|' {}", quoted.join(" "))).output();
+        let shown = String::from_utf8(output.expect("a shell").stdout).expect("text");
+        assert_eq!(shown, words.map(|word| format!("{word}|")).concat());
+        assert_eq!(one_line("a\nb"), "a b");
+    }
+
+    #[test]
+    fn the_model_has_the_units_of_its_columns() {
+        let model = in_units(MODEL, Some("rad"), Some("A"));
+        for text in ["x [rad]", "u [A]", "m [A*s^2/rad]", "d [A*s/rad]", "k [A/rad]"] {
+            assert!(model.contains(text), "{text}");
+        }
+        assert_eq!(in_units(MODEL, None, None), MODEL);
     }
 }

@@ -52,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let found = match &args.model {
         Some(path) => {
             let model = model(path)?;
+            args.reading.without_fitted_delays()?;
             let request = args.reading.request(&args.log, model.evaluated())?;
             inspect_for(&model, request)?
         }

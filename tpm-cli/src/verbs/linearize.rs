@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
-use crate::input::linear::{operating_point, state_space};
+use crate::input::linear::{operating_point, state_space, tell_friction};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
@@ -138,6 +138,7 @@ impl Linear {
         let values = Values::load(&args.values, &model)?;
         let operating = operating_point(&args.at, &mut model, &coordinates, &inputs)?;
         let linear = linearize::linearize(&mut model, &operating).map_err(|error| fault(error.to_string()))?;
+        tell_friction(&model, &linear);
         let zero = model.graph.integer(0);
         let of = |found: Option<ExprId>| found.unwrap_or(zero);
         let mut point = Vec::new();

@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{assignment, by_name, number_assignment};
-use crate::input::linear::{operating_point, state_space};
+use crate::input::linear::{operating_point, state_space, tell_friction};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
@@ -145,6 +145,7 @@ impl Machine {
         let point = operating_point(&args.at, &mut model, &names, &drives)?;
         let linear = linearize(&mut model, &point)
             .map_err(|error| Failure::Input(format!("{}: {error}", args.file.display())))?;
+        tell_friction(&model, &linear);
         let (space, _) = state_space(&model, &linear, &values)?.ok_or_else(|| {
             let flags: Vec<String> =
                 values.missing(&model, None).iter().map(|name| format!("--value {name}=VALUE")).collect();

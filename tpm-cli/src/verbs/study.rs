@@ -3,6 +3,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
+use crate::input::issue::IssueArgs;
 use crate::interrupt;
 use crate::output::{file, progress, report, writable};
 use std::path::PathBuf;
@@ -35,6 +36,8 @@ pub(crate) struct Args {
     /// Write a page for a browser (report.html) into this folder.
     #[arg(long, value_name = "DIR", conflicts_with = "updates")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    issue: IssueArgs,
     /// Print JSON (tpm.study/1, tpm.updates/1).
     #[arg(long)]
     json: bool,
@@ -72,7 +75,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let text = if args.json { file::json(&result)? } else { describe(&result) };
     file::emit(args.output.as_deref(), &text)?;
     if let Some(folder) = &args.report {
-        report::write(folder, &Document::from(&result), &[])?;
+        report::write(folder, &Document::from(&result).issued(args.issue.now()), &[])?;
     }
     if interrupted {
         return Err(Failure::Interrupted);

@@ -3,6 +3,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::domain::DomainChoice;
 use crate::input::experiment::model;
+use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
 use crate::output::{file, report, writable};
@@ -35,6 +36,8 @@ pub(crate) struct Args {
     /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    issue: IssueArgs,
     /// Print JSON (tpm.validation/1).
     #[arg(long)]
     json: bool,
@@ -49,6 +52,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
     let text = tpm_runtime::report::read_text(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text, model.evaluated().name())?;
+    args.reading.without_fitted_delays()?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.estimation.domain = args.domain.map(Domain::from);
     let result = validate(&model, request, &known).map_err(|error| match &error {
@@ -61,7 +65,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     })?;
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
     if let Some(folder) = &args.report {
-        report::write(folder, &Document::from(&result), &[])?;
+        report::write(folder, &Document::from(&result).issued(args.issue.now()), &[])?;
     }
     result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
 }

@@ -249,3 +249,30 @@ fn filters_are_generated_or_refused_with_a_reason() {
     fails(&generate(&out, &["--filter=-100", "--sample-time", "1e-3"]), 2, &["natural frequency", "positive"]);
     fails(&generate(&out, &["--filter", "100:fast", "--sample-time", "1e-3"]), 2, &["`fast` is not a number"]);
 }
+
+/// The motion takes an eighth of the force: it is noise in the feedback that meets the limit, in a counted number of samples.
+#[test]
+fn inputs_cut_by_noise_are_told_from_motions_that_are_too_large() {
+    let slider = "models/mass_spring_drag.tpm";
+    let found = |others: &[&str]| {
+        let command = ["identify", slider, "--json", "--set", "refine=none", "--set", "actuators.u.force=60"];
+        json(&command.iter().chain(others).copied().collect::<Vec<&str>>(), 1)
+    };
+    // A speed of which the motion takes more is not to blame either.
+    for others in [&[][..], &["--set", "actuators.u.speed=1"]] {
+        let stop = &found(others)["stop"];
+        assert_eq!((stop["limit"].as_str(), stop["available"].as_f64()), (Some("force"), Some(60.0)), "{stop}");
+        assert!(stop["share"].as_f64().is_some_and(|share| (0.1..0.2).contains(&share)), "{stop}");
+        let count = |name: &str| stop["cut"][name].as_u64().expect("a number of samples");
+        let (cut, of) = (count("samples"), count("of"));
+        assert!(cut > 0 && cut < of && of > 20_000, "{stop}");
+    }
+    let output = tpm(&["identify", slider, "--set", "refine=none", "--set", "actuators.u.force=60"]);
+    let text = String::from_utf8_lossy(&output.stdout);
+    for said in ["samples of the run, at 60 N for the force of u", "sensors' noise and rounding", "lower its gains"] {
+        assert!(text.contains(said), "{text}");
+    }
+    // A motion that takes more than the force is cut by itself.
+    let weak = json(&["identify", slider, "--json", "--set", "refine=none", "--set", "actuators.u.force=5"], 1);
+    assert!(weak["stop"]["cut"].is_null(), "{}", weak["stop"]);
+}

@@ -6,14 +6,14 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-const CHAIN: &str = "models/two_carts.tpm";
+pub(crate) const CHAIN: &str = "models/two_carts.tpm";
 /// m1, m2, k1, k2, k3 of the simulated machine.
-const TRUTH: [f64; 5] = [2.0, 1.0, 40.0, 300.0, 200.0];
+pub(crate) const TRUTH: [f64; 5] = [2.0, 1.0, 40.0, 300.0, 200.0];
 /// Estimates before the run, up to a half off.
 const PRIOR: [f64; 5] = [3.0, 0.5, 60.0, 150.0, 300.0];
 /// The shipped experiment: samples of a period, periods that settle, and an even number of those that are measured.
 const SHAPE: [u32; 3] = [1571, 3, 24];
-const SAMPLE_TIME: f64 = 1e-3;
+pub(crate) const SAMPLE_TIME: f64 = 1e-3;
 
 /// The functions of the crate `libm` that the code calls, over those of the standard library.
 const LIBM: &str = "macro_rules! of { ($($name:ident $single:ident $method:ident),*) => {$(
@@ -27,23 +27,23 @@ of_two!(atan2 atan2f atan2, fmax fmaxf max, fmin fminf min);
 
 /// What a program found: parameters, their deviations, and chi-squared with the noise of the first coordinate.
 #[derive(Debug)]
-struct Found {
-    values: [f64; 5],
-    deviations: [f64; 5],
+pub(crate) struct Found {
+    pub(crate) values: [f64; 5],
+    pub(crate) deviations: [f64; 5],
     others: [f64; 2],
 }
 
 /// A program that reads a run, with its arguments.
-struct Program {
-    name: &'static str,
+pub(crate) struct Program {
+    pub(crate) name: &'static str,
     path: PathBuf,
-    arguments: &'static [&'static str],
-    single: bool,
+    pub(crate) arguments: &'static [&'static str],
+    pub(crate) single: bool,
 }
 
 impl Program {
     /// What the program prints about a run.
-    fn printed(&self, input: &str, folder: &Path) -> String {
+    pub(crate) fn printed(&self, input: &str, folder: &Path) -> String {
         let place = folder.join("input");
         std::fs::write(&place, input).expect("writable");
         let input = std::fs::File::open(place).expect("there");
@@ -60,7 +60,7 @@ impl Program {
         String::from_utf8(output.stdout).expect("text")
     }
 
-    fn found(&self, input: &str, folder: &Path) -> Found {
+    pub(crate) fn found(&self, input: &str, folder: &Path) -> Found {
         let text = self.printed(input, folder);
         let numbers: Vec<f64> = text.lines().map(|line| line.parse().expect("a number")).collect();
         assert!(numbers.len() == 13 && numbers[0] == 0.0, "{}: {text}", self.name);
@@ -74,8 +74,8 @@ fn done(command: &mut Command) {
     assert!(output.status.success(), "{command:?}\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// The programs in C of a part, where there is a compiler.
-fn in_c(folder: &Path, part: &str) -> Vec<Program> {
+/// The programs in C of a model's part, with a main program of this name, where there is a compiler.
+pub(crate) fn in_c(folder: &Path, (model, main, part): (&str, &str, &str)) -> Vec<Program> {
     let compiler = ["cc", "gcc", "clang"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok());
     let Some(compiler) = compiler else {
         skipped("no C compiler (cc, gcc, clang) was found, so that the estimator of a run in C was not run");
@@ -85,8 +85,8 @@ fn in_c(folder: &Path, part: &str) -> Vec<Program> {
     let of = |(real, name): (&'static str, &'static str)| {
         let place = folder.join(real);
         let out = place.to_str().expect("a readable path");
-        printed(&["generate", CHAIN, "--lang", "c", "--prefix", "t", "--real", real, "--with", part, "-o", out]);
-        let main = root().join(format!("tpm-cli/tests/whole/controller/{part}.c"));
+        printed(&["generate", model, "--lang", "c", "--prefix", "t", "--real", real, "--with", part, "-o", out]);
+        let main = root().join(format!("tpm-cli/tests/whole/controller/{main}.c"));
         std::fs::copy(main, place.join("run.c")).expect("copied");
         done(Command::new(compiler).current_dir(&place).args(flags).args(["-c", "t.c"]));
         let main = ["-std=c99", &format!("-DREAL={real}"), "run.c", "t.o", "-o", "run", "-lm"];
@@ -96,12 +96,12 @@ fn in_c(folder: &Path, part: &str) -> Vec<Program> {
     [("double", "C, double"), ("float", "C, float")].map(of).into()
 }
 
-/// The program in Rust of a part, in both precisions.
-fn in_rust(folder: &Path, part: &str) -> Vec<Program> {
+/// The program in Rust of a model's part, in both precisions.
+pub(crate) fn in_rust(folder: &Path, (model, main, part): (&str, &str, &str)) -> Vec<Program> {
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
     let place = folder.join("rust");
-    printed(&["generate", CHAIN, "--lang", "rust", "--with", part, "-o", place.to_str().expect("a readable path")]);
-    let main = root().join(format!("tpm-cli/tests/whole/controller/{part}.rs"));
+    printed(&["generate", model, "--lang", "rust", "--with", part, "-o", place.to_str().expect("a readable path")]);
+    let main = root().join(format!("tpm-cli/tests/whole/controller/{main}.rs"));
     std::fs::copy(main, place.join("run.rs")).expect("copied");
     std::fs::write(place.join("libm.rs"), LIBM).expect("writable");
     let library = ["--edition=2021", "--crate-type=rlib", "--crate-name=libm", "libm.rs"];
@@ -118,8 +118,9 @@ fn in_rust(folder: &Path, part: &str) -> Vec<Program> {
 }
 
 /// The programs of a part in every language and precision.
-fn programs(folder: &Path, part: &str) -> Vec<Program> {
-    in_c(folder, part).into_iter().chain(in_rust(folder, part)).collect()
+pub(crate) fn programs(folder: &Path, part: &str) -> Vec<Program> {
+    let of = (CHAIN, part, part);
+    in_c(folder, of).into_iter().chain(in_rust(folder, of)).collect()
 }
 
 /// A simulated log of the shipped experiment with the true parameters in its feed-forward.
@@ -190,7 +191,7 @@ fn the_chain_is_identified_by_one_run_in_every_language_and_precision() {
 #[test]
 fn the_controller_finds_what_the_runtime_finds_in_the_same_log() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let program = in_rust(folder.path(), "run").swap_remove(0);
+    let program = in_rust(folder.path(), (CHAIN, "run", "run")).swap_remove(0);
     let text = std::fs::read_to_string(root().join(CHAIN)).expect("shipped");
     let declared: String =
         text.lines().filter(|line| !line.contains("eliminate")).map(|line| format!("{line}\n")).collect();
@@ -227,10 +228,18 @@ fn a_run_that_cannot_be_used_gives_a_status_and_no_number() {
     let lines = |lines: &[&str]| lines.iter().fold(String::new(), |text, line| text + line + "\n");
     let mut broken = whole.clone();
     broken[9000] = "9.0,nan,0.1,1.0";
-    let still = vec!["0,0,0,0"; whole.len()];
+    let still: Vec<String> = (0..whole.len()).map(|n| format!("{},0,0,0", n as f64 * SAMPLE_TIME)).collect();
+    let still: Vec<&str> = still.iter().map(String::as_str).collect();
+    let (mut cut, mut missed, mut twice) = (whole.clone(), whole.clone(), whole.clone());
+    cut[9000] = "9.0,0.1,0.1,-400.0";
+    missed.remove(9000);
+    twice.insert(9000, whole[8999]);
     let [samples, settle, periods] = SHAPE;
     let cases = [
         ("a reading that is not a number", input(SHAPE, &lines(&broken))),
+        ("an input at its limit", input(SHAPE, &lines(&cut))),
+        ("a missed sample", input(SHAPE, &lines(&missed))),
+        ("a sample that came twice", input(SHAPE, &lines(&twice))),
         ("an unfinished run", input(SHAPE, &lines(&whole[..20000]))),
         ("no sample", input(SHAPE, "")),
         ("a machine that stands still", input(SHAPE, &lines(&still))),

@@ -2,7 +2,7 @@
 //!
 //! What the code computes is tested in the crate `tests`, which compiles the committed file that is compared here.
 
-use crate::support::{names, tpm};
+use crate::support::{fails, names, root, tpm};
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("UTF-8")
@@ -200,4 +200,35 @@ fn parts_are_made_on_request() {
     let unknown = tpm(&["generate", arm, "--lang", "rust", "--with", "mass"]);
     assert_eq!(unknown.status.code(), Some(2));
     assert!(text(&unknown.stderr).contains("mass_matrix"), "{}", text(&unknown.stderr));
+}
+
+/// The models and the words are those of the macros' own test, where the same options are asked for inside of `with`.
+#[test]
+fn what_a_model_does_not_allow_is_refused_in_the_words_of_the_macros() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let asked: [(&str, &[&str]); 6] = [
+        ("impossible_part", &["--with", "run,campaign"]),
+        ("many_harmonics", &["--with", "run"]),
+        ("no_chain", &["--with", "campaign"]),
+        ("no_run", &["--with", "linearised"]),
+        ("no_strokes", &["--strokes"]),
+        ("nothing_forgets", &["--forgetting"]),
+    ];
+    for (name, options) in asked {
+        let shown = |ending: &str| {
+            std::fs::read_to_string(root().join(format!("tpm-macros/tests/ui/{name}.{ending}"))).expect("readable")
+        };
+        let (source, said) = (shown("rs"), shown("stderr"));
+        let model: Vec<&str> = source.lines().skip(2).take_while(|line| *line != "}").collect();
+        let path = folder.path().join(format!("{name}.tpm"));
+        std::fs::write(&path, model.join("\n")).expect("writable");
+        let said = said.lines().next().and_then(|line| line.strip_prefix("error: ")).expect("a message");
+        for language in ["rust", "c"] {
+            let out = folder.path().join(language);
+            let [path, out] = [&path, &out].map(|path| path.to_str().expect("readable"));
+            let command = ["generate", path, "--lang", language, "-o", out];
+            fails(&command.iter().chain(options).copied().collect::<Vec<&str>>(), 2, &[said, &format!("{name}.tpm")]);
+            assert!(!std::path::Path::new(out).exists(), "{name}: nothing was written");
+        }
+    }
 }

@@ -20,7 +20,10 @@ mod run;
 mod run_along;
 mod run_equations;
 mod run_estimate;
+mod run_linearised;
 mod run_noise;
+mod run_numerical;
+mod run_physical;
 mod run_source;
 mod solve;
 

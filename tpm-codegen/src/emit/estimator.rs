@@ -11,6 +11,7 @@ use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::plan::estimator::EstimatorPlan;
+use tpm_symbolic::plan::lumping::lumping_slopes;
 use tpm_symbolic::plan::operation::Op;
 use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
 use tpm_symbolic::plan::straight_line::Plan;
@@ -21,7 +22,7 @@ use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, Reconstruction, p
 use super::filter::{FilterError, Filters};
 use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
-use super::part::Parts;
+use super::part::{Parts, RUN_HARMONICS};
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 
@@ -37,6 +38,8 @@ pub struct EstimatorSource {
     pub form: RegressorForm,
     /// The plans of all functions in the code.
     pub plan: EstimatorPlan,
+    /// The most harmonics that a pattern states.
+    pub(super) stated: Option<usize>,
     /// Sentences on what only the tables replace by Taylor polynomials.
     pub replaced: Vec<String>,
     /// The mechanism from which the equations were derived.
@@ -45,6 +48,8 @@ pub struct EstimatorSource {
     pub(super) parts: Parts,
     /// The equations as they were declared, without patterns, where the estimator of a run was requested.
     pub(super) run: Option<Box<EstimatorSource>>,
+    /// The columns and their derivatives by the physical parameters, in declared equations whose columns are products and sums of these.
+    pub(super) slopes: Option<Plan>,
     /// The coordinates that are eliminated, from the motion of the others, where a campaign was requested.
     pub(super) campaign: Option<Vec<(Coordinate, Plan)>>,
     /// The entries of the equations as text.
@@ -98,6 +103,24 @@ impl EstimatorSource {
         }
     }
 
+    /// Checks that a pattern has strokes.
+    ///
+    /// # Errors
+    /// [`PartError::NoStrokes`].
+    pub fn check_strokes(&self) -> Result<(), PartError> {
+        let moves = self.plan.patterns.iter().any(|pattern| pattern.reference.is_ok());
+        if moves { Ok(()) } else { Err(PartError::NoStrokes) }
+    }
+
+    /// Checks that there is something to forget: accumulators of harmonics, or the estimator of base parameters.
+    ///
+    /// # Errors
+    /// [`PartError::NothingForgets`].
+    pub fn check_forgetting(&self) -> Result<(), PartError> {
+        let forgets = self.parts.estimator || self.tables().next().is_some();
+        if forgets { Ok(()) } else { Err(PartError::NothingForgets) }
+    }
+
     /// All plans of a model.
     ///
     /// # Errors
@@ -140,7 +163,9 @@ impl EstimatorSource {
             None => (model, form),
         };
         let plan = EstimatorPlan::with_tables(&model, &form, tables);
-        Self::assembled(model, form, plan, replaced, parsed.mechanism.clone())
+        let stated = (0..model.patterns.len()).filter_map(|index| parsed.harmonics_of(index)).max();
+        let assembled = Self::assembled(model, form, plan, replaced, parsed.mechanism.clone());
+        Self { stated, ..assembled }
             .in_range()
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
@@ -165,7 +190,19 @@ impl EstimatorSource {
             plan = plan.with_recursion(&model, &form, mechanism);
         }
         let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs, mechanism.as_ref());
-        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), run: None, campaign: None, formulas }
+        Self {
+            model,
+            form,
+            plan,
+            stated: None,
+            replaced,
+            mechanism,
+            parts: Parts::default(),
+            run: None,
+            slopes: None,
+            campaign: None,
+            formulas,
+        }
     }
 
     fn in_range(self) -> Result<Self, EmitError> {
@@ -185,6 +222,11 @@ impl EstimatorSource {
         for part in parts {
             match part {
                 Part::Run => self.run = Some(Box::new(self.declared()?)),
+                Part::Linearised | Part::Numerical => {
+                    self.run = Some(Box::new(self.declared()?));
+                    self.parts.linearised |= *part == Part::Linearised;
+                    self.parts.numerical |= *part == Part::Numerical;
+                }
                 Part::Campaign => {
                     let declared = self.declared()?;
                     self.campaign = Some(self.reconstructions(&declared)?);
@@ -201,11 +243,21 @@ impl EstimatorSource {
     fn declared(&self) -> Result<Self, EmitError> {
         let mut model = self.model.clone();
         model.patterns.clear();
-        if model.eliminations.is_empty() {
-            return Self::from_form(model, self.form.clone());
+        if let Some(stated) = self.stated.filter(|stated| *stated > RUN_HARMONICS[1]) {
+            return Err(PartError::Harmonics { stated, most: RUN_HARMONICS[1] }.into());
         }
-        model.eliminations.clear();
-        Self::new(model)
+        let mut declared = match model.eliminations.is_empty() {
+            true => Self::from_form(model, self.form.clone())?,
+            false => {
+                model.eliminations.clear();
+                Self::new(model)?
+            }
+        };
+        if declared.form.columns.is_empty() {
+            return Err(PartError::NoRun("the equations have no parameter to be estimated".to_owned()).into());
+        }
+        declared.slopes = lumping_slopes(&declared.model, &declared.form);
+        declared.in_range()
     }
 
     /// The coordinates that are eliminated, from the motion of the others, for a campaign over the declared equations.
@@ -260,6 +312,7 @@ impl EstimatorSource {
             .chain([&plan.inverse_dynamics])
             .chain(plan.feed_forward_parts.iter().flatten())
             .chain(&plan.lumping)
+            .chain(&self.slopes)
             .chain(plan.unlumping.iter().flatten().map(|unlumping| &unlumping.plan))
             .chain(references)
             .chain(tables)

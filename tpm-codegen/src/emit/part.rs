@@ -10,6 +10,9 @@ use tpm_symbolic::plan::forces;
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
+/// The least and the most harmonics that the estimator of a run has memory for.
+pub(super) const RUN_HARMONICS: [usize; 2] = [12, 32];
+
 /// An optional part of the code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -29,13 +32,17 @@ pub enum Part {
     Estimator,
     /// An estimator of the declared parameters from the samples of one run of a periodic motion.
     Run,
+    /// Estimators of a run that are linearised about its reference (`error` and `hill`), over the estimator of a run, which they include.
+    Linearised,
+    /// An estimator from differences of runs (`numerical`), over the estimator of a run, which it includes.
+    Numerical,
     /// A whole campaign, run by run, over the estimator of a run, which it includes.
     Campaign,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::Split,
         Self::Gravity,
         Self::MassMatrix,
@@ -43,6 +50,8 @@ impl Part {
         Self::BaseRegressor,
         Self::Estimator,
         Self::Run,
+        Self::Linearised,
+        Self::Numerical,
         Self::Campaign,
     ];
 
@@ -57,6 +66,8 @@ impl Part {
             Self::BaseRegressor => "base_regressor",
             Self::Estimator => "estimator",
             Self::Run => "run",
+            Self::Linearised => "linearised",
+            Self::Numerical => "numerical",
             Self::Campaign => "campaign",
         }
     }
@@ -80,6 +91,27 @@ pub enum PartError {
         "there is no mass matrix: the equations must be as many as the coordinates in them, and affine in the highest derivatives"
     )]
     NoDynamics,
+    /// No run shows the parameters.
+    #[error("there is no estimator of a run: {0}")]
+    NoRun(String),
+    /// A pattern states more harmonics than the estimator of a run has memory for.
+    #[error(
+        "a pattern states {stated} harmonics, and the estimator of a run has memory for {most}: state at most so many"
+    )]
+    Harmonics {
+        /// The harmonics that are stated.
+        stated: usize,
+        /// The most that there is memory for.
+        most: usize,
+    },
+    /// No pattern has strokes.
+    #[error("there are no strokes: no pattern of the model gives the motion of its coordinates")]
+    NoStrokes,
+    /// Nothing is accumulated that could be forgotten.
+    #[error(
+        "there is nothing to forget: no pattern has accumulators of harmonics, and the part `estimator` was not asked for"
+    )]
+    NothingForgets,
     /// No campaign can be played.
     #[error("there is no campaign: {0}")]
     NoCampaign(String),
@@ -96,10 +128,12 @@ pub(super) struct Parts {
     pub(super) forward_dynamics: Option<Dynamics>,
     pub(super) base: Option<BasePlan>,
     pub(super) estimator: bool,
+    pub(super) linearised: bool,
+    pub(super) numerical: bool,
 }
 
 impl Parts {
-    /// Makes the plans of a part other than [`Part::Split`], [`Part::Run`] and [`Part::Campaign`], whose plans belong to those of every model.
+    /// Makes the plans of a part other than [`Part::Split`] and those of runs, whose plans belong to those of every model.
     pub(super) fn add(
         &mut self,
         part: Part,
@@ -110,7 +144,7 @@ impl Parts {
     ) -> Result<(), PartError> {
         let dynamics = || forces::dynamics(model, form, mechanism).ok_or(PartError::NoDynamics);
         match part {
-            Part::Split | Part::Run | Part::Campaign => {}
+            Part::Split | Part::Run | Part::Linearised | Part::Numerical | Part::Campaign => {}
             Part::Gravity => self.gravity = Some(forces::at_rest(model, form, mechanism)),
             Part::MassMatrix => self.mass_matrix = Some(dynamics()?.mass_matrix()),
             Part::ForwardDynamics => self.forward_dynamics = Some(dynamics()?),

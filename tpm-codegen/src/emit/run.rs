@@ -12,15 +12,32 @@ use tpm_symbolic::plan::straight_line::Plan;
 use super::code::{Expression, Place, Statement};
 use super::estimator::EstimatorSource;
 use super::function::{self, Body, Function as Steps, Reads};
-
-/// The least and the most harmonics of a run.
-const HARMONICS: [usize; 2] = [12, 32];
+use super::part::RUN_HARMONICS;
 
 /// The documentation of the estimator.
 pub(super) const ESTIMATOR: &str = "The parameters from the samples of one run (estimator `measured-motion`), in memory of fixed size. A run is an even number of\n\
      whole periods, at least four, of a motion that has settled. The equations, as they were declared, are evaluated along the\n\
      measured motion; their harmonics are equated with those of the inputs as they were applied, and weighed by the noise that\n\
      is found halfway between the harmonics.";
+
+/// The documentation of a run's reference.
+pub(super) const REFERENCE: &str =
+    "The reference of a run, which estimators are linearised about: the harmonics of one period of its samples.";
+
+/// The documentation of the estimate about a reference.
+pub(super) const ABOUT: &str = "What the run says of the parameters, its equations linearised about the reference (estimators `error` and `hill`): they are\n\
+     evaluated along the reference, and the response of their derivatives to the tracking error is added. `prior` has the\n\
+     parameters of the feed-forward. Of the derivatives along the reference `error` takes the means, `hill` the whole. What the\n\
+     linearisation leaves out along the measured motion counts as an error that all harmonics of an equation have alike.";
+
+/// The documentation of the estimator by differences of runs.
+pub(super) const NUMERICAL: &str = "The parameters from runs with one parameter of the feed-forward changed (estimator `numerical`): the harmonics of the tracking\n\
+     error are M times what is wrong with the parameters, and differences of runs give M column by column. Neither the equations\n\
+     nor the loop are needed; all runs must be alike but for that parameter.";
+
+/// The documentation of the physical parameters' estimate.
+pub(super) const PHYSICAL: &str = "The physical parameters that the equations of the run show, by Gauss-Newton from those of `prior`, which must be near enough: in\n\
+     products and sums of them, several may agree with the run.";
 
 /// The documentation of a sample.
 pub(super) const SAMPLE: &str = "One sample: the measured coordinates, and the inputs that are applied from then on.";
@@ -55,13 +72,18 @@ impl<'a> RunPlan<'a> {
             (0..=order).filter(read).map(move |derivative| (place, derivative))
         };
         let motion = (0..evaluation.coordinates.len()).flat_map(of_coordinate).collect();
-        let [least, most] = HARMONICS;
+        let [least, most] = RUN_HARMONICS;
         let tables = estimator.plan.patterns.iter().filter_map(|pattern| pattern.table.as_ref().ok());
         let highest = tables.flat_map(|table| table.rows.iter().map(|(_, harmonic, _)| *harmonic)).max().unwrap_or(0);
         let harmonics = highest.clamp(least, most);
         // A term of degree seven has no alias among the harmonics on this grid; a jump needs more points.
         let points = (harmonics + 1) * if plans.iter().any(|plan| jumps(plan)) { 64 } else { 8 };
         Some(Self { source, motion, harmonics, points })
+    }
+
+    /// Whether an estimator was requested that compares the run with its reference.
+    pub(super) fn takes_reference(&self, estimator: &EstimatorSource) -> bool {
+        estimator.parts.linearised || estimator.parts.numerical
     }
 
     /// Lines of every channel: the harmonics, and the lines halfway behind each.
@@ -114,7 +136,7 @@ fn stores(function: Steps) -> Vec<Statement> {
 }
 
 /// Whether an expression is the number zero.
-fn is_zero(expression: &Expression) -> bool {
+pub(super) fn is_zero(expression: &Expression) -> bool {
     matches!(expression, Expression::Number(value) if value.is_zero())
 }
 

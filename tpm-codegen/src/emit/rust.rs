@@ -18,6 +18,9 @@ mod record;
 pub mod regulator;
 mod requested;
 mod run;
+mod run_physical;
+mod run_sizes;
+mod run_tracking;
 mod shapes;
 #[cfg(feature = "generate")]
 mod support;

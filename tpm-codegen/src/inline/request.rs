@@ -31,8 +31,9 @@ pub(super) struct Request {
     runtime: Option<String>,
     /// The parts, each with the word that asks for it.
     parts: Vec<(Span, Part)>,
-    strokes: bool,
-    forgetting: bool,
+    /// The words that ask for strokes and for forgetting.
+    strokes: Option<Span>,
+    forgetting: Option<Span>,
     filters: Option<(Span, Filters)>,
     /// Values by name, with the word that begins them and those of the names.
     values: Option<(Span, Values)>,
@@ -41,7 +42,7 @@ pub(super) struct Request {
 impl Default for Request {
     fn default() -> Self {
         let (parts, filters, values) = (Vec::new(), None, None);
-        Self { runtime: None, parts, strokes: false, forgetting: false, filters, values }
+        Self { runtime: None, parts, strokes: None, forgetting: None, filters, values }
     }
 }
 
@@ -91,8 +92,8 @@ impl Request {
             return Ok(());
         }
         match token.to_string().as_str() {
-            "strokes" => self.strokes = true,
-            "forgetting" => self.forgetting = true,
+            "strokes" => self.strokes = Some(token.span()),
+            "forgetting" => self.forgetting = Some(token.span()),
             name => match Part::from_name(name) {
                 Some(part) => self.parts.push((token.span(), part)),
                 None => {
@@ -110,6 +111,12 @@ impl Request {
             estimator.with(&[*part]).map_err(|error| (*span, error.to_string()))
         };
         let estimator = self.parts.iter().try_fold(estimator, add)?;
+        if let Some(span) = self.strokes {
+            estimator.check_strokes().map_err(|error| (span, error.to_string()))?;
+        }
+        if let Some(span) = self.forgetting {
+            estimator.check_forgetting().map_err(|error| (span, error.to_string()))?;
+        }
         if let Some((span, filters)) = &self.filters {
             estimator.check_filters(filters).map_err(|error| (*span, error.to_string()))?;
         }
@@ -135,8 +142,8 @@ impl Request {
     pub(super) fn options(&self) -> rust::Options<'_> {
         rust::Options {
             runtime: self.runtime.as_deref().unwrap_or("::tpm_runtime"),
-            strokes: self.strokes,
-            forgetting: self.forgetting,
+            strokes: self.strokes.is_some(),
+            forgetting: self.forgetting.is_some(),
             filters: self.filters.as_ref().map(|(_, filters)| filters),
             ..rust::Options::default()
         }

@@ -19,6 +19,9 @@ pub(crate) const STATEMENTS: [&str; 12] = [
     "pattern",
 ];
 
+/// Statements of a model that begin with a word and something else than a name, or with two words.
+pub(crate) const OTHER_STATEMENTS: [&str; 5] = ["nonlinear", "kinetic", "potential", "dissipation", "mechanism"];
+
 /// Statements of a pattern that begin with a word and a name or number.
 pub(crate) const PATTERN_STATEMENTS: [&str; 3] = ["amplitude", "frequency", "harmonics"];
 
@@ -27,6 +30,19 @@ pub(crate) const MECHANISM_STATEMENTS: [&str; 3] = ["gravity", "body", "drive"];
 
 /// Statements of a body.
 pub(crate) const BODY_STATEMENTS: [&str; 4] = ["fixed", "revolute", "prismatic", "inertia"];
+
+/// Where a word belongs that begins no statement of a model: a statement of a block, or what other formats call something that the
+/// language has under another name.
+pub(crate) fn belongs(word: &str) -> Option<&'static str> {
+    match word {
+        _ if PATTERN_STATEMENTS.contains(&word) => Some("`pattern { ... }`"),
+        _ if MECHANISM_STATEMENTS.contains(&word) => Some("`mechanism { ... }`"),
+        _ if BODY_STATEMENTS.contains(&word) => Some("`mechanism { body NAME { ... } }`"),
+        "link" => Some("`mechanism { body NAME { ... } }`, as a `body`"),
+        "joint" => Some("`mechanism { body NAME { ... } }`, as `revolute q about z;` or `prismatic q along z;`"),
+        _ => None,
+    }
+}
 
 /// Every keyword with its use and its meaning, for editors.
 pub const KEYWORDS: [(&str, &str, &str); 48] = [

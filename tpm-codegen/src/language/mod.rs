@@ -10,6 +10,7 @@ mod lower;
 pub mod outline;
 mod parse;
 mod print;
+pub mod reference;
 pub mod stream;
 mod suggest;
 mod token;

@@ -16,7 +16,7 @@ use crate::language::ast::{
     ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration,
     Taylor, UnitExpr,
 };
-use crate::language::keywords::{PATTERN_STATEMENTS, STATEMENTS};
+use crate::language::keywords::{OTHER_STATEMENTS, PATTERN_STATEMENTS, STATEMENTS, belongs};
 use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
 use crate::language::token::{Token, TokenKind};
@@ -343,16 +343,20 @@ impl<'a, 'd> Parser<'a, 'd> {
             word
         } else {
             let error = Diagnostic::error(span, format!("`{}` begins no statement", shorten(word)));
-            if PATTERN_STATEMENTS.contains(&word) {
-                return Err(self.report(error.help(format!("`{word}` belongs into `pattern {{ ... }}`"))));
+            if let Some(place) = belongs(word) {
+                return Err(self.report(error.help(format!("`{word}` belongs into {place}"))));
             }
-            match nearest(word, STATEMENTS) {
+            match nearest(word, STATEMENTS.into_iter().chain(OTHER_STATEMENTS)) {
                 Some(near) => {
-                    self.report(error.help(format!("did you mean `{near}`?")));
+                    let reported = self.report(error.help(format!("did you mean `{near}`?")));
+                    // What follows is read as that statement, so that its own faults are found too.
+                    if !STATEMENTS.contains(&near) {
+                        return Err(reported);
+                    }
                     near
                 }
                 None => {
-                    let names = STATEMENTS.join(", ");
+                    let names = [&STATEMENTS[..], &OTHER_STATEMENTS].concat().join(", ");
                     return Err(self.report(error.help(format!(
                         "statements are equations or begin with one of {names}; a product is written with `*`"
                     ))));

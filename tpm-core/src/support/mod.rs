@@ -12,8 +12,11 @@ mod least_squares;
 mod phasor;
 mod real;
 mod run_estimate;
+mod run_linearised;
 mod run_lines;
 mod run_noise;
+mod run_numerical;
+mod run_physical;
 #[cfg(test)]
 mod run_tests;
 mod run_weigh;
@@ -31,6 +34,9 @@ pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_
 pub use phasor::Phasor;
 pub use real::Real;
 pub use run_estimate::RunEstimate;
+pub use run_linearised::{RunLinearisation, RunReference};
 pub use run_lines::{RunFault, RunLines};
+pub use run_numerical::RunNumerical;
+pub use run_physical::{RunLumping, RunPhysical};
 pub use run_workspace::{RunModel, RunSampling, RunWorkspace};
 pub use square_root::{NotFinite, Shown, SquareRoot};

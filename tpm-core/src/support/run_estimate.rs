@@ -19,7 +19,9 @@
 //! lengths of the arrays that they index. Equations are solved for the step from the pass before in square-root form, so that single
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
 
-use super::{Real, RunFault, RunLines, RunModel, RunSampling, RunWorkspace, Shown, SquareRoot};
+use super::{
+    Real, RunFault, RunLinearisation, RunLines, RunModel, RunReference, RunSampling, RunWorkspace, Shown, SquareRoot,
+};
 
 /// Passes that weigh equations by their noise.
 const PASSES: usize = 3;
@@ -60,17 +62,19 @@ impl<
 > RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// What a run says of the parameters. Its channels are the Q coordinates and then the U inputs; `prior` has the present estimates,
-    /// which weights begin from and parameters that the run does not show keep.
+    /// which weights begin from and parameters that the run does not show keep. With a reference the rows are linearised about it, at the
+    /// prior, which then must be the parameters of the run's feed-forward.
     ///
     /// # Errors
-    /// The fault of the run; [`RunFault::Equations`] when a row or a prior is not finite; [`RunFault::Still`] when nothing stands out of
-    /// the noise.
+    /// The fault of the run or of the reference; [`RunFault::Equations`] when a row or a prior is not finite; [`RunFault::Still`] when
+    /// nothing stands out of the noise.
     pub fn estimate<M: RunModel<T, U, R, P, S>, const U: usize, const C: usize>(
         &mut self,
         model: &M,
         run: &RunLines<T, C, L>,
         sampling: RunSampling<T>,
         prior: &[T; P],
+        about: Option<(RunLinearisation, &RunReference<T, Q, L>)>,
     ) -> Result<RunEstimate<T, Q, P>, RunFault> {
         let lines = run.lines()?;
         let period = T::from_f64(f64::from(run.samples_per_period())) * sampling.sample_time;
@@ -81,17 +85,28 @@ impl<
         for (own, line) in self.motion.iter_mut().zip(&lines) {
             *own = *line;
         }
+        self.path = match about {
+            Some((_, reference)) => *reference.lines(run.samples_per_period())?,
+            None => self.motion,
+        };
         let inputs = Self::applied::<U, C>(&lines, w, sampling);
         self.evaluate(model, &inputs, w)?;
         let mut theta = *prior;
         self.sensors = [T::ZERO; Q];
         self.differentiate(model, &inputs, &theta, w);
+        if let Some((which, _)) = about {
+            self.respond(&M::MOTION, which, w);
+            self.linearise(model, &inputs, &theta, w, false);
+        }
         self.find_shown(&M::MOTION, w);
         let mut shown = self.solve(&M::MOTION, &theta, w, false)?;
         for _ in 0..PASSES {
             theta = moved(&theta, prior, &shown.0.solution);
             self.differentiate(model, &inputs, &theta, w);
             self.find_noise(&M::MOTION, w);
+            if about.is_some() {
+                self.linearise(model, &inputs, &theta, w, true);
+            }
             self.find_shown(&M::MOTION, w);
             shown = self.solve(&M::MOTION, &theta, w, true)?;
         }

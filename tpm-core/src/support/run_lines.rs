@@ -42,6 +42,10 @@ pub enum RunFault {
     },
     /// The equations along the motion hold a number that is not finite.
     Equations,
+    /// A changed parameter does not exist, its step is zero or not finite, or there is no run to compare it with.
+    Perturbation,
+    /// No physical parameters near the given ones agree with what the run shows.
+    Apart,
     /// The measured coordinates stand still, or no equation stands out of the noise.
     Still,
 }
@@ -62,6 +66,12 @@ impl fmt::Display for RunFault {
             }
             Self::Unfinished { samples } => write!(f, "the run ended after {samples} samples; play it to its end"),
             Self::Equations => f.write_str("the equations are not finite along the measured motion"),
+            Self::Perturbation => f.write_str(
+                "a step of a parameter is zero or not finite, there is no such parameter, or no run to compare with; begin with a run",
+            ),
+            Self::Apart => f.write_str(
+                "no physical parameters near the given ones agree with what the run shows; begin from others",
+            ),
             Self::Still => f.write_str("nothing stands out of the noise; play a larger or faster run"),
         }
     }

@@ -1,6 +1,7 @@
 use super::{
-    CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Phasor, Real, RunEstimate, RunFault, RunLines, RunModel,
-    RunPool, RunSampling, RunWorkspace, passing,
+    CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Phasor, Real, RunEstimate, RunFault, RunLinearisation,
+    RunLines, RunLumping, RunModel, RunNumerical, RunPhysical, RunPool, RunReference, RunSampling, RunWorkspace,
+    SquareRoot, passing,
 };
 
 /// m x'' + k x^3 + d |x'| x' + b = u; the last parameter, of x'' + w^2 x with the w of this motion, is not shown.
@@ -40,7 +41,13 @@ fn run<T: Real>(later: f64) -> RunLines<T, 2, 26> {
 fn estimate<T: Real>(lines: &RunLines<T, 2, 26>, delay: f64) -> Result<RunEstimate<T, 1, 5>, RunFault> {
     let sampling = RunSampling { sample_time: T::from_f64(SHAPE.2), held: false, delay: T::from_f64(delay) };
     let prior = [1.0, 10.0, 0.0, 0.0, 0.0].map(T::from_f64);
-    RunWorkspace::<T, 1, 1, 5, 3, 26, 25, 325>::default().estimate::<_, 1, 2>(&Oscillator, lines, sampling, &prior)
+    RunWorkspace::<T, 1, 1, 5, 3, 26, 25, 325>::default().estimate::<_, 1, 2>(
+        &Oscillator,
+        lines,
+        sampling,
+        &prior,
+        None,
+    )
 }
 
 #[test]
@@ -74,6 +81,193 @@ fn a_sample_that_cannot_be_used_ends_the_run() {
     (0..still.samples()).for_each(|number| still.push(number, &[0.0, 0.0]).expect("finite"));
     assert!(estimate(&still, 0.0).is_err() || estimate(&still, 0.0).is_ok_and(|found| found.rank < 5));
     assert!(still.push(0, &[0.0, 0.0]).is_err() && still.lines().is_err(), "a sample that came twice");
+}
+
+/// m x'' + k x + c x^3 = u: smooth, so that nothing but the order of a linearisation is left.
+struct Spring;
+
+const SPRING: [f64; 3] = [2.0, 30.0, 50.0];
+
+impl RunModel<f64, 1, 1, 3, 2> for Spring {
+    const MOTION: [(usize, u32); 2] = [(0, 0), (0, 2)];
+    const POINTS: usize = 128;
+
+    fn rows(&self, motion: &[f64; 2], regressor: &mut [[f64; 3]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
+        let [x, acceleration] = *motion;
+        regressor[0] = [acceleration, x, x * x * x];
+        map[0][0] = 1.0;
+    }
+}
+
+/// The largest relative error of an update by a run whose tracking error is so large, from these parameters of the feed-forward.
+fn update_about(which: Option<RunLinearisation>, size: f64, prior: &[f64; 3]) -> f64 {
+    let (samples, periods, step) = SHAPE;
+    let mut lines = RunLines::<f64, 2, 26>::new(samples, periods).expect("a shape");
+    let mut reference = RunReference::<f64, 1, 26>::new(samples).expect("a shape");
+    let at = |terms: &[(f64, f64, f64)], time: f64, order: i32| {
+        let term = |&(cosine, sine, harmonic): &(f64, f64, f64)| {
+            let (turn, rate) = (harmonic * W * time, (harmonic * W).powi(order));
+            rate * if order == 0 {
+                cosine * libm::cos(turn) + sine * libm::sin(turn)
+            } else {
+                -cosine * libm::cos(turn) - sine * libm::sin(turn)
+            }
+        };
+        terms.iter().map(term).sum::<f64>()
+    };
+    let pattern = [(0.3, 0.0, 1.0), (-0.05, 0.0, 3.0)];
+    let error =
+        [(size, -0.5 * size, 1.0), (0.3 * size, 0.2 * size, 3.0), (0.1 * size, 0.0, 2.0), (0.05 * size, 0.0, 0.0)];
+    for number in 0..samples * periods {
+        let time = f64::from(number) * step;
+        let [x, acceleration] = [0, 2].map(|order| at(&pattern, time, order) + at(&error, time, order));
+        let force = SPRING[0] * acceleration + SPRING[1] * x + SPRING[2] * x * x * x;
+        let _ = reference.push(number, &[at(&pattern, time, 0)]).expect("finite");
+        lines.push(number, &[x, force]).expect("finite");
+    }
+    let sampling = RunSampling { sample_time: step, held: false, delay: 0.0 };
+    let about = which.map(|which| (which, &reference));
+    let mut workspace = RunWorkspace::<f64, 1, 1, 3, 2, 26, 25, 325>::default();
+    let found = workspace.estimate::<_, 1, 2>(&Spring, &lines, sampling, prior, about).expect("a run");
+    let apart = found.values.iter().zip(SPRING).map(|(value, truth)| (value.expect("shown") - truth).abs() / truth);
+    apart.fold(0.0, f64::max)
+}
+
+#[test]
+fn what_a_linearisation_leaves_out_is_of_its_order() {
+    // Along the measured motion nothing is left out.
+    assert!(update_about(None, 0.05, &[1.0, 20.0, 20.0]) < 1e-9);
+    // With the true derivatives `hill` leaves out the square of the tracking error, `error` what couples harmonics too.
+    let [large, small] = [2e-3, 1e-3].map(|size| update_about(Some(RunLinearisation::Hill), size, &SPRING));
+    assert!((3.0..5.0).contains(&(large / small)) && small < 1e-3, "{large} {small}");
+    let [large, small] = [2e-3, 1e-3].map(|size| update_about(Some(RunLinearisation::Error), size, &SPRING));
+    assert!((1.6..2.6).contains(&(large / small)) && small > 1e-4, "{large} {small}");
+    // Where the error vanishes, the derivatives do not count, whatever the parameters are.
+    for which in [RunLinearisation::Error, RunLinearisation::Hill] {
+        assert!(update_about(Some(which), 0.0, &[1.0, 20.0, 20.0]) < 1e-9);
+    }
+}
+
+#[test]
+fn a_reference_that_cannot_be_used_gives_no_parameter() {
+    type Reference = RunReference<f64, 1, 26>;
+    assert_eq!(Reference::new(26).err(), Some(RunFault::Samples));
+    let mut reference = Reference::new(200).expect("a shape");
+    assert_eq!(reference.lines(200).err(), Some(RunFault::Unfinished { samples: 0 }));
+    assert_eq!(reference.push(1, &[0.0]), Err(RunFault::Missed { sample: 0 }));
+    assert_eq!(reference.push(0, &[0.0]), Err(RunFault::Missed { sample: 0 }), "a fault stays");
+    let mut reference = Reference::new(200).expect("a shape");
+    assert_eq!(reference.push(0, &[f64::INFINITY]), Err(RunFault::NotFinite { sample: 0 }));
+    let mut reference = Reference::new(200).expect("a shape");
+    for number in 0..200 {
+        assert_eq!(reference.push(number, &[0.0]), Ok(number == 199));
+    }
+    assert_eq!(reference.push(7, &[f64::NAN]), Ok(true), "what is behind the period is not used");
+    assert_eq!(reference.lines(100).err(), Some(RunFault::Samples));
+}
+
+/// a = p q, b = q, c = p + q from p and q; r is in none of them.
+struct Products;
+
+impl<T: Real> RunLumping<T, 3, 3> for Products {
+    fn lump(&self, physical: &[T; 3], parameters: &mut [T; 3], slopes: &mut [[T; 3]; 3]) {
+        let [p, q, _] = *physical;
+        *parameters = [p * q, q, p + q];
+        *slopes = [[q, p, T::ZERO], [T::ZERO, T::ONE, T::ZERO], [T::ONE, T::ONE, T::ZERO]];
+    }
+}
+
+#[test]
+fn physical_parameters_follow_with_deviations_by_gauss_newton() {
+    // Equations for the step from about: p q = 6, q = 2 and p + q = 5, of the deviations 0.1, 0.2 and 0.05.
+    let about = [5.0, 2.5, 4.0];
+    let deviations = [0.1, 0.2, 0.05];
+    let truth = [6.0, 2.0, 5.0];
+    let mut run = SquareRoot::<f64, 3>::default();
+    for (i, deviation) in deviations.iter().enumerate() {
+        let mut row = [0.0; 3];
+        row[i] = 1.0 / deviation;
+        run.push(row, (truth[i] - about[i]) / deviation).expect("finite");
+    }
+    let found = RunPhysical::of(&Products, &run, &about, &[10.0, 4.0, 7.0]).expect("near enough");
+    let [p, q] = [0, 1].map(|i| found.values[i].expect("shown"));
+    assert!((p - 3.0).abs() < 1e-9 && (q - 2.0).abs() < 1e-9, "{found:?}");
+    assert_eq!((found.rank, found.values[2], found.deviations[2]), (2, None, None));
+    // The covariance is the inverse of J' W J at the solution.
+    let weights = deviations.map(|deviation: f64| deviation.powi(-2));
+    let slopes = [[2.0, 3.0], [0.0, 1.0], [1.0, 1.0]];
+    let entry = |i: usize, j: usize| (0..3).map(|k| weights[k] * slopes[k][i] * slopes[k][j]).sum::<f64>();
+    let (a, b, c) = (entry(0, 0), entry(0, 1), entry(1, 1));
+    let size = a * c - b * b;
+    for (found, wanted) in [(found.covariance[0][0], c / size), (found.covariance[0][1], -b / size)] {
+        assert!((found / wanted - 1.0).abs() < 1e-9, "{found} {wanted}");
+    }
+    // Equations that contradict each other still have a nearest p, and say so; nothing shows p where there is no row.
+    let mut odd = run;
+    odd.push([0.0, 1e3, 0.0], 1e3 * (4.0 - about[1])).expect("finite");
+    let chi_squared = RunPhysical::of(&Products, &odd, &about, &[3.0, 2.0, 0.0]).expect("a nearest one").chi_squared;
+    assert!(chi_squared > 1.0, "{chi_squared}");
+    let none = RunPhysical::of(&Products, &SquareRoot::<f64, 3>::default(), &about, &[1.0; 3]);
+    assert_eq!(none.err(), Some(RunFault::Still));
+    assert_eq!(RunPhysical::of(&Products, &run, &about, &[f64::NAN; 3]).err(), Some(RunFault::Equations));
+}
+
+/// A run whose tracking error is linear in the parameters of the feed-forward, less those of the machine, with its reference.
+fn tracked(parameters: [f64; 2], noise: f64) -> (RunLines<f64, 1, 26>, RunReference<f64, 1, 26>) {
+    let (samples, periods, step) = SHAPE;
+    let apart = [parameters[0] - 2.0, parameters[1] - 30.0];
+    let mut lines = RunLines::new(samples, periods).expect("a shape");
+    let mut reference = RunReference::new(samples).expect("a shape");
+    let mut state = (parameters[0] * 1e6) as u64 + (parameters[1] * 1e3) as u64;
+    for number in 0..samples * periods {
+        let turn = W * f64::from(number) * step;
+        let planned = 0.3 * libm::cos(turn);
+        let error = apart[0] * (2e-2 * libm::cos(turn) + 1e-2 * libm::sin(3.0 * turn))
+            + apart[1] * (1e-3 * libm::sin(turn) - 2e-3 * libm::cos(5.0 * turn));
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let random = (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
+        let _ = reference.push(number, &[planned]).expect("finite");
+        lines.push(number, &[planned + error + noise * random]).expect("finite");
+    }
+    (lines, reference)
+}
+
+#[test]
+fn differences_of_runs_give_the_parameters() {
+    let found = |played: [f64; 2], noise: f64| {
+        let mut numerical = RunNumerical::<f64, 1, 2, 26>::default();
+        let (run, reference) = tracked(played, noise);
+        assert_eq!(numerical.estimate(&played).err(), Some(RunFault::Unfinished { samples: 0 }));
+        assert_eq!(numerical.change(0, 0.1, &run, &reference), Err(RunFault::Perturbation), "before the first run");
+        numerical.begin(&run, &reference).expect("a run");
+        assert_eq!(numerical.estimate(&played).err(), Some(RunFault::Unfinished { samples: 1200 }));
+        for (parameter, step) in [(0, 0.1), (1, -2.0)] {
+            let mut moved = played;
+            moved[parameter] += step;
+            let (run, reference) = tracked(moved, noise);
+            numerical.change(parameter, step, &run, &reference).expect("a run");
+        }
+        assert_eq!(numerical.change(2, 0.1, &run, &reference), Err(RunFault::Perturbation));
+        assert_eq!(numerical.change(0, 0.0, &run, &reference), Err(RunFault::Perturbation));
+        assert_eq!(numerical.change(0, f64::NAN, &run, &reference), Err(RunFault::Perturbation));
+        let other = RunLines::<f64, 1, 26>::new(200, 4).expect("a shape");
+        assert!(numerical.change(0, 0.1, &other, &reference).is_err(), "a run that was not played");
+        numerical.estimate(&played).expect("runs")
+    };
+    let exact = found([1.0, 45.0], 0.0);
+    for (value, truth) in exact.values.iter().zip([2.0, 30.0]) {
+        assert!((value.expect("shown") - truth).abs() < 1e-9 * truth, "{exact:?}");
+    }
+    // Errors are as large as stated, over runs with noise of their own: 60 numbers, whose mean square has a deviation of .18.
+    let mut squares = 0.0;
+    for run in 0..30 {
+        let noisy = found([1.5 + 0.01 * f64::from(run), 28.0], 1e-3);
+        for ((value, deviation), truth) in noisy.values.iter().zip(noisy.deviations).zip([2.0, 30.0]) {
+            let error = (value.expect("shown") - truth) / deviation.expect("shown");
+            squares += error * error / 60.0;
+        }
+    }
+    assert!((0.4..1.6).contains(&squares), "{squares}");
 }
 
 #[test]

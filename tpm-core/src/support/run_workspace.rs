@@ -51,6 +51,10 @@ pub struct RunWorkspace<
 > {
     /// Lines of the measured coordinates.
     pub(super) motion: [[Phasor<T>; L]; Q],
+    /// Harmonics of the motion along which the rows are evaluated, in the places of even lines: the measured one, or the reference.
+    pub(super) path: [[Phasor<T>; L]; Q],
+    /// Harmonics of what the tracking error makes of the rows, in the places of even lines, where the reference is the path.
+    pub(super) response: [[Phasor<T>; L]; R],
     /// Harmonics of Phi, in the places of even lines.
     pub(super) regressor: [[[Phasor<T>; L]; P]; R],
     /// Harmonics of the known terms, in the places of even lines.
@@ -97,6 +101,8 @@ impl<
     fn default() -> Self {
         Self {
             motion: [[Phasor::ZERO; L]; Q],
+            path: [[Phasor::ZERO; L]; Q],
+            response: [[Phasor::ZERO; L]; R],
             regressor: [[[Phasor::ZERO; L]; P]; R],
             known: [[Phasor::ZERO; L]; R],
             drive: [[Phasor::ZERO; L]; R],
@@ -150,7 +156,7 @@ impl<
         inputs
     }
 
-    /// Harmonics of the regressor, the known terms and B u along the measured motion, and halfway lines of B u by the mean of B.
+    /// Harmonics of the regressor, the known terms and B u along the path, and halfway lines of B u by the mean of B.
     pub(super) fn evaluate<M: RunModel<T, U, R, P, S>, const U: usize>(
         &mut self,
         model: &M,
@@ -164,7 +170,7 @@ impl<
         let mean = T::ONE / T::from_f64(M::POINTS as f64);
         for point in 0..M::POINTS {
             let turn = turn::<T>(point, M::POINTS);
-            let motion = motion_at(&self.motion, &M::MOTION, turn, w);
+            let motion = motion_at(&self.path, &M::MOTION, turn, w);
             let (mut phi, mut known, mut map) = ([[T::ZERO; P]; R], [T::ZERO; R], [[T::ZERO; U]; R]);
             model.rows(&motion, &mut phi, &mut known, &mut map);
             let mut forces = [T::ZERO; U];
@@ -195,7 +201,7 @@ impl<
         Ok(())
     }
 
-    /// Lines of the rows' derivatives along the motion at these parameters, and harmonics of what the rows leave there: taken before the
+    /// Lines of the rows' derivatives along the path at these parameters, and harmonics of what the rows leave there: taken before the
     /// harmonics it is small, and rounding with it.
     pub(super) fn differentiate<M: RunModel<T, U, R, P, S>, const U: usize>(
         &mut self,
@@ -208,22 +214,11 @@ impl<
         self.gains = [[[Phasor::ZERO; L]; S]; R];
         self.slopes = [[[T::ZERO; S]; P]; R];
         let mean = T::ONE / T::from_f64(M::POINTS as f64);
-        let steps = M::MOTION.map(|(coordinate, order)| step(&self.motion[coordinate], order, w));
+        let steps = M::MOTION.map(|(coordinate, order)| step(&self.path[coordinate], order, w));
         for point in 0..M::POINTS {
             let turn = turn::<T>(point, M::POINTS);
-            let motion = motion_at(&self.motion, &M::MOTION, turn, w);
-            let (mut phi, mut known, mut map) = ([[T::ZERO; P]; R], [T::ZERO; R], [[T::ZERO; U]; R]);
-            model.rows(&motion, &mut phi, &mut known, &mut map);
-            for row in 0..R {
-                let mut rest = -known[row];
-                for (b, lines) in map[row].iter().zip(inputs) {
-                    rest += *b * value_at(lines, 0, turn, w);
-                }
-                for (entry, theta) in phi[row].iter().zip(theta) {
-                    rest -= *entry * *theta;
-                }
-                add_harmonics(&mut self.rest[row], rest * mean, turn);
-            }
+            let motion = motion_at(&self.path, &M::MOTION, turn, w);
+            add_rest(model, &motion, inputs, theta, turn, w, &mut self.rest);
             for entry in 0..S {
                 let mut sides = [([[T::ZERO; P]; R], [T::ZERO; R]); 2];
                 for ((phi, known), sign) in sides.iter_mut().zip([T::ONE, -T::ONE]) {
@@ -249,6 +244,48 @@ impl<
             }
         }
         self.find_reach();
+    }
+
+    /// Harmonics of what the rows leave along a motion at these parameters.
+    pub(super) fn left<M: RunModel<T, U, R, P, S>, const U: usize>(
+        model: &M,
+        motion: &[[Phasor<T>; L]; Q],
+        inputs: &[[Phasor<T>; L]; U],
+        theta: &[T; P],
+        w: T,
+    ) -> [[Phasor<T>; L]; R] {
+        let mut rest = [[Phasor::ZERO; L]; R];
+        for point in 0..M::POINTS {
+            let turn = turn::<T>(point, M::POINTS);
+            add_rest(model, &motion_at(motion, &M::MOTION, turn, w), inputs, theta, turn, w, &mut rest);
+        }
+        rest
+    }
+}
+
+/// Adds what the rows leave at a point of the period to its harmonics.
+fn add_rest<T: Real, M, const U: usize, const R: usize, const P: usize, const S: usize, const L: usize>(
+    model: &M,
+    motion: &[T; S],
+    inputs: &[[Phasor<T>; L]; U],
+    theta: &[T; P],
+    turn: Phasor<T>,
+    w: T,
+    rest: &mut [[Phasor<T>; L]; R],
+) where
+    M: RunModel<T, U, R, P, S>,
+{
+    let (mut phi, mut known, mut map) = ([[T::ZERO; P]; R], [T::ZERO; R], [[T::ZERO; U]; R]);
+    model.rows(motion, &mut phi, &mut known, &mut map);
+    for row in 0..R {
+        let mut left = -known[row];
+        for (b, lines) in map[row].iter().zip(inputs) {
+            left += *b * value_at(lines, 0, turn, w);
+        }
+        for (entry, theta) in phi[row].iter().zip(theta) {
+            left -= *entry * *theta;
+        }
+        add_harmonics(&mut rest[row], left / T::from_f64(M::POINTS as f64), turn);
     }
 }
 

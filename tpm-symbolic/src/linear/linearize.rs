@@ -9,7 +9,8 @@
 //! ```
 //!
 //! (Fong, Eqns 15, 23 and 27). The mass matrix is inverted as its adjugate over its determinant, so that every entry of
-//! A and B is a polynomial over one common denominator.
+//! A and B is a polynomial over one common denominator. With dry friction the model is that of a machine that moves one way
+//! (`branch`): its constant force is left out, and named.
 
 use crate::algebra::characteristic::{self, Matrix, Rationals};
 use crate::algebra::field::{Field as _, Residues};
@@ -20,7 +21,8 @@ use crate::expr::normal_form::NormalForms;
 use crate::expr::singularity::first_singularity;
 use crate::expr::size::Sizes;
 use crate::expr::trigonometric;
-use crate::mechanics::model::{ExactModel, Kind, TermId};
+use crate::linear::branch::{Branches, Way};
+use crate::mechanics::model::{Equation, ExactModel, Kind, TermId};
 use crate::mechanics::pattern::Motion;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
@@ -58,6 +60,18 @@ pub enum LinearizeError {
         /// The equation.
         equation: String,
         /// The function or quotient.
+        atom: String,
+    },
+    /// Dry friction whose derivatives are other ones forwards and backwards.
+    #[error(
+        "equation {equation} has another linear model forwards and backwards, since `{atom}` changes what its factor grows with; leave the term out, or hold what its factor depends on"
+    )]
+    TwoBranches {
+        /// The source term at fault.
+        term: TermId,
+        /// The equation.
+        equation: String,
+        /// The sign or absolute value.
         atom: String,
     },
     /// The equations are not of second order.
@@ -118,6 +132,9 @@ pub struct Linearization {
     pub input: Matrix<ExprId>,
     /// det M, the common denominator of A and B.
     pub determinant: ExprId,
+    /// Dry friction that the model leaves out: the equation, and the sign of a rate that stands in it. The matrices are those of a
+    /// machine that moves one way, and hold either way.
+    pub friction: Vec<(String, ExprId)>,
     /// A for the state (coordinates, velocities), in order of declaration.
     pub a: Matrix<ExprId>,
     /// B, the input matrix of the state space.
@@ -159,6 +176,8 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
     let equations = model.equations.clone();
     let mut rows = Vec::with_capacity(n);
     let mut sizes = Sizes::default();
+    let mut friction: Vec<(String, ExprId)> = Vec::new();
+    let mut backwards: Vec<(usize, ExprId)> = Vec::new();
     // The model must be of second order, smooth, and in equilibrium at the point.
     for equation in &equations {
         for source in &equation.terms {
@@ -168,14 +187,22 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
                 let found = model.display_brief(leaf);
                 return Err(LinearizeError::Order { term: source.id, equation: equation.name.clone(), found });
             }
-            if let Some(atom) = first_singularity(&mut model.graph, source.expr, &replacement) {
+            let branches = Branches::of(&mut model.graph, &[source.expr], &replacement);
+            let moving = branches.taken(&mut model.graph, source.expr, Way::Forwards);
+            if let Some(atom) = first_singularity(&mut model.graph, moving, &replacement) {
                 let atom = model.display_brief(atom);
                 return Err(LinearizeError::NotSmooth { term: source.id, equation: equation.name.clone(), atom });
             }
         }
         let terms: Vec<ExprId> = equation.terms.iter().map(|term| term.expr).collect();
         let row = model.graph.sum(&terms);
-        let value = model.graph.substitute(row, &replacement);
+        let branches = Branches::of(&mut model.graph, &terms, &replacement);
+        friction.extend(branches.signs().map(|sign| (equation.name.clone(), sign)));
+        if !branches.is_empty() {
+            backwards.push((rows.len(), branches.taken(&mut model.graph, row, Way::Backwards)));
+        }
+        let resting = branches.taken(&mut model.graph, row, Way::Between);
+        let value = model.graph.substitute(resting, &replacement);
         let terms = sizes.of(&model.graph, value) as u64;
         if terms > MOST_TERMS {
             return Err(LinearizeError::TooLong { terms, most: MOST_TERMS });
@@ -185,37 +212,63 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
             let residual = model.display_brief(residual);
             return Err(LinearizeError::NotEquilibrium { equation: equation.name.clone(), residual });
         }
-        rows.push(row);
+        rows.push(branches.taken(&mut model.graph, row, Way::Forwards));
     }
     // The derivatives of the rows at the point.
-    budget::charge(SLOPE.saturating_mul((n * (3 * n + inputs.len())) as u64));
-    let jacobian = |model: &mut ExactModel, leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
-        let mut matrix = Vec::with_capacity(n);
-        for &row in &rows {
-            let mut entries = Vec::with_capacity(leaves.len());
-            for &leaf in leaves {
-                let slope = model.graph.differentiate(row, leaf);
-                let value = model.graph.substitute(slope, &replacement);
-                entries.push(trigonometric::normal(&mut model.graph, value).scale(&rational::integer(sign)));
+    budget::charge(SLOPE.saturating_mul(((n + backwards.len()) * (3 * n + inputs.len())) as u64));
+    let jacobian =
+        |model: &mut ExactModel, rows: &[ExprId], leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
+            let mut matrix = Vec::with_capacity(n);
+            for &row in rows {
+                let mut entries = Vec::with_capacity(leaves.len());
+                for &leaf in leaves {
+                    let slope = model.graph.differentiate(row, leaf);
+                    let value = model.graph.substitute(slope, &replacement);
+                    entries.push(trigonometric::normal(&mut model.graph, value).scale(&rational::integer(sign)));
+                }
+                matrix.push(entries);
             }
-            matrix.push(entries);
-        }
-        matrix
-    };
+            matrix
+        };
     let mut leaves = |order: u32| -> Vec<ExprId> {
         (0u32..).take(n).map(|c| model.graph.derivative_of(Coordinate(c), order)).collect()
     };
     let (positions, velocities, accelerations) = (leaves(0), leaves(1), leaves(2));
     let drives: Vec<ExprId> = inputs.iter().map(|&symbol| model.graph.symbol(symbol)).collect();
-    let mass = jacobian(model, &accelerations, 1);
-    let damping = jacobian(model, &velocities, 1);
-    let stiffness = jacobian(model, &positions, 1);
-    let input = jacobian(model, &drives, -1);
+    let mass = jacobian(model, &rows, &accelerations, 1);
+    let damping = jacobian(model, &rows, &velocities, 1);
+    let stiffness = jacobian(model, &rows, &positions, 1);
+    let input = jacobian(model, &rows, &drives, -1);
+    for (r, row) in backwards {
+        let other = |model: &mut ExactModel, leaves: &[ExprId], sign| jacobian(model, &[row], leaves, sign);
+        let same = other(model, &accelerations, 1)[0] == mass[r]
+            && other(model, &velocities, 1)[0] == damping[r]
+            && other(model, &positions, 1)[0] == stiffness[r]
+            && other(model, &drives, -1)[0] == input[r];
+        if !same {
+            return Err(two_branches(model, &equations[r], &replacement));
+        }
+    }
     let terms = size_of_determinant([&mass, &damping, &stiffness]) as u64;
     if terms > MOST_TERMS {
         return Err(LinearizeError::TooLong { terms, most: MOST_TERMS });
     }
-    state_space(model, inputs, [mass, damping, stiffness, input])
+    let found = state_space(model, inputs, [mass, damping, stiffness, input])?;
+    Ok(Linearization { friction, ..found })
+}
+
+/// The fault of an equation with other derivatives forwards and backwards, at its first term with a sign or an absolute value of a rate.
+fn two_branches(model: &mut ExactModel, equation: &Equation, point: &HashMap<ExprId, ExprId>) -> LinearizeError {
+    let mut at = (equation.terms[0].id, equation.terms[0].expr);
+    for term in &equation.terms {
+        let branches = Branches::of(&mut model.graph, &[term.expr], point);
+        if let Some(sign) = branches.first() {
+            at = (term.id, sign);
+            break;
+        }
+    }
+    let atom = model.display_brief(at.1);
+    LinearizeError::TwoBranches { term: at.0, equation: equation.name.clone(), atom }
 }
 
 fn replacements(
@@ -310,7 +363,7 @@ fn state_space(
     };
     let (mass, damping, stiffness, input) = (exprs(&mass), exprs(&damping), exprs(&stiffness), exprs(&input));
     let determinant = graph.from_polynomial(&determinant);
-    Ok(Linearization { inputs, mass, damping, stiffness, input, determinant, a, b })
+    Ok(Linearization { inputs, mass, damping, stiffness, input, determinant, friction: Vec::new(), a, b })
 }
 
 /// x' = A x + B u in numbers.

@@ -9,7 +9,7 @@ use crate::plan::draft::Draft;
 use crate::plan::leaf::Leaf;
 use crate::plan::operation::{Op, Slot};
 use crate::plan::straight_line::{Merger, Plan};
-use crate::regressor::form::RegressorForm;
+use crate::regressor::form::{Column, RegressorForm};
 use crate::regressor::inverse::{Inverse, Variable};
 use crate::regressor::parameter_map::ParameterMap;
 use thiserror::Error;
@@ -45,19 +45,35 @@ pub struct Unlumping {
 
 /// The columns from the physical parameters; `None` when every column is one of them.
 pub(crate) fn lumping(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
+    let (graph, columns) = lumped(model, form)?;
+    Some(Plan::new(&graph, &columns))
+}
+
+/// The columns from the physical parameters, then the derivative of every column by every parameter of the model, column by column;
+/// `None` when every column is a parameter.
+#[must_use]
+pub fn lumping_slopes(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
+    let (mut graph, columns) = lumped(model, form)?;
+    let parameters: Vec<ExprId> = model.parameters().map(|parameter| graph.symbol(parameter)).collect();
+    let mut roots = columns.clone();
+    for column in columns {
+        roots.extend(parameters.iter().map(|&parameter| graph.differentiate(column, parameter)));
+    }
+    Some(Plan::new(&graph, &roots))
+}
+
+/// The definitions of the columns; `None` when every column is a parameter.
+fn lumped(model: &ExactModel, form: &RegressorForm) -> Option<(Graph, Vec<ExprId>)> {
     if form.columns.iter().all(|column| column.parameter.is_some()) {
         return None;
     }
     let mut graph = model.graph.clone();
-    let roots: Vec<ExprId> = form
-        .columns
-        .iter()
-        .map(|column| {
-            let expr = graph.from_polynomial(&column.definition);
-            substitute_values(model, &mut graph, expr)
-        })
-        .collect();
-    Some(Plan::new(&graph, &roots))
+    let mut definition = |column: &Column| {
+        let expr = graph.from_polynomial(&column.definition);
+        substitute_values(model, &mut graph, expr)
+    };
+    let columns = form.columns.iter().map(&mut definition).collect();
+    Some((graph, columns))
 }
 
 /// The physical parameters from the columns; `None` when every column is a parameter.

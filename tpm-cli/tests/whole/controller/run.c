@@ -11,6 +11,7 @@ int main(void)
     unsigned skip, samples, periods, number = 0;
     double sample_time, prior[5], row[4];
     t_run_sampling sampling = {0, 1, 0};
+    const t_run_applied limits = {400};
     t_run_parameters begin;
     t_run_sample sample;
     int status, i;
@@ -24,7 +25,7 @@ int main(void)
         }
     }
     sampling.sample_time = (REAL)sample_time;
-    status = (int)t_run_begin(&run, samples, periods, &sampling, NULL);
+    status = (int)t_run_begin(&run, samples, periods, &sampling, &limits);
     while (scanf("%lf,%lf,%lf,%lf", &row[0], &row[1], &row[2], &row[3]) == 4) {
         if (number++ < skip || t_run_is_whole(&run)) {
             continue;
@@ -32,7 +33,8 @@ int main(void)
         sample.measured.x1 = (REAL)row[1];
         sample.measured.x2 = (REAL)row[2];
         sample.applied.F = (REAL)row[3];
-        status = (int)t_run_push(&run, number - 1 - skip, &sample);
+        /* A sample that was left out shows in the time. */
+        status = (int)t_run_push(&run, (unsigned)(row[0] / sample_time + 0.5) - skip, &sample);
     }
     begin.m1 = (REAL)prior[0];
     begin.m2 = (REAL)prior[1];

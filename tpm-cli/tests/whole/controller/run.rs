@@ -18,12 +18,16 @@ fn found<T: Real>(text: &str) {
     };
     let (shape, prior) = (numbers(4), numbers(5));
     let sampling = RunSampling { sample_time: T::from_f64(shape[3]), held: true, delay: T::ZERO };
-    let mut estimator = Estimator::new(shape[1] as u32, shape[2] as u32, sampling, None).expect("a run");
-    for (number, line) in lines.skip(shape[0] as usize).enumerate() {
-        let row: Vec<T> = line.split(',').map(|word| T::from_f64(word.parse().expect("a number"))).collect();
+    let limits = Some(Applied { F: T::from_f64(400.0) });
+    let mut estimator = Estimator::new(shape[1] as u32, shape[2] as u32, sampling, limits).expect("a run");
+    for line in lines.skip(shape[0] as usize) {
+        let row: Vec<f64> = line.split(',').map(|word| word.parse().expect("a number")).collect();
+        // A sample that was left out shows in the time.
+        let number = (row[0] / shape[3]).round() - shape[0];
+        let row: Vec<T> = row.into_iter().map(T::from_f64).collect();
         let measured = Measured { x1: row[1], x2: row[2] };
         let _ = estimator.push(number as u32, &Sample { measured, applied: Applied { F: row[3] } });
-        if number as f64 + 1.0 >= shape[1] * shape[2] {
+        if number + 1.0 >= shape[1] * shape[2] {
             break;
         }
     }

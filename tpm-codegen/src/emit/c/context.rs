@@ -36,7 +36,7 @@ pub struct Options<'a> {
 
 /// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
 /// equal one of them.
-const DYNAMICS: [&str; 82] = [
+const DYNAMICS: [&str; 96] = [
     "accelerations",
     "base",
     "base_accumulate",
@@ -96,15 +96,29 @@ const DYNAMICS: [&str; 82] = [
     "run_estimate",
     "run_factor",
     "run_identify",
+    "run_identify_about",
+    "run_identify_physical",
     "run_is_whole",
     "run_limits",
+    "run_linearisation",
     "run_measured",
     "run_parameter_names",
     "run_parameters",
     "run_phase",
     "run_phasor",
+    "run_numerical",
+    "run_numerical_begin",
+    "run_numerical_change",
+    "run_numerical_identify",
+    "run_physical",
+    "run_physical_estimate",
+    "run_physical_factor",
+    "run_physical_workspace",
     "run_play",
     "run_push",
+    "run_reference",
+    "run_reference_begin",
+    "run_reference_push",
     "run_rules",
     "run_sample",
     "run_sampling",

@@ -17,7 +17,10 @@ use super::requested::SQUARE_ROOT;
 use super::run_along::ALONG;
 use super::run_equations::EQUATIONS;
 use super::run_estimate::estimate;
+use super::run_linearised;
 use super::run_noise::NOISE;
+use super::run_numerical;
+use super::run_physical;
 use super::run_source::{HEADER, LINES};
 use super::solve::filled;
 
@@ -28,14 +31,26 @@ pub(super) fn write(context: &mut Context<'_>) {
     sizes(context, &plan);
     records(context, &plan, &names);
     let words = words(context);
+    let linearised = context.estimator.parts.linearised;
     let arguments = |text: &str| {
+        let text = run_linearised::with_additions(text, linearised);
         let constants = match context.has_constants() {
             true => format!(", const {} *constants", context.global("constants")),
             false => String::new(),
         };
         filled(&text.replace("CONSTANTS", &constants).replace("ARGUMENT", context.constants_argument()), &words)
     };
-    let header = arguments(HEADER);
+    let mut header = arguments(HEADER);
+    let takes_reference = plan.takes_reference(context.estimator);
+    let (mut reference, mut about_reference) = (String::new(), String::new());
+    if takes_reference {
+        header.push_str(&arguments(run_linearised::REFERENCE_HEADER));
+        reference = arguments(run_linearised::REFERENCE_SOURCE);
+    }
+    if linearised {
+        header.push_str(&arguments(run_linearised::HEADER));
+        about_reference = arguments(run_linearised::SOURCE);
+    }
     let [lines, along, noise, equations] = [LINES, ALONG, NOISE, EQUATIONS].map(arguments);
     // The solver of base parameters is the same; its last function ends where parameters are given their names.
     let solver = SQUARE_ROOT.replace("\nSTATUS SOLVE", "\nstatic void SOLVE").replace("WORKSPACE", "SOLUTION");
@@ -43,10 +58,12 @@ pub(super) fn write(context: &mut Context<'_>) {
     context.header.push_str(&header);
     context.source.push_str(&lines);
     rows(context, &plan);
-    for text in [along, noise, solver, equations] {
+    for text in [along, noise, reference, about_reference, solver, equations] {
         context.source.push_str(&text);
     }
-    functions(context, &names);
+    functions(context, &plan, &names);
+    run_numerical::write(context, &names, &words);
+    run_physical::write(context, &plan, &names, &words);
     campaign::write(context, &plan, &names, &words);
 }
 
@@ -162,6 +179,8 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("UNFINISHED", "RUN_UNFINISHED"),
         ("NOT_EVALUATED", "RUN_NOT_EVALUATED"),
         ("STILL", "RUN_STILL"),
+        ("APART", "RUN_APART"),
+        ("PERTURBATION", "RUN_PERTURBATION"),
     ];
     words.extend(sizes.map(|(name, size)| (name, context.constant(size))));
     let types = [
@@ -181,6 +200,7 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
     words.extend(types.map(|(name, own)| (name, context.global(own))));
     let own = ["hypotenuse", "rotate_in", "column_length", "remove_part", "back_substitute"];
     words.extend(own.map(|name| (name, format!("run_{name}"))));
+    words.extend(run_linearised::words(context));
     words
 }
 
@@ -233,7 +253,7 @@ fn rows(context: &mut Context<'_>, plan: &RunPlan<'_>) {
 }
 
 /// The functions that the caller names by the model's own names, and their declarations.
-fn functions(context: &mut Context<'_>, names: &Names<String>) {
+fn functions(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) {
     let (run, status) = (context.global("run"), context.global("run_status"));
     let declare = |context: &mut Context<'_>, about: &str, signature: &str| {
         context.header.push_str(&format!("\n{}{signature};\n", doc(0, about)));
@@ -254,6 +274,10 @@ fn functions(context: &mut Context<'_>, names: &Names<String>) {
     let stop = format!("void {}({run} *run)", context.global("run_stop"));
     declare(context, "Ends the run, which then gives no parameter: the machine stopped, or did something else.", &stop);
     push(context, names);
+    if plan.takes_reference(context.estimator) {
+        let fields: Vec<String> = names.coordinates.iter().map(|names| names.field.clone()).collect();
+        run_linearised::functions(context, &fields);
+    }
     estimate(context, names);
 }
 

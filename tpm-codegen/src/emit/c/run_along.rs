@@ -38,12 +38,13 @@ static PHASOR run_point(size_t point)
     return run_turn((REAL)(TURN * (double)point / (double)POINTS));
 }
 
-static void run_motion_at(const WORKSPACE *workspace, PHASOR turn, REAL w, REAL motion[ENTRIES])
+/* The entries of the motion that these lines give at a point of the period. */
+static void run_motion_at(PHASOR lines[COORDINATES][LINES], PHASOR turn, REAL w, REAL motion[ENTRIES])
 {
     size_t entry;
 
     for (entry = 0; entry < ENTRIES; ++entry) {
-        motion[entry] = run_value(workspace->motion[run_coordinate[entry]], run_order[entry], turn, w);
+        motion[entry] = run_value(lines[run_coordinate[entry]], run_order[entry], turn, w);
     }
 }
 
@@ -98,7 +99,7 @@ static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
         REAL map[ROWS][INPUTS];
         REAL forces[INPUTS];
 
-        run_motion_at(workspace, turn, w, motion);
+        run_motion_at(workspace->PATH, turn, w, motion);
         run_rows(motion, regressor, known, mapARGUMENT);
         for (input = 0; input < INPUTS; ++input) {
             forces[input] = run_value(workspace->inputs[input], 0, turn, w);
@@ -134,7 +135,8 @@ static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
 }
 
 /* Adds what the rows leave at a point: taken before the harmonics, it is small, and rounding with it. */
-static void run_add_rest(WORKSPACE *workspace, const REAL motion[ENTRIES], PHASOR turn, REAL wCONSTANTS)
+static void run_add_rest(WORKSPACE *workspace, const REAL motion[ENTRIES], PHASOR turn, REAL w,
+        PHASOR rest[ROWS][LINES]CONSTANTS)
 {
     REAL regressor[ROWS][COLUMNS];
     REAL known[ROWS];
@@ -147,14 +149,14 @@ static void run_add_rest(WORKSPACE *workspace, const REAL motion[ENTRIES], PHASO
         forces[input] = run_value(workspace->inputs[input], 0, turn, w);
     }
     for (row = 0; row < ROWS; ++row) {
-        REAL rest = -known[row];
+        REAL left = -known[row];
         for (input = 0; input < INPUTS; ++input) {
-            rest += map[row][input] * forces[input];
+            left += map[row][input] * forces[input];
         }
         for (column = 0; column < COLUMNS; ++column) {
-            rest -= regressor[row][column] * workspace->theta[column];
+            left -= regressor[row][column] * workspace->theta[column];
         }
-        run_add_harmonics(workspace->rest[row], rest / (REAL)POINTS, turn);
+        run_add_harmonics(rest[row], left / (REAL)POINTS, turn);
     }
 }
 
@@ -169,7 +171,7 @@ static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
         REAL square = ZERO;
         for (line = 0; line < LINES; line += 2) {
             const PHASOR derivative = run_derivative(w * (REAL)(line / 2), run_order[entry]);
-            square += run_square(run_times(workspace->motion[run_coordinate[entry]][line], derivative));
+            square += run_square(run_times(workspace->PATH[run_coordinate[entry]][line], derivative));
         }
         steps[entry] = square > ZERO ? SQRT(square) * STEP : STEP;
         for (row = 0; row < ROWS; ++row) {
@@ -189,8 +191,8 @@ static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
     for (point = 0; point < POINTS; ++point) {
         const PHASOR turn = run_point(point);
         REAL motion[ENTRIES];
-        run_motion_at(workspace, turn, w, motion);
-        run_add_rest(workspace, motion, turn, wARGUMENT);
+        run_motion_at(workspace->PATH, turn, w, motion);
+        run_add_rest(workspace, motion, turn, w, workspace->restARGUMENT);
         for (entry = 0; entry < ENTRIES; ++entry) {
             const REAL both = steps[entry] + steps[entry];
             const REAL centre = motion[entry];

@@ -258,7 +258,7 @@ static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
 }
 
 /* What a run says of the parameters: step, deviations and covariance in the workspace. */
-static STATUS run_update(const RUN *run, WORKSPACE *workspaceCONSTANTS)
+static STATUS run_update(const RUN *run, WORKSPACE *workspaceABOUT_PARAMETERSCONSTANTS)
 {
     const REAL w = TURN_REAL / ((REAL)run->samples_per_period * run->sampling.sample_time);
     STATUS status = run->status;
@@ -280,18 +280,21 @@ static STATUS run_update(const RUN *run, WORKSPACE *workspaceCONSTANTS)
         return NOT_EVALUATED;
     }
     run_lines(run, workspace, w);
+    BEGIN_PATH
     status = run_evaluate(workspace, wARGUMENT);
     if (status == OK) {
         for (column = 0; column < COORDINATES; ++column) {
             workspace->sensors[column] = ZERO;
         }
         run_differentiate(workspace, wARGUMENT);
+        RESPOND
         run_find_shown(workspace, w);
         status = run_solve_step(workspace, w, 0);
     }
     for (pass = 0; pass < PASSES && status == OK; ++pass) {
         run_differentiate(workspace, wARGUMENT);
         run_find_noise(workspace, w);
+        LINEARISE
         run_find_shown(workspace, w);
         status = run_solve_step(workspace, w, 1);
     }

@@ -3,6 +3,7 @@
 use super::super::names::Names;
 use super::context::{Context, Parameter};
 use super::layout::{doc, statement};
+use super::run_linearised;
 
 /// The structure of an estimate, and the function that gives it.
 pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
@@ -28,23 +29,48 @@ pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
     ]
     .concat();
     context.structure("run_estimate", "What a run says of the parameters.", &fields);
+    fill(context, names);
+    let about = "What the run says of the parameters; `prior` has the present estimates, at which weights begin. Only with the first status is\n\
+                 anything written to `estimate`.";
+    let (name, status) = (context.global("run_identify"), context.global("run_status"));
+    let body = match context.estimator.parts.linearised {
+        true => {
+            let own = context.global("run_identify_about");
+            let list = parameter_list(context, true);
+            context.function(
+                &own,
+                &run_linearised::about(),
+                &status,
+                &list,
+                &solution(context, names, ", reference, which"),
+            );
+            let constants = context.constants_argument();
+            let which = context.constant("RUN_ERROR");
+            statement(1, &format!("return {own}(run, workspace{constants}, NULL, {which}, prior, estimate);"))
+        }
+        false => solution(context, names, ""),
+    };
+    context.function(&name, about, &status, &parameter_list(context, false), &body);
+}
+
+/// The parameters of the function that gives the estimate, about a reference or along the measured motion.
+fn parameter_list(context: &Context<'_>, about: bool) -> Vec<Parameter> {
     let mut list = vec![
         Parameter::new(format!("const {} *run", context.global("run"))),
         Parameter::new(format!("{} *workspace", context.global("run_workspace"))),
     ];
     list.extend(context.constants_parameter(true));
-    list.push(Parameter::new(format!("const {parameters} *prior")));
+    if about {
+        list.push(Parameter::new(format!("const {} *reference", context.global("run_reference"))));
+        list.push(Parameter::new(format!("{} which", context.global("run_linearisation"))));
+    }
+    list.push(Parameter::new(format!("const {} *prior", context.global("run_parameters"))));
     list.push(Parameter::new(format!("{} *estimate", context.global("run_estimate"))));
-    fill(context, names);
-    let body = solution(context, names);
-    let about = "What the run says of the parameters; `prior` has the present estimates, at which weights begin. Only with the first status is\n\
-                 anything written to `estimate`.";
-    let (name, status) = (context.global("run_identify"), context.global("run_status"));
-    context.function(&name, about, &status, &list, &body);
+    list
 }
 
-/// The steps from a solved run to an estimate.
-fn solution(context: &Context<'_>, names: &Names<String>) -> String {
+/// The steps from a solved run to an estimate; `about` has the further arguments of the update.
+fn solution(context: &Context<'_>, names: &Names<String>, about: &str) -> String {
     let scalar = context.scalar;
     let (real, zero, one, ok) = (scalar.name(), context.zero(), scalar.literal(1.0), context.constant("RUN_OK"));
     let mut body =
@@ -53,7 +79,7 @@ fn solution(context: &Context<'_>, names: &Names<String>) -> String {
         body.push_str(&statement(1, &format!("workspace->prior[{index}] = prior->{name};")));
     }
     body.push_str(&format!(
-        "    status = run_update(run, workspace{});
+        "    status = run_update(run, workspace{about}{});
     if (status != {ok}) {{
         return status;
     }}

@@ -23,7 +23,11 @@ typedef enum STATUS {
     /* The equations are not finite along the measured motion, or a prior is not. */
     NOT_EVALUATED,
     /* Nothing stands out of the noise. */
-    STILL
+    STILL,
+    /* No physical parameters near the given ones agree with what the run shows. */
+    APART,
+    /* A changed parameter does not exist, its step is zero or not finite, or there is no run to compare it with. */
+    PERTURBATION
 } STATUS;
 
 /* How samples are taken. */
@@ -93,6 +97,7 @@ typedef struct SHOWN {
 /* The memory of an update: the caller's, so that nothing here is static. */
 typedef struct WORKSPACE {
     PHASOR motion[COORDINATES][LINES];
+    PATH_FIELDS
     PHASOR inputs[INPUTS][LINES];
     PHASOR regressor[ROWS][COLUMNS][LINES];
     PHASOR known[ROWS][LINES];

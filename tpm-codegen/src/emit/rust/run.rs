@@ -13,6 +13,9 @@ use super::context::Context;
 use super::expression::Writer;
 use super::names::{self, ident};
 use super::record::{Field, count, doc, record};
+use super::run_physical;
+use super::run_sizes::Sizes;
+use super::run_tracking;
 use super::shapes::{label, quantity_fields};
 
 /// The module `run`, where it was requested.
@@ -22,6 +25,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     let types = types(context, &plan, &names);
     let rows = rows(context, &plan);
     let estimator = estimator(context, &plan);
+    let tracking = run_tracking::items(context, &plan);
+    let physical = run_physical::items(context, &plan, &names);
     let campaign = campaign::items(context, &plan, &names);
     let runtime = match context.options.standalone {
         true => quote!(super::support),
@@ -44,6 +49,18 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         names.extend(["CampaignOrder", "Play", "RunPool", "passing"]);
         public.extend(["CampaignEnd", "CampaignPhase", "CampaignRules"]);
     }
+    if plan.source.slopes.is_some() {
+        names.extend(["RunLumping", "RunPhysical"]);
+    }
+    if plan.takes_reference(context.estimator) {
+        names.push("RunReference");
+    }
+    if context.estimator.parts.linearised {
+        public.push("RunLinearisation");
+    }
+    if context.estimator.parts.numerical {
+        names.push("RunNumerical");
+    }
     if plan.source.calls(Function::Tanh) {
         names.push("Hyperbolic");
     }
@@ -59,6 +76,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
             #types
             #rows
             #estimator
+            #tracking
+            #physical
             #campaign
         }
     }
@@ -177,37 +196,6 @@ fn rows(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
     }
 }
 
-/// The sizes of a run, as literals.
-struct Sizes {
-    coordinates: proc_macro2::Literal,
-    inputs: proc_macro2::Literal,
-    channels: proc_macro2::Literal,
-    rows: proc_macro2::Literal,
-    parameters: proc_macro2::Literal,
-    motion: proc_macro2::Literal,
-    lines: proc_macro2::Literal,
-    equations: proc_macro2::Literal,
-    covariances: proc_macro2::Literal,
-}
-
-impl Sizes {
-    fn of(plan: &RunPlan<'_>) -> Self {
-        let evaluation = &plan.source.plan.evaluation;
-        let (coordinates, inputs) = (evaluation.coordinates.len(), evaluation.inputs.len());
-        Self {
-            coordinates: count(coordinates),
-            inputs: count(inputs),
-            channels: count(coordinates + inputs),
-            rows: count(plan.source.form.rows.len()),
-            parameters: count(plan.source.form.columns.len()),
-            motion: count(plan.motion.len()),
-            lines: count(plan.lines()),
-            equations: count(plan.equations()),
-            covariances: count(plan.covariances()),
-        }
-    }
-}
-
 /// The estimator, and what it gives.
 fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
     let Sizes { coordinates, inputs, channels, rows, parameters, motion, lines, equations, covariances } =
@@ -292,8 +280,15 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     &self.lines,
                     self.sampling,
                     &prior.into_array(),
+                    None,
                 )?;
-                Ok(Estimate {
+                Ok(Estimate::of(found))
+            }
+        }
+
+        impl<T: Real> Estimate<T> {
+            fn of(found: RunEstimate<T, #coordinates, #parameters>) -> Self {
+                Self {
                     parameters: Parameters::from_array(found.values),
                     deviations: Parameters::from_array(found.deviations),
                     covariance: found.covariance,
@@ -303,7 +298,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     condition: found.condition,
                     chi_squared: found.chi_squared,
                     noise: Measured::from_array(found.noise),
-                })
+                }
             }
         }
 

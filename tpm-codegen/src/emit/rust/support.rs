@@ -47,7 +47,7 @@ pub(super) fn text(needs: Needs) -> String {
     }
     if run {
         text.push_str(
-            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
+            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunLumping, RunPhysical};\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
         );
     }
     if hyperbolic {
@@ -60,7 +60,8 @@ pub(super) fn text(needs: Needs) -> String {
             "accelerations" => accelerations,
             "square_root" => square_root,
             "campaign" => campaign,
-            "phasor" | "run_estimate" | "run_lines" | "run_noise" | "run_weigh" | "run_workspace" => run,
+            "phasor" => run,
+            name if name.starts_with("run_") => run,
             _ => true,
         };
         if !needed {

@@ -5,6 +5,7 @@
 //! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial
 //! ```
 
+mod cut;
 mod harmonics;
 mod lock;
 mod modes;

@@ -7,6 +7,7 @@
 //! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
 //! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
 
+use crate::cut::cut_by_noise;
 use crate::harmonics::RunHarmonics;
 use crate::modes::{NearMode, near_mode};
 use crate::refinement::{OneRun, Refinement};
@@ -676,6 +677,11 @@ impl<'m> Campaign<'m> {
             report.limit = most_used(report.limit.take(), used);
             report.effort_share = report.limit.as_ref().map(|limit| limit.share);
         }
+        if record.saturated > 0 && report.effort_share.is_some_and(|share| share < 1.0) {
+            report.limit = cut_by_noise(self.limited(), record, report.limit.take(), |i, limited| {
+                self.limit_used((i, limited), &trial, &spectra)
+            });
+        }
         report.contradicts = self.contradictions();
         if let Some(estimate) = update {
             // A run that is not pooled leaves the estimates unchanged. This is no convergence, so its stage is played
@@ -875,6 +881,7 @@ impl<'m> Campaign<'m> {
                 time: (at % samples) as f64 * trial.control.sample_time,
                 harmonic: harmonic.map(|(k, size)| (k, size * per_unit)),
                 remedy: None,
+                cut: None,
             };
             most = most_used(most, used);
         }
@@ -918,15 +925,17 @@ impl<'m> Campaign<'m> {
 
     /// The largest share of an actuator's limit that a measured run used.
     fn limited_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
+        self.limited().map(|of| self.limit_used(of, trial, spectra)).fold(None, most_used)
+    }
+
+    /// The limit of an input's actuator of which a measured run used the largest share.
+    fn limit_used(&self, (i, limited): (usize, &Limited), trial: &Trial, spectra: &Spectra) -> LimitUse {
         let coordinates = self.model.dims().coordinates;
         let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
         let reach = reach.min(spectra.highest());
-        let of = |(i, limited): (usize, &Limited)| {
-            let force = &spectra.lines[coordinates + i][..=reach];
-            let motion = &spectra.lines[limited.coordinate][..=reach];
-            limited.used(self.model, i, (force, motion), spectra.fundamental, trial.samples_per_period)
-        };
-        self.limited().map(of).fold(None, most_used)
+        let force = &spectra.lines[coordinates + i][..=reach];
+        let motion = &spectra.lines[limited.coordinate][..=reach];
+        limited.used(self.model, i, (force, motion), spectra.fundamental, trial.samples_per_period)
     }
 
     /// The inputs whose actuators are limited.
@@ -961,8 +970,9 @@ impl<'m> Campaign<'m> {
         self.refinement.as_ref()?.refined(&pooled, estimate)
     }
 
+    /// Whether the estimate has come to rest; one that shows no direction at all says nothing about that.
     fn converged(&self, estimate: &Estimate) -> bool {
-        if self.estimate.is_none() {
+        if self.estimate.is_none() || estimate.rank == 0 {
             return false;
         }
         let known = self.refined.as_ref().map_or(&self.current, |refined| &refined.values);

@@ -1,16 +1,16 @@
 //! The page of an identification.
 
 use crate::block::{Block, Cell, Notice, SHARE_DIGITS};
-use crate::marks::Interval;
+use crate::estimates::{Estimated, estimates};
+use crate::headline;
 use crate::page::Document;
 use crate::validation::remark;
 use tpm_campaign::RunReport;
-use tpm_estimate::{CombinationReport, ParameterReport, Status};
-use tpm_numerics::tail::NORMAL_95;
-use tpm_report::{Remedy, beside, cells, combination, digits, number, or_dash};
+use tpm_estimate::{ParameterReport, Status};
+use tpm_report::{Remedy, cells, combination, digits, number, or_dash};
 use tpm_session::{
-    About, Concern, Identification, LogReport, Meaning, MissingTerm, PeriodicReport, Severity, Source, Validation,
-    Warning, Way, closed_loop,
+    About, Concern, Identification, LogReport, Meaning, MissingTerm, PeriodicReport, Severity, Validation, Warning,
+    Way, closed_loop,
 };
 
 /// Gives the name of a remedy in a front end, such as that of a flag; nothing where the front end has no name for it.
@@ -18,6 +18,8 @@ pub type Spell<'a> = dyn Fn(&Remedy) -> Option<String> + 'a;
 
 /// Heading of the column of tracking errors, one per coordinate.
 pub(super) const RMS: &str = "#rms error";
+/// Heading of the column of what one run or one log by itself leaves of the force, before a simulation refines what all of them say.
+const FORCE_LEFT: &str = "#force left by itself";
 /// Largest number of parameters of which the whole matrix of correlations is shown.
 const MATRIX: usize = 16;
 /// Smallest magnitude of a correlation that is listed where the matrix is too large.
@@ -32,18 +34,20 @@ impl Document {
     pub fn of_identification(result: &Identification, evidence: &[Validation], spell: &Spell<'_>) -> Self {
         let mut document = Document {
             title: result.model.clone(),
-            subtitle: subtitle(result),
+            subtitle: headline::subtitle(result),
+            issue: None,
             shortfall: result.shortfall(),
-            success: success(result),
+            success: headline::success(result),
+            conclusion: headline::conclusion(result),
             caution: !result.warnings.is_empty(),
-            facts: facts(result),
+            facts: headline::facts(result),
             sections: Vec::new(),
             figures: Vec::new(),
         };
         document.warnings(result, spell);
         document.parameters(result);
         document.not_shown(result);
-        document.evidence(evidence);
+        document.evidence(evidence, &[headline::unexplained(result)]);
         document.missing(result);
         document.correlations(result);
         document.runs(result);
@@ -181,7 +185,7 @@ impl Document {
         let rows = result.runs.iter().map(run_row).collect();
         let frequency = format!("#{} [rad/s]", result.frequency_name);
         let columns =
-            ["#run", "amplitudes", frequency.as_str(), "#periods", RMS, "#effort", "#condition", "#residual", "ending"];
+            ["#run", "amplitudes", frequency.as_str(), "#periods", RMS, "#effort", "#condition", FORCE_LEFT, "ending"];
         self.section("runs", "Runs", vec![Block::table(&columns, rows, "what was played, in order")]);
     }
 
@@ -208,10 +212,13 @@ impl Document {
                     Cell::text(part.log.path.clone()),
                     Cell::percent(Some(part.share)),
                     Cell::percent(Some(part.residual)),
-                    Cell::text(or_dash(farthest, |(name, deviations)| format!("{name}, {deviations:+.1} deviations"))),
+                    Cell::text(or_dash(farthest, |(name, deviations)| {
+                        let left_out = if part.left_out { "; left out" } else { "" };
+                        format!("{name}, {deviations:+.1} deviations{left_out}")
+                    })),
                 ]
             });
-            let columns = ["log", "#information", "#residual", "farthest from the others"];
+            let columns = ["log", "#information", FORCE_LEFT, "farthest from the others"];
             blocks.push(Block::table(&columns, rows.collect(), "logs that were used together"));
         }
         let all = result.log.iter().chain(result.pool.iter().flat_map(|pool| pool.logs.iter().map(|part| &part.log)));
@@ -233,54 +240,6 @@ impl Document {
     }
 }
 
-fn subtitle(result: &Identification) -> String {
-    match (result.source, &result.log, &result.pool) {
-        (Source::Log, Some(log), _) => format!("identified from {}", log.path),
-        (Source::Log, None, Some(pool)) => format!("identified from {} logs together", pool.logs.len()),
-        (Source::Log, None, None) => "identified from a log".to_owned(),
-        (Source::SimulatedPlant, ..) => "identified on a simulated machine".to_owned(),
-        (Source::Machine, ..) => "identified on a machine".to_owned(),
-        (Source::Folder, ..) => "identified from the runs in a campaign's folder".to_owned(),
-    }
-}
-
-/// The sentence for a complete result, with the parameters that are poorly determined.
-fn success(result: &Identification) -> String {
-    let lists = result.parameters.iter().chain(&result.physical);
-    let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
-    let poor: Vec<&str> = poor.map(|parameter| parameter.name.as_str()).collect();
-    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit);
-    let mut text = if misfit {
-        format!(
-            "Everything that was asked for has a value, but the model leaves {} % of {} unexplained",
-            digits(100.0 * result.residual, SHARE_DIGITS),
-            result.residual_of
-        )
-    } else {
-        "The data show everything that was asked for, and the model explains what was measured".to_owned()
-    };
-    if !poor.is_empty() {
-        text.push_str(&format!("; poorly determined: {}", poor.join(", ")));
-    }
-    text.push('.');
-    text
-}
-
-fn facts(result: &Identification) -> Vec<(String, String)> {
-    let mut facts = vec![
-        (
-            "unexplained".to_owned(),
-            format!("{} % of {}", digits(100.0 * result.residual, SHARE_DIGITS), result.residual_of),
-        ),
-        ("rank".to_owned(), format!("{} of {}", result.rank, result.wanted())),
-        ("condition number".to_owned(), or_dash(result.condition, |condition| digits(condition, SHARE_DIGITS))),
-        ("estimator".to_owned(), result.estimator.name().to_owned()),
-        ("hold of the inputs".to_owned(), result.hold.to_string()),
-    ];
-    facts.extend(result.outcome.map(|outcome| ("campaign".to_owned(), outcome.describe().to_owned())));
-    facts
-}
-
 /// Terms that the model lacks, with the log that showed them where there are several.
 fn lacking(result: &Identification) -> Vec<(String, &[MissingTerm])> {
     let runs = result.refinement.iter().map(|own| (String::new(), own.missing.as_slice()));
@@ -288,87 +247,6 @@ fn lacking(result: &Identification) -> Vec<(String, &[MissingTerm])> {
     let pooled = result.pool.iter().flat_map(|pool| &pool.logs);
     let pooled = pooled.map(|part| (format!(" of {}", part.log.path), part.log.missing()));
     runs.chain(alone).chain(pooled).collect()
-}
-
-/// One row of a table of estimates.
-struct Estimated<'a> {
-    name: String,
-    unit: Option<&'a str>,
-    prior: Option<f64>,
-    value: Option<f64>,
-    std: Option<f64>,
-    truth: Option<f64>,
-    remark: String,
-}
-
-impl<'a> From<&'a ParameterReport> for Estimated<'a> {
-    fn from(own: &'a ParameterReport) -> Self {
-        let status = own.status.name().replace('_', " ");
-        let remark = own
-            .with_prior
-            .map_or_else(|| status.clone(), |value| format!("{status}; {} with the prior", number(value)));
-        Estimated {
-            name: own.name.clone(),
-            unit: own.unit.as_deref(),
-            prior: own.prior,
-            value: own.value,
-            std: own.std,
-            truth: own.truth,
-            remark,
-        }
-    }
-}
-
-impl<'a> From<&'a CombinationReport> for Estimated<'a> {
-    fn from(own: &'a CombinationReport) -> Self {
-        Estimated {
-            name: combination(&own.terms),
-            unit: own.unit.as_deref(),
-            prior: own.prior,
-            value: Some(own.value),
-            std: Some(own.std),
-            truth: own.truth,
-            remark: String::new(),
-        }
-    }
-}
-
-fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Block {
-    let simulated = rows.iter().any(|row| row.truth.is_some());
-    let priors = rows.iter().any(|row| row.prior.is_some());
-    let remarks = rows.iter().any(|row| !row.remark.is_empty());
-    // An interval is drawn only where there is a true value or a prior to compare it with.
-    let drawn = simulated || priors;
-    let mut columns = vec![of, "unit", "#identified", "#std. dev."];
-    columns.extend(if drawn { &["95 % interval", "#from", "#to"][..] } else { &["#95 % from", "#to"] });
-    columns.extend(priors.then_some("#prior"));
-    columns.extend(simulated.then_some(["#true", "#error/std"]).into_iter().flatten());
-    columns.extend(remarks.then_some("status"));
-    let line = |row: &Estimated<'_>| {
-        let [value, std] = cells(row.value, row.std);
-        let known = row.value.zip(row.std.filter(|std| std.is_finite() && *std > 0.0));
-        let end = |side: f64| {
-            let end = known.map(|(value, std)| value + side * NORMAL_95 * std);
-            Cell::shown(or_dash(end, |end| beside(end, row.value, row.std)), end)
-        };
-        let mut line = vec![
-            Cell::text(row.name.clone()),
-            Cell::text(row.unit.unwrap_or("-")),
-            Cell::shown(value, row.value),
-            Cell::shown(std, row.std),
-        ];
-        line.extend(drawn.then(|| Cell::interval(Interval::of(row.value, row.std, row.truth, row.prior))));
-        line.extend([end(-1.0), end(1.0)]);
-        line.extend(priors.then(|| Cell::number(row.prior)));
-        if simulated {
-            let error = known.zip(row.truth).map(|((value, std), truth)| (value - truth) / std);
-            line.push(Cell::shown(or_dash(row.truth, |truth| beside(truth, row.value, row.std)), row.truth));
-            line.push(Cell::shown(or_dash(error, |error| format!("{error:+.2}")), error));
-        }
-        line.extend(remarks.then(|| Cell::text(row.remark.clone())));
-        line
-    };
-    Block::table(&columns, rows.iter().map(line).collect(), caption)
 }
 
 /// Correlations from a covariance: the matrix, or a list of the strongest where the matrix is large; nothing for one parameter.

@@ -6,15 +6,21 @@
 
 mod block;
 mod campaign;
+mod comparison;
 mod error;
+mod estimates;
 mod forces;
+mod headline;
 mod identification;
+mod junit;
 mod marks;
 mod page;
+mod residuals;
 mod study;
 mod validation;
 
 pub use campaign::PlayedRun;
 pub use error::DocumentError;
 pub use identification::Spell;
-pub use page::Document;
+pub use junit::junit;
+pub use page::{Document, Issue};

@@ -1,6 +1,6 @@
 //! A page: its head, and its conversion to HTML.
 
-use crate::block::{Block, Named, Section};
+use crate::block::{Block, Cell, Named, Section};
 use crate::error::DocumentError;
 use minijinja::{Environment, context};
 use serde::Serialize;
@@ -19,16 +19,31 @@ const MOST_TINT: f64 = 60.0;
 pub struct Document {
     pub(super) title: String,
     pub(super) subtitle: String,
+    /// Who wrote it, when, and for what; nothing where that is not known.
+    pub(super) issue: Option<Issue>,
     /// What is missing of the requested result; nothing when the result is complete.
     pub(super) shortfall: Option<String>,
     /// The sentence for a complete result.
     pub(super) success: String,
+    /// What the result comes to in plain words, a sentence each.
+    pub(super) conclusion: Vec<String>,
     /// Whether there are warnings to read before the numbers are used.
     pub(super) caution: bool,
     /// The most important values, by name.
-    pub(super) facts: Vec<(String, String)>,
+    pub(super) facts: Vec<(String, Cell)>,
     pub(super) sections: Vec<Section>,
     pub(super) figures: Vec<Named>,
+}
+
+/// Who wrote a page, when, and for what.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Issue {
+    /// What is reported on, such as the name of a machine; stands above the name of the model.
+    pub title: Option<String>,
+    /// Who reports.
+    pub author: Option<String>,
+    /// The day, such as `2026-03-01`.
+    pub date: Option<String>,
 }
 
 /// A figure as drawn into the page, for wide and for narrow screens. It is divided into panels, so that a printed page
@@ -40,6 +55,13 @@ struct Drawn {
 }
 
 impl Document {
+    /// The page with what is known of who wrote it, when, and for what.
+    #[must_use]
+    pub fn issued(mut self, issue: Issue) -> Self {
+        self.issue = Some(issue);
+        self
+    }
+
     /// Stores a figure and gives the block that shows it.
     pub(super) fn figure(&mut self, name: &str, figure: Figure, caption: &str) -> Block {
         let taken = self.figures.iter().filter(|other| other.name.split('-').next() == Some(name)).count();
@@ -89,6 +111,8 @@ impl Document {
         page.render(context! {
             title => self.title,
             subtitle => self.subtitle,
+            issue => self.issue,
+            conclusion => self.conclusion,
             shortfall => self.shortfall,
             success => self.success,
             caution => self.caution,

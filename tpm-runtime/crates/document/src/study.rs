@@ -16,13 +16,15 @@ impl From<&Study> for Document {
         let mut document = Document {
             title: study.model.clone(),
             subtitle: format!("{} campaigns on a simulated machine, seeds from {}", study.campaigns, study.first_seed),
+            issue: None,
+            conclusion: Vec::new(),
             shortfall: (!incomplete.is_empty())
                 .then(|| format!("{} of {} campaigns did not identify everything", incomplete.len(), study.campaigns)),
             success: "Every campaign identified everything.".to_owned(),
             caution: !study.warnings.is_empty(),
             facts: vec![
-                ("campaigns".to_owned(), study.campaigns.to_string()),
-                ("estimator".to_owned(), study.estimator.to_owned()),
+                ("campaigns".to_owned(), Cell::text(study.campaigns.to_string())),
+                ("estimator".to_owned(), Cell::text(study.estimator)),
             ],
             sections: Vec::new(),
             figures: Vec::new(),

@@ -1,8 +1,9 @@
 //! The page of a prediction of a log, and those of its parts that pages of identifications contain.
 
-use crate::block::{Block, Cell, Notice};
+use crate::block::{Block, Cell, Notice, SHARE_DIGITS};
 use crate::forces::{self, AROUND, PANEL};
 use crate::page::Document;
+use crate::residuals;
 use tpm_plot::Figure;
 use tpm_report::{digits, number};
 use tpm_session::{CorrelationTest, LAGS, Validation};
@@ -13,6 +14,8 @@ impl From<&Validation> for Document {
         let mut document = Document {
             title: found.model.clone(),
             subtitle: format!("predicted on {}; nothing is fitted", found.log),
+            issue: None,
+            conclusion: conclusion(found),
             shortfall: found.shortfall(),
             success: "Every row of the model is predicted.".to_owned(),
             caution: false,
@@ -25,9 +28,24 @@ impl From<&Validation> for Document {
         if !notices.is_empty() {
             document.section("notices", "What to know", vec![Block::Notices { list: notices }]);
         }
-        document.evidence(std::slice::from_ref(found));
+        document.evidence(std::slice::from_ref(found), &[]);
         document
     }
+}
+
+/// How well the parameters predict, in words.
+fn conclusion(found: &Validation) -> Vec<String> {
+    let mut said = vec!["The parameters are those of another identification; nothing is fitted here.".to_owned()];
+    said.extend(found.prediction_error.map(|share| {
+        format!("Of the force that acts on a row, at most {} % is missed.", digits(100.0 * share, SHARE_DIGITS))
+    }));
+    let channels = found.simulation.iter().flat_map(|simulation| &simulation.channels);
+    let worst =
+        channels.filter_map(|channel| Some((&channel.name, channel.one_step.fit?))).min_by(|a, b| a.1.total_cmp(&b.1));
+    said.extend(
+        worst.map(|(name, fit)| format!("One sample ahead, {name} is predicted worst, with a fit of {fit:.2} %.")),
+    );
+    said
 }
 
 /// A notice that is no warning.
@@ -35,36 +53,41 @@ pub(super) fn remark(text: String) -> Notice {
     Notice { text, remedy: None, grave: false }
 }
 
-fn facts(found: &Validation) -> Vec<(String, String)> {
+/// The largest prediction error, which is the same in the headline and in the table of rows.
+fn facts(found: &Validation) -> Vec<(String, Cell)> {
     let mut facts = Vec::new();
-    facts.extend(
-        found
-            .prediction_error
-            .map(|share| ("largest prediction error".to_owned(), format!("{:.2} % of the force", 100.0 * share))),
-    );
-    facts.push(match found.period {
-        Some(period) => (
-            "used".to_owned(),
-            format!("{} periods of {} s, harmonics up to {}", found.periods, number(period), found.harmonics),
-        ),
-        None => {
-            ("used".to_owned(), format!("every sample, low pass at {} Hz", number(found.cut_off.unwrap_or(f64::NAN))))
+    facts.extend(found.prediction_error.map(|share| {
+        let text = format!("{} % of the force", digits(100.0 * share, SHARE_DIGITS));
+        ("largest share missed".to_owned(), Cell::shown(text, Some(share)))
+    }));
+    let used = match found.period {
+        Some(period) => {
+            format!("{} periods of {} s, harmonics up to {}", found.periods, number(period), found.harmonics)
         }
-    });
-    facts.push(("hold of the inputs".to_owned(), found.hold.clone()));
+        None => format!("every sample, low pass at {} Hz", number(found.cut_off.unwrap_or(f64::NAN))),
+    };
+    facts.push(("used".to_owned(), Cell::text(used)));
+    facts.push(("hold of the inputs".to_owned(), Cell::text(found.hold.clone())));
     if let Some(simulation) = &found.simulation {
-        facts.push((
-            "simulated".to_owned(),
-            format!("{} of {} samples in {} stretches", simulation.samples, simulation.of, simulation.stretches),
-        ));
+        let text = format!("{} of {} samples in {} stretches", simulation.samples, simulation.of, simulation.stretches);
+        facts.push(("simulated".to_owned(), Cell::text(text)));
     }
     facts
 }
 
 impl Document {
-    /// Measured motion compared with the model's, and residuals with their tests, for every given log or run.
-    pub(super) fn evidence(&mut self, all: &[Validation]) {
+    /// Measured motion compared with the model's, and residuals with their tests, for every given log or run. `first` are the numbers of
+    /// the headline that stand above them once more, with what they are.
+    pub(super) fn evidence(&mut self, all: &[Validation], first: &[(String, Cell)]) {
         let (mut against, mut tests) = (Vec::new(), Vec::new());
+        if !first.is_empty() && !all.is_empty() {
+            let rows = first.iter().map(|(name, number)| vec![Cell::text(name.clone()), number.clone()]).collect();
+            against.push(Block::table(
+                &["of all data together", "#share"],
+                rows,
+                "the result's own number, as in the headline",
+            ));
+        }
         for found in all {
             let named = |what: &str| if all.len() > 1 { format!("{}: {what}", found.log) } else { what.to_owned() };
             // Predicted forces.
@@ -136,6 +159,9 @@ impl Document {
                     figure,
                     &named("Correlations of the one-step errors with themselves and with earlier inputs"),
                 ));
+            }
+            if let Some(figure) = residuals::against_motion(found) {
+                tests.push(self.figure("residuals", figure, &named(residuals::CAPTION)));
             }
             if any {
                 tests.push(Block::text(format!(

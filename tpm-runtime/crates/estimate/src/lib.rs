@@ -10,6 +10,7 @@
 //! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- stack, damping, applies, consistency, projected <- estimators <- method
 //! ```
 
+mod agreement;
 mod along;
 mod applies;
 mod bound;
@@ -48,6 +49,7 @@ mod table;
 mod time_domain;
 mod verdict;
 
+pub use agreement::{CommonFactor, common_factor, odd_ones};
 pub use along::Along;
 pub use bound::{RecordNoise, has_jumps, information_root};
 pub use combination::Combination;

@@ -160,14 +160,14 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::pool;
     use crate::result::{Estimate, ResidualOf};
     use crate::settings::Settings;
     use crate::verdict::Status;
     use tpm_numerics::Matrix;
 
-    fn estimate(values: &[f64], covariance: &[Vec<f64>], unobservable: Vec<Vec<f64>>) -> Estimate {
+    pub(crate) fn estimate(values: &[f64], covariance: &[Vec<f64>], unobservable: Vec<Vec<f64>>) -> Estimate {
         let n = values.len();
         Estimate {
             values: values.to_vec(),

@@ -134,6 +134,13 @@ pub enum Assumption {
         /// Whether the file states the unit; otherwise it was inferred from the size of the stamps and of their steps.
         stated: bool,
     },
+    /// Channels were recorded at times of their own.
+    OwnTimes {
+        /// The column whose rows are used.
+        reference: String,
+        /// Columns that stay at their last reading; the others are interpolated.
+        held: Vec<String>,
+    },
     /// Fields of a measured rate are missing in a stretch of the record, where the rate is not used.
     RateLeftOut {
         /// The rate.
@@ -196,6 +203,14 @@ impl fmt::Display for Assumption {
             Assumption::Time { column, unit, stated: true } => write!(f, "time is column `{column}` in {unit}"),
             Assumption::Time { column, unit, stated: false } => {
                 write!(f, "time is column `{column}`, which states no unit: read as {unit}, as its steps suggest")
+            }
+            Assumption::OwnTimes { reference, held } => {
+                write!(f, "columns have times of their own: rows are those of `{reference}`, ")?;
+                if !held.is_empty() {
+                    let names: Vec<String> = held.iter().map(|name| format!("`{name}`")).collect();
+                    write!(f, "{} at the last reading, ", names.join(", "))?;
+                }
+                f.write_str("other columns interpolated between their readings")
             }
             Assumption::RateLeftOut { signal, from_line, to_line } => {
                 write!(f, "`{signal}` has empty fields in lines {from_line} to {to_line}, where it is not used")

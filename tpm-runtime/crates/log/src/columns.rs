@@ -11,12 +11,14 @@ pub(super) struct ColumnName {
     pub(super) text: String,
     /// The unit, where the format states it apart from the name.
     pub(super) unit: Option<String>,
+    /// Whether the name is an expression over others, which holds no unit.
+    pub(super) computed: bool,
 }
 
 impl ColumnName {
     /// A name without a unit beside it.
     pub(super) fn new(text: impl Into<String>) -> Self {
-        Self { text: text.into(), unit: None }
+        Self { text: text.into(), ..Self::default() }
     }
 }
 

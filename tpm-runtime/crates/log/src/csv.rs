@@ -6,6 +6,7 @@ use crate::dates::Date;
 use crate::dialect::{Counted, Dialect, is_comment, number, split};
 use crate::error::LogError;
 use crate::stamps::{Resolution, last_digit};
+use std::borrow::Cow;
 use std::io::Read;
 use std::ops::Range;
 
@@ -48,7 +49,6 @@ impl<R: Read> Lines<R> {
     }
 
     /// The bytes in the buffer, followed by the rest of the input.
-    #[cfg(any(feature = "mat", feature = "mcap", feature = "parquet"))]
     pub(super) fn into_rest(self) -> impl Read {
         let Lines { input, mut buffer, start, end, .. } = self;
         buffer.truncate(end);
@@ -216,6 +216,12 @@ impl<R: Read> Csv<R> {
     fn field(&self, field: usize) -> &[u8] {
         let (from, to) = self.fields[self.wanted[field]];
         &self.lines.buffer[self.last.start + from as usize..self.last.start + to as usize]
+    }
+
+    /// The text of a column in the last row, whether it is selected or not.
+    pub(super) fn field_of(&self, column: usize) -> Cow<'_, str> {
+        let (from, to) = self.fields[column];
+        String::from_utf8_lossy(&self.lines.buffer[self.last.start + from as usize..self.last.start + to as usize])
     }
 
     /// The stamp of the last row where it is a date: seconds from the whole second of the first one.

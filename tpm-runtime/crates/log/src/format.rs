@@ -3,6 +3,9 @@
 use crate::columns::Columns;
 use crate::csv::{Csv, HEAD_BYTES, Lines};
 use crate::error::LogError;
+use crate::long::Long;
+use crate::paired::Paired;
+use crate::{json, npy, rosbag, sqlite, wpilog};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -19,22 +22,28 @@ enum Format {
     Mat,
     /// MATLAB 7.3, or HDF5 by any other name.
     Hdf5,
+    Npy,
+    /// A ZIP archive, of arrays or of something else.
+    Zip,
+    Json,
+    Wpilog,
+    Sqlite,
     /// A format that is recognised but not read: its description, and the remedy.
     Other(&'static str, &'static str),
 }
 
 const SAVE: &str = "save the table as UTF-8 text in columns (CSV)";
-const RECORD: &str = "convert it with `ros2 bag convert` to MCAP";
 const UNPACK: &str = "unpack it first";
+const EXPORT: &str = "export the signals as CSV or NPZ";
 
 /// The remedy where a format is not built in.
-#[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
+#[cfg(not(all(feature = "mcap", feature = "parquet")))]
 const SAVE_CSV: &str = "save the table as CSV";
 #[cfg(not(feature = "mat73"))]
 const RESAVE: &str = "save it with `save -v7` in MATLAB, or the table as CSV";
 
 /// The first bytes of files, and the format of files that begin with them.
-const MAGIC: [(&[u8], Format); 16] = [
+const MAGIC: [(&[u8], Format); 25] = [
     (b"\x89MCAP0\r\n", Format::Mcap),
     (b"PAR1", Format::Parquet),
     (b"MATLAB 5.0 MAT-file", Format::Mat),
@@ -44,9 +53,18 @@ const MAGIC: [(&[u8], Format); 16] = [
     (b"\x28\xb5\x2f\xfd", Format::Other("the file is compressed (zstd)", UNPACK)),
     (b"\xfd7zXZ\x00", Format::Other("the file is compressed (xz)", UNPACK)),
     (b"BZh", Format::Other("the file is compressed (bzip2)", UNPACK)),
-    (b"PK\x03\x04", Format::Other("the file is a ZIP archive or a spreadsheet", SAVE)),
-    (b"SQLite format 3\x00", Format::Other("the file is an SQLite database, such as a ROS 2 bag", RECORD)),
+    (npy::MAGIC, Format::Npy),
+    (b"PK\x03\x04", Format::Zip),
+    (wpilog::MAGIC, Format::Wpilog),
+    (sqlite::MAGIC, Format::Sqlite),
     (b"#ROSBAG V", Format::Other("the file is a ROS 1 bag", "convert it to MCAP, or save the table as CSV")),
+    (b"ULog\x01\x12\x35", Format::Other("the file is a ULog of PX4", "convert it with `ulog2csv` to CSV")),
+    (b"MDF     ", Format::Other("the file is an MDF recording", EXPORT)),
+    (b"UnFinMF ", Format::Other("the file is an MDF recording that was not finished", EXPORT)),
+    (b"TDSm\x0e\x00\x00\x00", Format::Other("the file is a TDMS recording of LabVIEW", EXPORT)),
+    (b"LOGG\x90\x00\x00\x00", Format::Other("the file is a BLF recording of a bus", EXPORT)),
+    (b"\x80\x04\x95", Format::Other("the file is a pickle of Python", EXPORT)),
+    (b"\x80\x05\x95", Format::Other("the file is a pickle of Python", EXPORT)),
     (b"ARROW1", Format::Other("the file is an Arrow file", "save it as Parquet or as CSV")),
     (b"\xd0\xcf\x11\xe0", Format::Other("the file is a spreadsheet", SAVE)),
     (b"\xff\xfe", Format::Other("the text is UTF-16", SAVE)),
@@ -57,6 +75,9 @@ impl Format {
     fn of(head: &[u8]) -> Self {
         if let Some((_, format)) = MAGIC.iter().find(|(magic, _)| head.starts_with(magic)) {
             return *format;
+        }
+        if json::is_json(head) {
+            return Format::Json;
         }
         let control = |byte: &&u8| byte.is_ascii_control() && !byte.is_ascii_whitespace();
         let controls = head.iter().filter(control).count();
@@ -82,11 +103,20 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
     let fault =
         |what: &str, remedy: &str| LogError::Format { path: path.into(), what: what.into(), remedy: remedy.into() };
     match Format::of(head) {
-        Format::Text => Ok(Box::new(Csv::new(path, lines)?)),
-        #[cfg(feature = "mat")]
+        Format::Text => {
+            let table = Csv::new(path, lines)?;
+            match (Long::of(table.header()), Paired::of(table.header())) {
+                (Some(long), _) => Ok(Box::new(long.read(table)?)),
+                (_, Some(paired)) => Ok(Box::new(paired.read(table)?)),
+                (None, None) => Ok(Box::new(table)),
+            }
+        }
+        Format::Json => Ok(Box::new(json::read(lines.into_rest(), path)?)),
+        Format::Npy => Ok(Box::new(npy::read(lines.into_rest(), path)?)),
+        Format::Zip => Ok(Box::new(npy::read_archive(lines.into_rest(), path)?)),
+        Format::Wpilog => Ok(Box::new(wpilog::read(lines.into_rest(), path)?)),
+        Format::Sqlite => Ok(Box::new(rosbag::read(lines.into_rest(), path)?)),
         Format::Mat => Ok(Box::new(crate::mat::read(lines.into_rest(), path)?)),
-        #[cfg(not(feature = "mat"))]
-        Format::Mat => Err(without(path, "a MAT-file", "mat", SAVE_CSV)),
         #[cfg(feature = "mcap")]
         Format::Mcap => Ok(Box::new(crate::mcap::read(lines.into_rest(), path)?)),
         #[cfg(not(feature = "mcap"))]
@@ -142,5 +172,8 @@ mod tests {
         assert!(matches!(Format::of(b"a,b\n1,\x002\n"), Format::Other(..)));
         assert!(matches!(Format::of(b"\xff\xfet\x00"), Format::Other("the text is UTF-16", _)));
         assert_eq!(Format::of(b""), Format::Text);
+        assert_eq!(Format::of(b"\x93NUMPY\x01\x00"), Format::Npy);
+        assert_eq!(Format::of(b"{\"t\": [0, 1]}"), Format::Json);
+        assert!(matches!(Format::of(b"ULog\x01\x12\x35\x01"), Format::Other("the file is a ULog of PX4", _)));
     }
 }

@@ -10,22 +10,30 @@ mod answers;
 mod as_recorded;
 mod assumption;
 mod columns;
+mod computed;
 mod csv;
+mod cursor;
 mod dates;
 mod dialect;
 mod error;
+mod expression;
 mod fingerprint;
 mod format;
 mod joins;
+mod joint_state;
+mod json;
 mod lone;
-#[cfg(feature = "mat")]
+mod long;
 mod mat;
 #[cfg(feature = "mat73")]
 mod mat73;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod names;
+mod npy;
 mod options;
+mod own_times;
+mod paired;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod paths;
@@ -39,12 +47,16 @@ mod recording;
 mod repeated;
 mod report;
 mod resample;
+mod rosbag;
+mod shared_rows;
 mod source;
+mod sqlite;
 mod stamps;
 mod stored;
 mod survey;
 mod table;
 mod unit;
+mod wpilog;
 mod wraps;
 
 pub use as_recorded::{AsRecorded, Lone, OwnTimes};
@@ -62,3 +74,4 @@ pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, U
 pub use resample::InterpolationError;
 pub use source::{LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};
+pub use unit::{model_unit, unit_of};

@@ -4,7 +4,6 @@
 //! numeric variable is a column for every one of its columns: `q` for a vector, `q[1]`, `q[2]`, ... for a matrix, whose longer
 //! side is time. Variables that are no numeric arrays, such as structures, are not read.
 
-use crate::columns::ColumnName;
 use crate::error::LogError;
 use crate::stored::{Stored, StoredColumn};
 use flate2::read::ZlibDecoder;
@@ -16,8 +15,6 @@ const BYTE_ORDER_AT: usize = 126;
 /// Types of elements.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
-/// Most columns of one variable.
-const MOST_COLUMNS: usize = 4096;
 /// Classes of arrays of real numbers: double, single, and the integers.
 const NUMERIC: std::ops::RangeInclusive<u32> = 6..=15;
 /// Flag of an array with an imaginary part.
@@ -115,26 +112,7 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
     if rows.checked_mul(columns)? != values.len() {
         return None;
     }
-    Some(Variable::Columns(columns_of(&name, &values, rows, columns)))
-}
-
-/// The columns of a matrix whose numbers are stored column by column; its longer side is time. A single number is a
-/// setting, no signal.
-pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn<'static>> {
-    let (length, width) = (rows.max(columns), rows.min(columns));
-    if length < 2 || width == 0 || width > MOST_COLUMNS {
-        return Vec::new();
-    }
-    let column = |k: usize| StoredColumn {
-        name: ColumnName::new(if width == 1 { name.to_string() } else { format!("{name}[{}]", k + 1) }),
-        values: if rows >= columns {
-            values[k * rows..(k + 1) * rows].to_vec().into()
-        } else {
-            values.iter().skip(k).step_by(rows).copied().collect()
-        },
-        stamp: false,
-    };
-    (0..width).map(column).collect()
+    Some(Variable::Columns(StoredColumn::of_matrix(&name, &values, rows, columns)))
 }
 
 /// Reads the numeric variables of a MAT-file; messages call it `path`.

@@ -4,7 +4,6 @@
 //! MATLAB states its class in the attribute `MATLAB_class`; texts, logical arrays, and groups such as structures are not read.
 
 use crate::error::LogError;
-use crate::mat::columns_of;
 use crate::stored::{Stored, StoredColumn};
 use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions};
 use std::io::Read;
@@ -59,7 +58,7 @@ fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn<'static>>, Vec<String>)
             Some((rows, wide)) => {
                 let values = numbers(&dataset.read_native_bytes()?, dataset.dtype());
                 match values.filter(|values| rows.checked_mul(wide) == Some(values.len())) {
-                    Some(values) => columns.extend(columns_of(&name, &values, rows, wide)),
+                    Some(values) => columns.extend(StoredColumn::of_matrix(&name, &values, rows, wide)),
                     None => others.push(name),
                 }
             }

@@ -1,14 +1,11 @@
 //! MCAP files with `sensor_msgs/msg/JointState` of ROS 2.
 //!
-//! A file is a list of records, each an operation code, a length and its content; chunks hold such lists, compressed or not. A message
-//! of joint states is a row: columns `position.NAME`, `velocity.NAME` and `effort.NAME` for every joint, `stamp.sec` and
-//! `stamp.nanosec` from its header, and `log_time` in nanoseconds. Velocity and effort may be empty. Where several topics have joint
-//! states, the topic stands before the column: `/left/joint_states:position.elbow`. Where no header is stamped, `time` is the time at
-//! which messages were logged.
+//! A file is a list of records, each an operation code, a length and its content; chunks hold such lists, compressed or not.
 
-use crate::columns::ColumnName;
+use crate::cursor::Cursor;
 use crate::error::LogError;
-use crate::stored::{Stored, StoredColumn};
+use crate::joint_state::{CDR, JOINT_STATE, Topic};
+use crate::stored::Stored;
 use std::collections::BTreeMap;
 use std::io::Read;
 
@@ -21,176 +18,6 @@ const CHANNEL: u8 = 0x04;
 const MESSAGE: u8 = 0x05;
 const CHUNK: u8 = 0x06;
 const DATA_END: u8 = 0x0f;
-/// The type that is read.
-const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
-/// The encoding of its messages.
-const CDR: &str = "cdr";
-/// Groups of readings of a joint, in the order of the message.
-const GROUPS: [&str; 3] = ["position", "velocity", "effort"];
-
-/// A cursor over bytes; every method gives nothing where the bytes end too soon.
-struct Taken<'a> {
-    bytes: &'a [u8],
-    at: usize,
-}
-
-impl<'a> Taken<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, at: 0 }
-    }
-
-    fn take(&mut self, length: usize) -> Option<&'a [u8]> {
-        let part = self.bytes.get(self.at..self.at.checked_add(length)?)?;
-        self.at += length;
-        Some(part)
-    }
-
-    fn u16(&mut self) -> Option<u16> {
-        Some(u16::from_le_bytes(self.take(2)?.try_into().ok()?))
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        Some(u32::from_le_bytes(self.take(4)?.try_into().ok()?))
-    }
-
-    fn u64(&mut self) -> Option<u64> {
-        Some(u64::from_le_bytes(self.take(8)?.try_into().ok()?))
-    }
-
-    fn text(&mut self) -> Option<String> {
-        let length = self.u32()? as usize;
-        Some(String::from_utf8_lossy(self.take(length)?).into_owned())
-    }
-
-    fn rest(&self) -> &'a [u8] {
-        &self.bytes[self.at..]
-    }
-}
-
-/// Common data representation: numbers are aligned to their size behind four bytes that state the order of bytes.
-struct Cdr<'a> {
-    body: Taken<'a>,
-    big: bool,
-}
-
-impl<'a> Cdr<'a> {
-    fn new(message: &'a [u8]) -> Option<Self> {
-        Some(Cdr { big: *message.get(1)? & 1 == 0, body: Taken::new(message.get(4..)?) })
-    }
-
-    fn align(&mut self, size: usize) -> Option<()> {
-        let padding = self.body.at.next_multiple_of(size) - self.body.at;
-        self.body.take(padding).map(|_| ())
-    }
-
-    fn u32(&mut self) -> Option<u32> {
-        self.align(4)?;
-        let value = self.body.u32()?;
-        Some(if self.big { value.swap_bytes() } else { value })
-    }
-
-    fn text(&mut self) -> Option<String> {
-        let length = self.u32()? as usize;
-        let text = String::from_utf8_lossy(self.body.take(length)?).into_owned();
-        Some(text.trim_end_matches('\0').into())
-    }
-
-    fn numbers(&mut self) -> Option<Vec<f64>> {
-        let count = self.u32()? as usize;
-        if count == 0 {
-            return Some(Vec::new());
-        }
-        self.align(8)?;
-        let bytes = self.body.take(count.checked_mul(8)?)?;
-        let number = |chunk: &[u8]| {
-            let bytes: [u8; 8] = chunk.try_into().ok()?;
-            Some(if self.big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
-        };
-        bytes.chunks_exact(8).map(number).collect()
-    }
-}
-
-/// One message of joint states.
-struct JointState {
-    sec: i32,
-    nanosec: u32,
-    names: Vec<String>,
-    /// Positions, velocities, efforts: each empty or by joint.
-    groups: [Vec<f64>; 3],
-}
-
-impl JointState {
-    fn read(message: &[u8]) -> Option<Self> {
-        let mut cdr = Cdr::new(message)?;
-        let (sec, nanosec) = (cdr.u32()? as i32, cdr.u32()?);
-        cdr.text()?;
-        let count = cdr.u32()?;
-        let names = (0..count).map(|_| cdr.text()).collect::<Option<_>>()?;
-        let groups = [cdr.numbers()?, cdr.numbers()?, cdr.numbers()?];
-        Some(JointState { sec, nanosec, names, groups })
-    }
-}
-
-/// The rows of one topic.
-#[derive(Default)]
-struct Topic {
-    name: String,
-    /// Seconds, nanoseconds and log time of every message.
-    stamps: [Vec<f64>; 3],
-    /// Readings by group and joint, in the order in which joints appear.
-    joints: Vec<(usize, String, Vec<f64>)>,
-    index: BTreeMap<(usize, String), usize>,
-}
-
-impl Topic {
-    fn push(&mut self, state: JointState, log_time: u64) {
-        let row = self.stamps[0].len();
-        for (stamps, value) in
-            self.stamps.iter_mut().zip([f64::from(state.sec), f64::from(state.nanosec), log_time as f64])
-        {
-            stamps.push(value);
-        }
-        for (group, values) in state.groups.iter().enumerate() {
-            for (name, value) in state.names.iter().zip(values) {
-                let joints = &mut self.joints;
-                let at = *self.index.entry((group, name.clone())).or_insert_with(|| {
-                    joints.push((group, name.clone(), Vec::new()));
-                    joints.len() - 1
-                });
-                let column = &mut self.joints[at].2;
-                column.resize(row, f64::NAN);
-                column.push(*value);
-            }
-        }
-    }
-
-    fn columns(mut self, prefix: &str) -> Vec<StoredColumn<'static>> {
-        let rows = self.stamps[0].len();
-        let [seconds, nanoseconds, logged] = std::mem::take(&mut self.stamps);
-        let stamped = seconds.iter().chain(&nanoseconds).any(|value| *value != 0.0);
-        let stamp = |name: &str, values: Vec<f64>| StoredColumn {
-            name: ColumnName::new(format!("{prefix}{name}")),
-            values: values.into(),
-            stamp: true,
-        };
-        let mut columns = if stamped {
-            vec![stamp("stamp.sec", seconds), stamp("stamp.nanosec", nanoseconds), stamp("log_time", logged)]
-        } else {
-            let mut time = stamp("time", logged);
-            time.name.unit = Some("ns".into());
-            vec![time]
-        };
-        columns.extend(self.joints.into_iter().map(|(group, name, mut values)| {
-            values.resize(rows, f64::NAN);
-            StoredColumn {
-                name: ColumnName::new(format!("{prefix}{}.{name}", GROUPS[group])),
-                values: values.into(),
-                stamp: false,
-            }
-        }));
-        columns
-    }
-}
 
 /// The contents of a file that were read so far.
 #[derive(Default)]
@@ -205,25 +32,24 @@ struct File {
 impl File {
     /// Takes in a record that is no chunk; nothing where it is damaged.
     fn record(&mut self, code: u8, content: &[u8]) -> Option<()> {
-        let mut taken = Taken::new(content);
+        let mut cursor = Cursor::new(content);
         match code {
             SCHEMA => {
-                let (id, name) = (taken.u16()?, taken.text()?);
+                let (id, name) = (cursor.u16()?, cursor.text()?);
                 self.schemas.insert(id, name);
             }
             CHANNEL => {
-                let (id, schema, topic, encoding) = (taken.u16()?, taken.u16()?, taken.text()?, taken.text()?);
+                let (id, schema, topic, encoding) = (cursor.u16()?, cursor.u16()?, cursor.text()?, cursor.text()?);
                 let kind = self.schemas.get(&schema).cloned().unwrap_or_default();
                 self.channels.insert(id, (topic, kind, encoding));
             }
             MESSAGE => {
-                let (channel, _, log_time, _) = (taken.u16()?, taken.u32()?, taken.u64()?, taken.u64()?);
+                let (channel, _, log_time, _) =
+                    (cursor.u16()?, cursor.u32()?, cursor.unsigned(8)?, cursor.unsigned(8)?);
                 let (topic, kind, encoding) = self.channels.get(&channel)?;
                 if kind == JOINT_STATE && encoding == CDR {
-                    let state = JointState::read(taken.rest())?;
-                    let own =
-                        self.topics.entry(channel).or_insert_with(|| Topic { name: topic.clone(), ..Topic::default() });
-                    own.push(state, log_time);
+                    let own = self.topics.entry(channel).or_insert_with(|| Topic::new(topic));
+                    own.push(cursor.rest(), log_time)?;
                 }
             }
             _ => {}
@@ -233,11 +59,11 @@ impl File {
 
     /// Takes in the records of a chunk.
     fn records(&mut self, records: &[u8]) -> Option<()> {
-        let mut taken = Taken::new(records);
-        while !taken.rest().is_empty() {
-            let code = taken.take(1)?[0];
-            let length = usize::try_from(taken.u64()?).ok()?;
-            self.record(code, taken.take(length)?)?;
+        let mut cursor = Cursor::new(records);
+        while !cursor.rest().is_empty() {
+            let code = cursor.u8()?;
+            let length = usize::try_from(cursor.unsigned(8)?).ok()?;
+            self.record(code, cursor.take(length)?)?;
         }
         Some(())
     }
@@ -245,14 +71,14 @@ impl File {
 
 /// The records of a chunk, unpacked.
 fn unpacked(content: &[u8]) -> Result<Vec<u8>, Option<String>> {
-    let mut taken = Taken::new(content);
+    let mut cursor = Cursor::new(content);
     let mut parts = || {
-        taken.take(8 + 8)?;
-        let size = taken.u64()?;
-        taken.u32()?;
-        let compression = taken.text()?;
-        let length = usize::try_from(taken.u64()?).ok()?;
-        Some((size, compression, taken.take(length)?))
+        cursor.take(8 + 8)?;
+        let size = cursor.unsigned(8)?;
+        cursor.u32()?;
+        let compression = cursor.text()?;
+        let length = usize::try_from(cursor.unsigned(8)?).ok()?;
+        Some((size, compression, cursor.take(length)?))
     };
     let (size, compression, packed) = parts().ok_or(None)?;
     let mut records = Vec::new();
@@ -283,8 +109,8 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
     loop {
         bytes.clear();
         input.by_ref().take(9).read_to_end(&mut bytes).map_err(io)?;
-        let mut head = Taken::new(&bytes);
-        let (Some(code), Some(length)) = (head.take(1).map(|code| code[0]), head.u64()) else { return Err(cut()) };
+        let mut head = Cursor::new(&bytes);
+        let (Some(code), Some(length)) = (head.u8(), head.unsigned(8)) else { return Err(cut()) };
         if code == DATA_END || code == FOOTER {
             break;
         }
@@ -314,12 +140,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
         let what = format!("the MCAP file has no messages of {JOINT_STATE} in {CDR}{found}");
         return Err(fault(what, "record a topic of joint states, or save the signals as CSV"));
     }
-    let several = file.topics.len() > 1;
-    let columns = file.topics.into_values().flat_map(|topic| {
-        let prefix = if several { format!("{}:", topic.name) } else { String::new() };
-        topic.columns(&prefix)
-    });
-    Ok(Stored::new(path, columns.collect()))
+    Ok(Stored::new(path, Topic::columns_of_all(file.topics.into_values().collect())))
 }
 
 #[cfg(test)]

@@ -90,9 +90,20 @@ pub(super) struct Plan {
     pub(super) assumptions: Vec<Assumption>,
 }
 
+impl Plan {
+    /// Number of the columns of the time.
+    pub(super) fn stamps(&self) -> usize {
+        match self.time {
+            Time::One { .. } => 1,
+            Time::Two { .. } => 2,
+            Time::Rows { .. } => 0,
+        }
+    }
+}
+
 /// A column of which the name fits, and the unit that is part of the name.
-struct Fitting<'a> {
-    index: usize,
+pub(super) struct Fitting<'a> {
+    pub(super) index: usize,
     unit: Option<&'a str>,
     /// Whether the unit is in brackets, so that it is certainly a unit.
     bracketed: bool,
@@ -202,23 +213,30 @@ impl Names<'_> {
     }
 
     fn missing(&self, name: &str) -> LogError {
+        self.missing_in(name, self.wanted(name))
+    }
+
+    /// The fault of a signal for which a column is missing.
+    pub(super) fn missing_in(&self, signal: &str, column: &str) -> LogError {
+        let of_file = self.header.iter().filter(|column| !column.computed);
         LogError::MissingColumn {
             path: self.path.into(),
             line: self.line,
-            name: name.into(),
-            column: self.wanted(name).into(),
-            available: self.header.iter().map(|column| column.text.clone()).collect(),
+            name: signal.into(),
+            column: column.into(),
+            available: of_file.map(|column| column.text.clone()).collect(),
         }
     }
 
     /// The column of a name: the only one that is called so, else the only one that is called so with a unit.
-    fn find(&self, wanted: &str, signal: &str, unit: Option<&str>) -> Result<Option<Fitting<'_>>, LogError> {
+    pub(super) fn find(&self, wanted: &str, signal: &str, unit: Option<&str>) -> Result<Option<Fitting<'_>>, LogError> {
         let exact: Vec<usize> = self.indices(|column| column.text == wanted).collect();
         match exact[..] {
             [index] => {
                 // The signal's own name holds no unit; the name of a column that was stated may.
+                let unitless = wanted == signal || self.header[index].computed;
                 let (_, unit, bracketed) =
-                    if wanted == signal { (wanted, None, false) } else { split_unit(&self.header[index].text) };
+                    if unitless { (wanted, None, false) } else { split_unit(&self.header[index].text) };
                 return Ok(Some(Fitting { index, unit, bracketed }));
             }
             [] => {}
@@ -230,7 +248,7 @@ impl Names<'_> {
                 });
             }
         }
-        let fitting = self.header.iter().enumerate().filter_map(|(index, column)| {
+        let fitting = self.of_file().filter_map(|(index, column)| {
             let (base, unit, bracketed) = split_unit(&column.text);
             let fits = base == wanted && (bracketed || unit.is_some());
             fits.then_some(Fitting { index, unit, bracketed })
@@ -248,13 +266,18 @@ impl Names<'_> {
 
     /// The only column whose name is a path that ends in a signal.
     fn at_end_of_path(&self, signal: &str) -> Result<Option<Fitting<'_>>, LogError> {
-        let fitting = self.header.iter().enumerate().filter_map(|(index, column)| {
+        let fitting = self.of_file().filter_map(|(index, column)| {
             let (base, unit, bracketed) = split_unit(&column.text);
             let whole = paths::fits(&column.text, signal);
             let unit = unit.filter(|_| !whole);
             (whole || paths::fits(base, signal)).then_some(Fitting { index, unit, bracketed: bracketed && !whole })
         });
         self.only(fitting.collect(), signal)
+    }
+
+    /// The columns that are not computed.
+    fn of_file(&self) -> impl Iterator<Item = (usize, &ColumnName)> {
+        self.header.iter().enumerate().filter(|(_, column)| !column.computed)
     }
 
     fn only<'a>(&self, mut fitting: Vec<Fitting<'a>>, signal: &str) -> Result<Option<Fitting<'a>>, LogError> {

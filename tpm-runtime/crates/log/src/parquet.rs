@@ -57,7 +57,7 @@ fn name(column: &ColumnDescriptor) -> Option<ColumnName> {
         (_, ConvertedType::TIMESTAMP_MICROS | ConvertedType::TIME_MICROS) => Some("us"),
         _ => None,
     };
-    Some(ColumnName { text: column.path().string(), unit: unit.map(String::from) })
+    Some(ColumnName { unit: unit.map(String::from), ..ColumnName::new(column.path().string()) })
 }
 
 /// The numbers of a column in a row group, NaN where there is none.

@@ -311,7 +311,7 @@ fn no_segment(table: &Table, rows: usize, pieces: &[(Range<usize>, Option<Cut>)]
             let missing: usize = table.holes.iter().map(|hole| hole.rows).sum();
             let column = &table.columns[hole.column];
             let why = format!(
-                "column `{column}` has no number there, and {missing} rows lack one; columns that were recorded at different times must be resampled to common ones"
+                "column `{column}` has no number there, and {missing} rows lack one; columns with times of their own need {LEAST_SAMPLES} readings of each coordinate, and stamps that do not go back"
             );
             (hole.from_line, why)
         }

@@ -28,7 +28,7 @@ pub struct InterpolationError {
 }
 
 /// Value at a time of the cubic through four points.
-fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
+pub(super) fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
     let mut value = 0.0;
     for (i, yi) in y.iter().enumerate() {
         let mut weight = 1.0;
@@ -44,7 +44,7 @@ fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
 
 /// Residuals of readings about the cubic through the four readings that are `near` and `far` places before and behind
 /// them.
-fn residuals<'a>(
+pub(super) fn residuals<'a>(
     time: impl Fn(usize) -> f64 + 'a,
     signal: &'a [f64],
     near: usize,

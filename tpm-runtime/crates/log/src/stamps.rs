@@ -7,7 +7,7 @@ pub(super) const MOST_JITTER: f64 = 0.01;
 /// Largest deviation of a time stamp from the even grid, as a share of the sample time.
 pub(super) const MOST_DRIFT: f64 = 0.5;
 /// A step longer than this multiple of the usual one is a gap.
-const LEAST_GAP: f64 = 1.5;
+pub(super) const LEAST_GAP: f64 = 1.5;
 /// Fewest steps that differ from the usual one for stamps to count as rounded so coarsely that their steps alternate.
 const LEAST_ALTERNATING: usize = 8;
 /// Most steps whose median is the usual step; of more steps, equally spaced ones are used.

@@ -15,11 +15,40 @@ pub(super) struct StoredColumn<'a> {
     pub(super) stamp: bool,
 }
 
+/// Most columns of one variable.
+const MOST_COLUMNS: usize = 4096;
+
+impl StoredColumn<'static> {
+    /// A column of readings without a unit.
+    pub(super) fn of(name: impl Into<String>, values: Vec<f64>) -> Self {
+        StoredColumn { name: ColumnName::new(name), values: values.into(), stamp: false }
+    }
+
+    /// The columns of a matrix whose numbers are stored column by column; its longer side is time. The k-th is called `NAME[k]`, a vector
+    /// by its name alone. A single number is a setting, no signal.
+    pub(super) fn of_matrix(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<Self> {
+        let (length, width) = (rows.max(columns), rows.min(columns));
+        if length < 2 || width == 0 || width > MOST_COLUMNS {
+            return Vec::new();
+        }
+        let column = |k: usize| {
+            let values = if rows >= columns {
+                values[k * rows..(k + 1) * rows].to_vec()
+            } else {
+                values.iter().skip(k).step_by(rows).copied().collect()
+            };
+            StoredColumn::of(if width == 1 { name.to_string() } else { format!("{name}[{}]", k + 1) }, values)
+        };
+        (0..width).map(column).collect()
+    }
+}
+
 /// Columns in memory. They may have different lengths; those that are selected may not.
 pub(super) struct Stored<'a> {
     path: String,
     header: Vec<ColumnName>,
     columns: Vec<StoredColumn<'a>>,
+    assumptions: Vec<Assumption>,
     wanted: Vec<usize>,
     row: usize,
 }
@@ -28,7 +57,16 @@ impl<'a> Stored<'a> {
     /// The columns of a file, which messages call `path`.
     pub(super) fn new(path: &str, columns: Vec<StoredColumn<'a>>) -> Self {
         let header = columns.iter().map(|column| column.name.clone()).collect();
-        Stored { path: path.into(), header, columns, wanted: Vec::new(), row: 0 }
+        Stored { path: path.into(), header, columns, assumptions: Vec::new(), wanted: Vec::new(), row: 0 }
+    }
+
+    /// The columns of a file that names none of them: they are called by their number.
+    pub(super) fn numbered(path: &str, mut columns: Vec<StoredColumn<'a>>) -> Self {
+        for (k, column) in columns.iter_mut().enumerate() {
+            column.name.text = (k + 1).to_string();
+        }
+        let assumptions = vec![Assumption::NumberedColumns { columns: columns.len() }];
+        Stored { assumptions, ..Stored::new(path, columns) }
     }
 
     /// Whether the selected columns are of one length.
@@ -94,6 +132,6 @@ impl Columns for Stored<'_> {
     }
 
     fn assumptions(&self) -> Vec<Assumption> {
-        Vec::new()
+        self.assumptions.clone()
     }
 }

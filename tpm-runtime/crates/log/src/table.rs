@@ -2,9 +2,11 @@
 
 use crate::assumption::Assumption;
 use crate::columns::Columns;
+use crate::computed::Computed;
 use crate::error::LogError;
 use crate::names::{Names, Plan, Signal, Time};
 use crate::options::ReadingSettings;
+use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
 
 /// Least stamps that count nanoseconds, microseconds or milliseconds from 1970 on, with the unit and its length in s.
@@ -75,8 +77,27 @@ impl Table {
         rates: &[Signal],
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
-        let plan = Names::of(columns, path, options).settle(signals, rates)?;
-        Self::of(columns, path, plan)
+        let mut columns = Computed::of(columns, path, options)?;
+        let plan = Names::of(&columns, path, options).settle(signals, rates)?;
+        let (time, coordinates) = (plan.stamps(), rates.len());
+        let mut table = Self::of(&mut columns, path, plan)?;
+        match SharedRows::of(&table.time, &table.channels, coordinates, &table.rates) {
+            Some(shared) => table.share_rows(shared, time),
+            None => table.leave_out_missing(time),
+        }
+        Ok(table)
+    }
+
+    /// Takes rows that channels with times of their own share; `stamps` columns are those of the time.
+    fn share_rows(&mut self, shared: SharedRows, stamps: usize) {
+        let name = |c: &usize| self.columns[stamps + c].clone();
+        let held: Vec<String> = shared.held.iter().map(name).collect();
+        self.assumptions.push(Assumption::OwnTimes { reference: name(&shared.reference), held });
+        self.time = shared.rows.iter().map(|row| self.time[*row]).collect();
+        self.lines = shared.rows.iter().map(|row| self.lines[*row]).collect();
+        (self.channels, self.rates) = (shared.channels, shared.rates);
+        // Lines without a stamp split the record as they do elsewhere.
+        self.holes.iter_mut().for_each(|hole| hole.before = shared.rows.partition_point(|row| *row < hole.before));
     }
 
     /// Reads the signals, and those rates that have a column, so that a row keeps what it has: all of them, in this order, are the rates of
@@ -91,9 +112,10 @@ impl Table {
         rates: &[Signal],
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
-        let plan = Names::of(columns, path, options).settle(signals, rates)?;
+        let mut columns = Computed::of(columns, path, options)?;
+        let plan = Names::of(&columns, path, options).settle(signals, rates)?;
         let optional = plan.places.into_iter().map(Some).chain(plan.optional).collect();
-        Self::of(columns, path, Plan { places: Vec::new(), optional, ..plan })
+        Self::of(&mut columns, path, Plan { places: Vec::new(), optional, ..plan })
     }
 
     /// Reads the columns of a plan.
@@ -163,6 +185,8 @@ impl Table {
         }
         let (time, lines) = (std::mem::take(&mut self.time), std::mem::take(&mut self.lines));
         let channels: Vec<Vec<f64>> = self.channels.iter_mut().map(std::mem::take).collect();
+        let rates: Vec<Option<Vec<f64>>> =
+            self.rates.iter_mut().map(|rate| rate.as_mut().map(std::mem::take)).collect();
         let mut holes = std::mem::take(&mut self.holes).into_iter().peekable();
         for (row, (t, line)) in time.iter().zip(&lines).enumerate() {
             while let Some(hole) = holes.next_if(|hole| hole.before <= row) {
@@ -175,10 +199,12 @@ impl Table {
             self.time.push(*t);
             self.lines.push(*line);
             self.channels.iter_mut().zip(&channels).for_each(|(to, from)| to.push(from[row]));
+            self.rates.iter_mut().flatten().zip(rates.iter().flatten()).for_each(|(to, from)| to.push(from[row]));
         }
         self.holes.extend(holes.map(|hole| Hole { before: self.time.len(), ..hole }));
     }
 
+    /// Reads all rows that have a stamp; where a reading is missing a channel has NaN.
     fn fill(&mut self, columns: &mut dyn Columns, plan: &Plan) -> Result<(), LogError> {
         let mut wanted = Vec::new();
         match plan.time {
@@ -186,7 +212,7 @@ impl Table {
             Time::Two { seconds, fractions, .. } => wanted.extend([seconds, fractions]),
             Time::Rows { .. } => {}
         }
-        let stamps = wanted.len();
+        let stamps = plan.stamps();
         let needed = plan.places.iter();
         let present = plan.optional.iter().flatten();
         wanted.extend(needed.chain(present).map(|place| place.index));
@@ -196,17 +222,18 @@ impl Table {
         let mut readings = Vec::with_capacity(plan.places.len());
         let required = stamps + plan.places.len();
         let (mut first_second, unit) = (None, if let Time::Two { unit, .. } = plan.time { unit } else { 1.0 });
-        let mut row = 0_u64;
+        let (mut row, mut hole) = (0_u64, false);
         while let Some(line) = columns.next_row(&mut values)? {
             row += 1;
             let scaled = values[stamps..required].iter().zip(&plan.places);
             readings.clear();
             readings.extend(scaled.map(|(value, place)| place.factor * value + place.offset));
             let missing = values[..stamps].iter().chain(&readings).position(|&value| !is_reading(value));
-            if let Some(column) = missing {
-                if self.holes.is_empty() {
-                    self.first_hole = columns.text(column);
-                }
+            if let Some(column) = missing.filter(|_| !hole) {
+                self.first_hole = columns.text(column);
+                hole = true;
+            }
+            if let Some(column) = missing.filter(|column| *column < stamps) {
                 self.miss(line, column);
                 continue;
             }
@@ -216,7 +243,8 @@ impl Table {
                 // Whole seconds are subtracted before fractions are added, so that no digit is lost.
                 _ => (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1],
             });
-            self.channels.iter_mut().zip(&readings).for_each(|(channel, &reading)| channel.push(reading));
+            let readings = readings.iter().map(|&reading| if is_reading(reading) { reading } else { f64::NAN });
+            self.channels.iter_mut().zip(readings).for_each(|(channel, reading)| channel.push(reading));
             let present = plan.optional.iter().flatten().zip(&values[required..]);
             for (rate, (place, value)) in self.rates.iter_mut().flatten().zip(present) {
                 let reading = place.factor * value + place.offset;

@@ -4,6 +4,7 @@
 //! Trajectory, Loop -> Trial -> Bench -> Record -> Spectra
 //! ```
 
+mod acting;
 mod actuator;
 mod bench;
 mod completion;

@@ -1,6 +1,7 @@
 //! One log on its way to a result: as even samples or, where these show nothing or a coordinate is not measured, as it was recorded.
 
 use crate::error::SessionError;
+use crate::fitted_delay::with_delays;
 use crate::identification::Identification;
 use crate::identify::identify_recorded;
 use crate::log::{LogRequest, alone};
@@ -10,7 +11,6 @@ use crate::options::LogOptions;
 use crate::recorded_log;
 use crate::rows::Rows;
 use crate::warning::Warning;
-use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::{Domain, EstimateError, Refine, is_static};
 use tpm_log::{AsRecorded, Log, LogError, ReadingReport, Recording};
@@ -23,46 +23,21 @@ pub(super) struct Entry<'a> {
 }
 
 impl Entry<'_> {
-    /// The result of a log, with its fingerprint. A record whose readings have no even grid, or that is too short for one, is simulated between
-    /// its stamps where that explains it; what keeps it from being read or used otherwise is the fault where it does not.
+    /// The result of a log, with its fingerprint. A record whose readings have no even grid, or that shows nothing as even samples, is simulated
+    /// between its stamps where that explains it; what keeps it from being read or used otherwise is the fault where it does not.
     pub(super) fn by_the_best_way(&self, request: &LogRequest) -> Result<(Identification, String), SessionError> {
         let model = self.rows.model();
-        let options = self.options;
-        let recording = Recording::open(request.source(), model, &options.reading.columns);
-        let may_be = options.refine != Refine::None && !is_static(model) && recorded_log::may_be(options);
-        let held_unevenly = |recording: &Recording| {
-            options.reading.hold == Hold::Zoh && recording.report.uneven.as_ref().is_some_and(|own| own.resampled)
+        let may_be = self.options.refine != Refine::None && !is_static(model) && recorded_log::may_be(self.options);
+        let recording = Recording::open(request.source(), model, &self.options.reading.columns);
+        let even = recording.map_err(LogFault::from).and_then(|recording| self.evenly(recording));
+        let as_recorded = match &even {
+            Err(fault) if may_be && shows_nothing(fault) => self.as_recorded(request).ok(),
+            _ => None,
         };
-        let first = match &recording {
-            Ok(recording) => held_unevenly(recording),
-            Err(error) => matches!(
-                error,
-                LogError::NoSegment { .. }
-                    | LogError::TooShort { .. }
-                    | LogError::Jitter { .. }
-                    | LogError::Drift { .. }
-            ),
-        };
-        let explained = || self.as_recorded(request).ok().filter(|(result, _)| result.is_explained());
-        if first
-            && may_be
-            && let Some(found) = explained()
-        {
-            return Ok(found);
+        match as_recorded.filter(|(result, _)| result.is_explained()) {
+            Some(found) => Ok(found),
+            None => Ok(even?),
         }
-        let even = self.evenly(recording?);
-        let nothing = matches!(
-            &even,
-            Err(LogFault::ShortSegments { .. } | LogFault::Estimate { source: EstimateError::NoSignal, .. })
-        );
-        if nothing
-            && !first
-            && may_be
-            && let Some(found) = explained()
-        {
-            return Ok(found);
-        }
-        Ok(even?)
     }
 
     /// The result of a log that is simulated between its stamps.
@@ -115,13 +90,25 @@ impl Entry<'_> {
             replaced.extend(lone_readings(model, log, &mended));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part =
-            self.rows.identify(&segments, self.options).map_err(|error| of_pieces(error, &recording.report))?;
+        let mut part = with_delays(model, self.options, &|options| self.rows.identify(&segments, options))
+            .map_err(|error| of_pieces(error, &recording.report))?;
         part.warnings.extend(replaced);
         if let Some(report) = &mut part.log {
             report.reading = recording.report;
         }
         Ok((part, hash))
+    }
+}
+
+/// Whether a record has no even samples, or these show nothing.
+fn shows_nothing(fault: &LogFault) -> bool {
+    match fault {
+        LogFault::Reading(error) => matches!(
+            error,
+            LogError::NoSegment { .. } | LogError::TooShort { .. } | LogError::Jitter { .. } | LogError::Drift { .. }
+        ),
+        LogFault::ShortSegments { .. } | LogFault::Estimate { source: EstimateError::NoSignal, .. } => true,
+        _ => false,
     }
 }
 

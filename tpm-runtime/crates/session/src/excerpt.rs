@@ -4,8 +4,10 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 use tpm_campaign::SteadyRun;
 use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
 use tpm_estimate::{Course, Rate, Signals, Stretch};
 use tpm_log::Periodic;
+use tpm_motion::Dynamics;
 use tpm_numerics::differences::white_noise;
 
 /// Most samples that are simulated one by one; of a longer record it is means of stretches, its last periods, or blocks of it.
@@ -143,6 +145,56 @@ impl<'a> Excerpt<'a> {
         }
     }
 
+    /// The same behind the known dynamics of the inputs, in place of what was recorded of them. What acts at the beginning of a stretch
+    /// was commanded before it: where the motion repeats with a period, in samples, that is what is commanded at its end, and otherwise
+    /// the beginning is left out.
+    pub(super) fn behind(
+        self,
+        actuators: &[Dynamics],
+        coordinates: usize,
+        (sample_time, hold, accelerated): (f64, Hold, bool),
+        period: Option<f64>,
+    ) -> Self {
+        if actuators.iter().all(Dynamics::is_ideal) {
+            return self;
+        }
+        let memory = actuators.iter().map(|own| own.memory(sample_time)).max().unwrap_or(0);
+        let ends: Vec<usize> = self.joins.iter().copied().chain([self.samples()]).collect();
+        let mut parts = Vec::with_capacity(ends.len());
+        let mut begin = 0;
+        for end in ends {
+            parts.push(begin..end);
+            begin = end;
+        }
+        let left_out = if period.is_some() { 0 } else { memory };
+        parts.retain(|part| part.len() > left_out);
+        let inputs = coordinates..coordinates + actuators.len();
+        let acting = |input: usize, channel: &[f64]| -> Vec<f64> {
+            let of = |part: &std::ops::Range<usize>| {
+                let own = &channel[part.clone()];
+                let before = period.map_or_else(Vec::new, |period| before(own, period, memory));
+                let command: Vec<f64> = before.iter().chain(own).copied().collect();
+                let force = actuators[input].acting(&command, sample_time, hold, accelerated);
+                force[before.len() + left_out..].to_vec()
+            };
+            parts.iter().flat_map(of).collect()
+        };
+        let measured = |channel: &[f64]| -> Vec<f64> {
+            parts.iter().flat_map(|part| channel[part.start + left_out..part.end].iter().copied()).collect()
+        };
+        let channels = self.channels.iter().enumerate().map(|(c, channel)| {
+            let input = inputs.contains(&c).then(|| c - coordinates);
+            Cow::Owned(input.map_or_else(|| measured(channel), |input| acting(input, channel)))
+        });
+        let mut joins = Vec::with_capacity(parts.len());
+        let mut end = 0;
+        for part in &parts {
+            joins.extend((end > 0).then_some(end));
+            end += part.len() - left_out;
+        }
+        Excerpt { channels: channels.collect(), joins, ..self }
+    }
+
     /// Samples that are simulated.
     pub(super) fn samples(&self) -> usize {
         self.channels.first().map_or(0, |channel| channel.len())
@@ -175,6 +227,23 @@ impl<'a> Excerpt<'a> {
             denoised_inputs: OnceLock::new(),
         }
     }
+}
+
+/// Whether forces act on accelerations, and on nothing of lower order.
+pub(super) fn accelerated(model: &dyn Model<f64>) -> bool {
+    (0..model.dims().coordinates).all(|c| model.coordinate_order(c) > 1)
+}
+
+/// So many samples before the first one of a signal that repeats with a period in samples; between samples the signal runs straight.
+fn before(signal: &[f64], period: f64, count: usize) -> Vec<f64> {
+    let last = signal.len().saturating_sub(1);
+    let value = |back: usize| {
+        let periods = (back as f64 / period).ceil();
+        let at = (periods * period - back as f64).clamp(0.0, last as f64);
+        let (whole, rest) = (at.floor() as usize, at.fract());
+        (1.0 - rest) * signal[whole] + rest * signal[(whole + 1).min(last)]
+    };
+    (1..=count).rev().map(value).collect()
 }
 
 /// Stretches; of those that are longer than so many samples together, so many blocks.
@@ -217,12 +286,36 @@ fn within(lengths: impl Iterator<Item = usize>, range: std::ops::Range<usize>) -
 #[cfg(test)]
 mod tests {
     use super::{Excerpt, SAMPLES_OF_BLOCKS, within};
+    use tpm_core::harmonics::Hold;
     use tpm_estimate::Stretch;
+    use tpm_motion::Dynamics;
 
     #[test]
     fn a_range_of_all_samples_is_found_in_its_stretches() {
         assert_eq!(within([10, 5, 20].into_iter(), 8..17), [(0, 8..10), (1, 0..5), (2, 0..2)]);
         assert_eq!(within([10, 5].into_iter(), 10..12), [(1, 0..2)]);
+    }
+
+    #[test]
+    fn inputs_behind_a_delay_come_from_the_end_of_a_period_or_not_at_all() {
+        let command: Vec<f64> = (0..40).map(|k| f64::from(k % 10)).collect();
+        let motion: Vec<f64> = (0..40).map(f64::from).collect();
+        let stretch = Stretch { coordinates: vec![&motion], rates: vec![None], inputs: vec![&command] };
+        let late = [Dynamics { delay: 0.3, ..Dynamics::default() }];
+        let behind = |period| {
+            Excerpt::joined(&[stretch.clone(), stretch.clone()]).behind(&late, 1, (0.1, Hold::Zoh, true), period)
+        };
+        let repeated = behind(Some(10.0));
+        assert_eq!((repeated.samples(), &repeated.joins), (80, &vec![40]));
+        for (k, force) in repeated.channels[1].iter().enumerate() {
+            assert_eq!(*force, ((k + 7) % 10) as f64, "{k}");
+        }
+        let memory = late[0].memory(0.1);
+        let once = behind(None);
+        assert_eq!((once.samples(), &once.joins), (80 - 2 * memory, &vec![40 - memory]));
+        for (motion, force) in once.channels[0].iter().zip(once.channels[1].iter()) {
+            assert_eq!(*force, (motion + 7.0) % 10.0);
+        }
     }
 
     #[test]

@@ -280,7 +280,8 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
     let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
         let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
-        let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth: dynamics.bandwidth };
+        let bandwidth = dynamics.bandwidth;
+        let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth, ..ActuatorReport::default() };
         (model.input(i).name.to_string(), report)
     };
     let actuators = options.actuators.iter().take(dims.inputs).enumerate();

@@ -32,6 +32,7 @@ mod excite;
 mod experiment_tests;
 #[cfg(test)]
 mod fault_tests;
+mod fitted_delay;
 mod folder;
 mod found;
 mod identification;
@@ -65,6 +66,7 @@ mod refine_campaign;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;
+mod regression;
 mod rows;
 mod samples_log;
 #[cfg(test)]
@@ -79,6 +81,7 @@ mod spelling;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
+mod templates;
 mod term_words;
 mod text;
 mod truth;
@@ -116,10 +119,12 @@ pub use options::LogOptions;
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use reading::RecordSettings;
 pub use refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
+pub use regression::{Check, CheckOutcome, Regression, RegressionError, check_against};
 pub use settings::EstimationSettings;
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;
+pub use templates::{Placed, Proposal, Quantity, TEMPLATES, Template, proposals};
 pub use text::closed_loop;
 pub use validate::{RowCourse, RowPrediction, RowUnpredicted, Validation, validate, validate_log};
 pub use warning::{Data, Exchange, Warning};

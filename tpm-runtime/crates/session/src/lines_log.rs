@@ -279,7 +279,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         TermKind::Delay => {
             let input = name(model.input(own.of));
             let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
-            (format!("rate of {input}"), meaning.into())
+            (term_words::late(&input), meaning.into())
         }
         TermKind::PositionOffset => {
             let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));

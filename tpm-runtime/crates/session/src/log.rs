@@ -165,7 +165,7 @@ pub fn from_logs<R: Into<LogRequest>>(
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
         let entry = Entry { rows: &rows, declared: declared.as_deref(), options: &options };
-        let (part, hash) = if unmeasured.is_some() || evaluated.dims().inputs == 0 {
+        let (part, hash) = if unmeasured.is_some() {
             entry.as_recorded(request)?
         } else {
             entry.by_the_best_way(request)?

@@ -109,7 +109,7 @@ pub enum LogFault {
     },
     /// What is asked for does not go with a simulation between stamps.
     #[error(
-        "{path}: the model is simulated between the stamps of the whole record, since a coordinate is not measured or nothing drives the model; \
+        "{path}: the model is simulated between the stamps of the whole record, since a coordinate is not measured; \
          dynamics of actuators, harmonics, a period or a first sample are not taken into account there; leave them out, or write them into the model"
     )]
     OnlySimulated {

@@ -181,6 +181,8 @@ pub struct LogReport {
 pub struct PooledLog {
     /// Share of the information about all parameters that comes from this log.
     pub share: f64,
+    /// Whether the log contradicts a majority of logs that agree, and is left out of the result.
+    pub left_out: bool,
     /// Residual of the log alone, as a share: of the force, or where it was refined of the motion or of the inputs, whichever is larger.
     pub residual: f64,
     /// Values by this log alone; nothing where it does not show a parameter.
@@ -250,10 +252,16 @@ impl LogReport {
 }
 
 /// What was known to lie between an input and its force.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ActuatorReport {
     /// Delay, s.
     pub delay: f64,
+    /// Whether the delay was found with the parameters.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub fitted: bool,
+    /// Its standard deviation, s; nothing where it was stated, or where the record shows none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delay_std: Option<f64>,
     /// Natural frequency (rad/s) and quality factor of a low pass.
     pub low_pass: Option<(f64, f64)>,
     /// Bandwidth of the current loop, rad/s.

@@ -108,6 +108,8 @@ impl Warning {
             Warning::LongSimulation(_) => (Remark, Estimation, Nothing),
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
             Warning::LogsDisagree { .. } => (Distrust, Estimation, All),
+            // More logs say what the result says.
+            Warning::OddLog { .. } => (Remark, Estimation, Nothing),
             Warning::Run { .. } => (Remark, Campaign, Nothing),
             Warning::Contradicts { majority: true, .. } => (Remark, Campaign, Nothing),
             // As many runs say one thing as another.

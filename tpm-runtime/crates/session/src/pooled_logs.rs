@@ -2,13 +2,14 @@
 
 use crate::identification::Identification;
 use crate::log_report::{PoolReport, PooledLog};
-use crate::meaning::About;
+use crate::meaning::{About, Severity};
 use crate::options::LogOptions;
 use crate::summary;
 use crate::warning::{Data, Warning};
+use std::collections::BTreeMap;
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Estimate, EstimateError, pool};
+use tpm_estimate::{Contribution, Estimate, EstimateError, common_factor, odd_ones, pool};
 use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{Matrix, alarm};
 
@@ -27,35 +28,58 @@ pub(super) fn pooled(
     {
         return Ok(part);
     }
-    let estimates: Vec<&Estimate> = parts.iter().filter_map(|part| part.estimate.as_ref()).collect();
-    let found = pool(&estimates, &options.estimation)?;
+    let settings = &options.estimation;
+    // A log without an estimate has no part in the pool.
+    let told: Vec<usize> = (0..parts.len()).filter(|&i| parts[i].estimate.is_some()).collect();
+    let estimates: Vec<&Estimate> = told.iter().filter_map(|&i| parts[i].estimate.as_ref()).collect();
+    let odd = odd_ones(&estimates, settings)?;
+    let agreeing: Vec<usize> = (0..estimates.len()).filter(|i| !odd.contains(i)).collect();
+    let of = |logs: &[usize]| pool(&logs.iter().map(|&i| estimates[i]).collect::<Vec<_>>(), settings);
+    let found = of(&agreeing)?;
+    let mut contributions: BTreeMap<usize, Contribution> =
+        agreeing.iter().map(|&i| told[i]).zip(found.contributions).collect();
+    let mut factors = BTreeMap::new();
+    for &i in &odd {
+        let beside: Vec<usize> = agreeing.iter().copied().chain([i]).collect();
+        if let Some(own) = of(&beside)?.contributions.pop() {
+            contributions.insert(told[i], Contribution { share: 0.0, ..own });
+        }
+        factors.insert(told[i], common_factor(estimates[i], &found.estimate));
+    }
     let ratio = found.chi_squared / found.freedom.max(1) as f64;
     let chance = chi_squared_upper(found.chi_squared, found.freedom);
     let inflation = if found.freedom > 0 && chance < alarm::LOGS_SCATTER_RATE { ratio.max(1.0) } else { 1.0 };
     let estimate = widened(found.estimate, inflation);
     let name = |j: usize| model.parameter(j).name.to_string();
     let mut warnings = Vec::new();
-    for (part, contribution) in parts.iter().zip(&found.contributions) {
+    for (i, part) in parts.iter().enumerate() {
+        let Some((contribution, log)) = contributions.get(&i).zip(part.log.as_ref()) else { continue };
         let farthest = contribution.deviations.iter().enumerate().filter_map(|(j, of)| Some((j, (*of)?.abs())));
-        if let Some((j, deviations)) = farthest.max_by(|a, b| a.1.total_cmp(&b.1))
-            && deviations > alarm::LOGS_CONTRADICT
-            && let Some(log) = &part.log
-        {
-            warnings.push(Warning::LogsDisagree { path: log.path.clone(), parameter: name(j), deviations });
+        let Some((j, deviations)) = farthest.max_by(|a, b| a.1.total_cmp(&b.1)) else { continue };
+        let (path, parameter) = (log.path.clone(), name(j));
+        if let Some(factor) = factors.get(&i) {
+            warnings.push(Warning::OddLog { path, parameter, deviations, factor: *factor });
+        } else if deviations > alarm::LOGS_CONTRADICT {
+            warnings.push(Warning::LogsDisagree { path, parameter, deviations });
         }
     }
     let mut logs = Vec::with_capacity(parts.len());
-    for (part, contribution) in parts.iter_mut().zip(found.contributions) {
+    for (i, part) in parts.iter_mut().enumerate() {
         let Some(log) = part.log.take() else { continue };
         let own = std::mem::take(&mut part.warnings)
             .into_iter()
-            .filter(|warning| warning.meaning().about != About::Parameters);
+            .filter(|warning| warning.meaning().about != About::Parameters)
+            // What a log says of itself that has no part in the result is no doubt about the result.
+            .filter(|warning| !factors.contains_key(&i) || warning.meaning().severity == Severity::Remark);
         warnings.extend(own.map(|warning| Warning::InLog { path: log.path.clone(), warning: Box::new(warning) }));
+        let contribution = contributions.remove(&i);
+        let deviations = contribution.as_ref().map_or_else(|| vec![None; parameters], |own| own.deviations.clone());
         logs.push(PooledLog {
-            share: contribution.share,
+            share: contribution.map_or(0.0, |own| own.share),
+            left_out: factors.contains_key(&i),
             residual: part.residual,
             alone: part.parameters.iter().map(|p| (p.name.clone(), p.value.zip(p.std))).collect(),
-            deviations: (0..parameters).map(name).zip(contribution.deviations).collect(),
+            deviations: (0..parameters).map(name).zip(deviations).collect(),
             log,
         });
     }

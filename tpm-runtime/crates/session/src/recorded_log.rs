@@ -16,7 +16,7 @@ use tpm_motion::Dynamics;
 pub(super) fn may_be(options: &LogOptions) -> bool {
     let asked = options.domain == Some(tpm_estimate::Domain::Harmonics);
     let part = options.reading.period.is_some() || options.reading.from_sample.is_some();
-    options.actuators.iter().all(Dynamics::is_ideal) && !asked && !part
+    options.actuators.iter().all(Dynamics::is_ideal) && options.fitted_delays.is_empty() && !asked && !part
 }
 
 /// Identifies a model from a log by simulating it between the stamps; `unshown` is the number of directions of its parameters that these

@@ -1,6 +1,6 @@
 //! Estimates of a log or a campaign refined by simulating the model sample by sample.
 
-use crate::excerpt::Excerpt;
+use crate::excerpt::{Excerpt, accelerated};
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 use crate::term_words::{self, Words};
@@ -70,17 +70,22 @@ impl<'a> Conditions<'a> {
 /// was not explained but for rounding. `restate` makes an estimate of other values and their covariance.
 pub(super) fn refined(
     machine: Option<Differentiable<'_>>,
-    start: Start<'_>,
+    mut start: Start<'_>,
     conditions: Conditions<'_>,
     settings: &Settings,
     restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
 ) -> Refined {
     let estimate = start.estimate;
-    let ideal = conditions.actuators.iter().all(Dynamics::is_ideal);
-    let wanted = conditions.refine != Refine::None && ideal && estimate.residual > tolerance::EXPLAINED_FORCE;
+    let wanted = conditions.refine != Refine::None && estimate.residual > tolerance::EXPLAINED_FORCE;
     let Some(machine) = machine.filter(|_| wanted) else {
         return Refined { estimate: estimate.clone(), report: None, warnings: Vec::new() };
     };
+    let period = match &start.course {
+        Course::Periodic { samples_per_period, .. } => Some(*samples_per_period),
+        _ => None,
+    };
+    let rate = (start.sample_time, conditions.hold, accelerated(machine.model));
+    start.excerpt = start.excerpt.behind(conditions.actuators, machine.model.dims().coordinates, rate, period);
     let work = work(machine, &start, settings);
     if conditions.refine == Refine::Auto && work > MOST_WORK {
         let long = LongSimulation { work, most: MOST_WORK };
@@ -216,7 +221,7 @@ fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
             (format!("{name} * time"), meaning.into())
         }
         CandidateKind::Delay { input } => (
-            format!("rate of {}", name(model.input(input))),
+            term_words::late(&name(model.input(input))),
             format!("a delay or lag of one channel, {:.3} ms if it is the input's", 1e3 * candidate.value).into(),
         ),
         CandidateKind::Flexible { input } => (

@@ -3,7 +3,7 @@
 use crate::error::{SessionError, Setting};
 use crate::options::LogOptions;
 use crate::reading::RecordSettings;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use tpm_core::model::Model;
 use tpm_estimate::{Domain, Frozen, Refine, Settings, Weights};
 use tpm_motion::Dynamics;
@@ -15,6 +15,9 @@ pub struct EstimationSettings {
     /// Known dynamics between the recorded value of an input and its force, by input.
     #[serde(skip)]
     pub actuators: BTreeMap<String, Dynamics>,
+    /// Inputs whose delays are found with the parameters.
+    #[serde(skip_serializing_if = "BTreeSet::is_empty")]
+    pub fitted_delays: BTreeSet<String>,
     /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub domain: Option<Domain>,
@@ -63,7 +66,7 @@ impl EstimationSettings {
             (Setting::Prior, self.prior.keys().collect::<Vec<_>>(), &either),
             (Setting::Frozen, self.frozen.keys().collect(), &either),
             (Setting::Constant, self.constants.keys().collect(), &constants),
-            (Setting::Actuator, self.actuators.keys().collect(), &inputs),
+            (Setting::Actuator, self.actuators.keys().chain(&self.fitted_delays).collect(), &inputs),
         ] {
             if let Some(name) = given.into_iter().find(|name| !known.contains(name)) {
                 if setting == Setting::Constant && either.contains(name) {
@@ -89,6 +92,7 @@ impl EstimationSettings {
         let mut options = LogOptions {
             reading: reading.clone(),
             actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
+            fitted_delays: (0..inputs.len()).filter(|&i| self.fitted_delays.contains(&inputs[i])).collect(),
             domain: self.domain,
             refine: self.refine,
             constants: constants.iter().map(|name| self.constants[name]).collect(),

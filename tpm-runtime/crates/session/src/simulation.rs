@@ -8,7 +8,7 @@
 //! - Free run: every stretch begins with the smoothed state at its first sample and follows the recorded inputs, whatever loop made
 //!   them. Where it leaves the log, it has no fit: the time is told.
 
-use crate::excerpt::{Excerpt, at_most};
+use crate::excerpt::{Excerpt, accelerated, at_most};
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::record::{record, stretches};
@@ -20,7 +20,6 @@ use tpm_codegen::identified::{Weights, display, remedy};
 use tpm_core::model::Model;
 use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Simulated, Stretch};
 use tpm_log::Log;
-use tpm_motion::Dynamics;
 use tpm_numerics::root_mean_square;
 
 /// Most samples that are simulated; of a longer log it is blocks, evenly spread over it.
@@ -172,9 +171,6 @@ pub(super) fn simulate(
             remedy(&parameters)
         )));
     }
-    if !options.actuators.iter().all(Dynamics::is_ideal) {
-        return Ok(Err("the known dynamics of the inputs are not simulated".into()));
-    }
     let of: usize = stretches.iter().map(Stretch::samples).sum();
     let states: usize = (0..dims.coordinates).map(|c| model.coordinate_order(c)).sum();
     let most = MOST_SAMPLES.min(MOST_NUMBERS / (states * (states + dims.inputs)).max(1));
@@ -198,7 +194,8 @@ fn of_parts(
     let record = record(sample_time, options, parts.to_vec());
     let pace = Pace::of(&record).map_err(|fault: EstimateError| format!("{fault}"))?;
     let Pace { typical_period, reach, highest, steps, .. } = pace;
-    let excerpt = Excerpt::joined(parts);
+    let rate = (sample_time, options.reading.hold, accelerated(model));
+    let excerpt = Excerpt::joined(parts).behind(&options.actuators, dims.coordinates, rate, None);
     let course = Course::Any { typical_period, reach, highest, copies: 1.0 };
     let signals = excerpt.signals(dims.coordinates, sample_time, options.reading.hold, (course, &steps));
     let found = Simulated::of(machine, &options.constants, &signals, parameters).map_err(|fault| format!("{fault}"))?;

@@ -5,6 +5,11 @@ use std::borrow::Cow;
 /// A term, and its meaning.
 pub(super) type Words = (String, Cow<'static, str>);
 
+/// An input that acts later than it is recorded.
+pub(super) fn late(input: &str) -> String {
+    format!("rate of {input}")
+}
+
 pub(super) fn offset() -> Words {
     ("1".into(), "a constant force, or an offset of a sensor or an input".into())
 }

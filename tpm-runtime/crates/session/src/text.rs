@@ -6,7 +6,7 @@ use crate::refinement_report::RateReport;
 use std::fmt::{self, Write as _};
 use tpm_estimate::{CombinationReport, ParameterReport, Status};
 use tpm_plant::stability::LoopStability;
-use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash};
+use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash, plus_minus};
 
 impl fmt::Display for Identification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -171,7 +171,10 @@ fn pool_head(result: &Identification, pool: &PoolReport) -> String {
             },
             format!("{:.1} %", 100.0 * part.share),
             format!("{} %", number(100.0 * part.residual)),
-            or_dash(farthest, |(name, deviations)| format!("{name}, {deviations:+.1} deviations")),
+            or_dash(farthest, |(name, deviations)| {
+                let left_out = if part.left_out { "; left out" } else { "" };
+                format!("{name}, {deviations:+.1} deviations{left_out}")
+            }),
         ]);
     }
     text.push_str(&table.finish());
@@ -186,7 +189,8 @@ fn pool_head(result: &Identification, pool: &PoolReport) -> String {
             pool.inflation.sqrt()
         )
     } else {
-        String::from("the logs agree as far as their deviations tell\n\n")
+        let which = if pool.logs.iter().any(|part| part.left_out) { "the others" } else { "the logs" };
+        format!("{which} agree as far as their deviations tell\n\n")
     });
     text
 }
@@ -262,8 +266,13 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
     }
     for (input, known) in &log.actuators {
         let mut parts = Vec::new();
-        if known.delay > 0.0 {
-            parts.push(format!("a delay of {} s", number(known.delay)));
+        match known.delay_std {
+            Some(std) => {
+                parts.push(format!("a delay of {} s, found with the parameters", plus_minus(known.delay, std)))
+            }
+            None if known.fitted => parts.push("no delay, since the record shows none".to_owned()),
+            None if known.delay > 0.0 => parts.push(format!("a delay of {} s", number(known.delay))),
+            None => {}
         }
         if let Some((frequency, quality)) = known.low_pass {
             parts.push(format!("a low pass of {} rad/s and quality {}", number(frequency), number(quality)));

@@ -5,7 +5,7 @@ use serde::Serialize;
 use std::fmt;
 use tpm_campaign::{NearMode, Outcome};
 use tpm_core::harmonics::Hold;
-use tpm_estimate::PhysicalRemark;
+use tpm_estimate::{CommonFactor, PhysicalRemark};
 use tpm_log::Repeated;
 use tpm_motion::RunEnding;
 use tpm_plant::actuator::LimitUse;
@@ -147,6 +147,17 @@ pub enum Warning {
         parameter: String,
         /// By how many deviations of the difference it differs from the other logs together.
         deviations: f64,
+    },
+    /// A log contradicts a majority of logs that agree with each other, and is left out of the result.
+    OddLog {
+        /// The log.
+        path: String,
+        /// The parameter that differs most.
+        parameter: String,
+        /// By how many deviations of the difference it differs from the logs that agree.
+        deviations: f64,
+        /// The one factor between all that the log tells and what the others tell, where one factor explains the whole difference.
+        factor: Option<CommonFactor>,
     },
     /// The last two periods of a log differ.
     Unsteady {
@@ -423,6 +434,20 @@ impl fmt::Display for Warning {
                 f,
                 "{path} contradicts the other logs: {parameter} differs most, by {deviations:.1} deviations; the machine was another one, or a load, a setting, a scale of a column, or the model lacks a force that grows with the frequency, as that of a flexible part does; identify each log by itself"
             ),
+            Warning::OddLog { path, parameter, deviations, factor } => {
+                write!(
+                    f,
+                    "{path} contradicts the logs that agree, and is left out: {parameter} differs most, by {deviations:.1} deviations; "
+                )?;
+                match factor {
+                    Some(CommonFactor { value, std }) => write!(
+                        f,
+                        "all that it tells is {} times what they tell: a gain, a unit or a scale of an input in it is another one",
+                        plus_minus(*value, *std)
+                    ),
+                    None => f.write_str("the machine was another one there, or a load, a setting or a scale of a column"),
+                }
+            }
             Warning::RateDiffers { coordinate, gain } => write!(
                 f,
                 "the measured rate of {coordinate} is {gain:.3} times the rate of its measured position: a scale or a unit of one of them is wrong, or a lag"

@@ -96,6 +96,7 @@ impl Limited {
                 1 => "lower the amplitude or the frequency, or take a faster actuator",
                 _ => "lower the frequency, or take an actuator of more power",
             }),
+            cut: None,
         };
         // 3. The bandwidth is reported where its share is larger.
         match self.bandwidth_use(model, input, force, fundamental) {
@@ -129,6 +130,7 @@ impl Limited {
             time: 0.0,
             harmonic: Some((highest, line.norm())),
             remedy: Some("lower the frequency, take a pattern of fewer harmonics, or a faster actuator"),
+            cut: None,
         })
     }
 }

@@ -31,7 +31,7 @@ pub use limited::Limited;
 pub use loop_file::LoopFile;
 pub use motor::{Amplifier, Amplitudes, Limit, Limits, Motor};
 pub use mounted::strongest;
-pub use mounted::{LimitUse, Mounted};
+pub use mounted::{Cut, LimitUse, Mounted};
 pub use placed::FileFault;
 pub use requirement::{CutOff, Harmonic, Peak, Requirement, Sample, requirements};
 

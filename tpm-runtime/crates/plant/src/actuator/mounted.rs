@@ -54,11 +54,39 @@ pub struct LimitUse {
     /// What the user can do; nothing for motors, whose sizing reports remedies.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remedy: Option<&'static str>,
+    /// The samples that were cut although the periodic motion keeps the limit; nothing where it passes the limit itself, or where nothing
+    /// was cut.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut: Option<Cut>,
+}
+
+/// Samples in which an input was cut at a limit that the periodic motion keeps: what the feedback makes of the sensors' noise and rounding
+/// passes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Cut {
+    /// How many samples were cut.
+    pub samples: usize,
+    /// Samples of the whole run.
+    pub of: usize,
 }
 
 impl fmt::Display for LimitUse {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unit = self.unit.as_deref().map(|unit| format!(" {unit}")).unwrap_or_default();
+        if let Some(cut) = self.cut {
+            return write!(
+                f,
+                "in {} of {} samples of the run, at {}{unit} for the {} of {}; the periodic motion takes {}{unit} of it ({:.1} %), the rest \
+                 is what the feedback makes of the sensors' noise and rounding; lower its gains, or filter its rate with a longer time constant",
+                cut.samples,
+                cut.of,
+                self.available,
+                self.limit,
+                self.input,
+                digits(self.value, VALUE_DIGITS),
+                100.0 * self.share
+            );
+        }
         write!(
             f,
             "the {} of {} takes {}{unit} of {}{unit} ({:.1} %) at sample {} of the period ({:.4} s)",
@@ -121,6 +149,7 @@ impl Mounted {
             time: worst.time,
             harmonic,
             remedy: None,
+            cut: None,
         }
     }
 
@@ -179,6 +208,7 @@ impl Mounted {
                 Limit::Power => None,
             },
             remedy: None,
+            cut: None,
         }
     }
 }

@@ -69,7 +69,13 @@ impl Comparison {
     }
 }
 
-/// How a parameter changed, such as `m by 0.50012 +- 0.00016 kg (+25.0 %)`.
+impl Difference {
+    /// How it changed, such as `m by 0.50012 +- 0.00016 kg (+25.0 %)`.
+    pub(crate) fn in_words(&self) -> String {
+        change(self)
+    }
+}
+
 fn change(entry: &Difference) -> String {
     let by = match (entry.difference, entry.std) {
         (Some(difference), Some(std)) => plus_minus(difference, std),

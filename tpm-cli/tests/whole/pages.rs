@@ -1,0 +1,302 @@
+//! Pages of many results, right and wrong: no sentence of a page contradicts another, and all of them say what the result says.
+//!
+//! The machines are shipped models, simulated. What is wrong with a result is made by the question: a parameter held at zero is a term that
+//! the model lacks, an input of the other sign a swapped cable, a spring in two parts what no motion can tell apart.
+
+use crate::support::root;
+use roxmltree::{Document, Node, ParsingOptions};
+use serde_json::Value;
+use tpm_runtime::campaign::samples_text;
+use tpm_runtime::document::{Document as Page, Issue};
+use tpm_runtime::estimate::Refine;
+use tpm_runtime::experiment::written_value;
+use tpm_runtime::session::{
+    DeclaredModel, ExperimentRequest, Identifiable as _, Identification, LogRequest, Session, StoredResult, Validation,
+    compare, from_log, validate,
+};
+
+/// A machine that is simulated: the model's name, and what is changed of its experiment.
+const MACHINES: [(&str, &[(&str, &str)]); 3] = [
+    ("mass_spring_drag", &[("schedule.measure_time", "6.0")]),
+    ("stribeck_pendulum", &[]),
+    ("two_carts", &[("schedule.measure_time", "6.0")]),
+];
+
+/// The log of the first run of a machine, its model, and the names of its parameters and its first input.
+fn recorded(
+    name: &str,
+    changes: &[(&str, &str)],
+    seed: &str,
+) -> (tempfile::NamedTempFile, DeclaredModel, Vec<String>, String) {
+    let path = root().join(format!("models/{name}.tpm"));
+    let open = || DeclaredModel::open(&path).unwrap_or_else(|fault| panic!("{fault}"));
+    let mut request = ExperimentRequest::default();
+    let all = changes.iter().copied().chain([("seed", seed)]);
+    request.changes = all.map(|(key, value)| (key.to_owned(), written_value(value))).collect();
+    let session = Session::open(open(), &path, &request).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let plant = session.machine().plant();
+    let (campaign, _) = session.campaign().unwrap_or_else(|error| panic!("{name}: {error}"));
+    let record = session.simulate(campaign.next().expect("a run")).expect("plays");
+    let file = tempfile::Builder::new().suffix(".csv").tempfile().expect("a file");
+    std::fs::write(file.path(), samples_text(plant, &record)).expect("writable");
+    let model = open();
+    let parameters = (0..model.evaluated().dims().parameters).map(|j| model.evaluated().parameter(j).name.to_owned());
+    let (parameters, input) = (parameters.collect(), model.evaluated().input(0).name.to_owned());
+    (file, model, parameters, input)
+}
+
+/// The text below a node.
+fn text(node: Node<'_, '_>) -> String {
+    node.descendants().filter(|node| node.is_text()).filter_map(|node| node.text()).collect()
+}
+
+/// The number that a cell shows, in full.
+fn number(node: Node<'_, '_>) -> Option<f64> {
+    let shown = node.descendants().find(|node| node.has_tag_name("data"))?;
+    Some(shown.attribute("value").expect("a value").parse().expect("a number"))
+}
+
+/// The tables of a section: names of the columns, and the cells of every row.
+fn tables<'a>(section: Node<'a, 'a>) -> Vec<(Vec<String>, Vec<Vec<Node<'a, 'a>>>)> {
+    let table = |table: Node<'a, 'a>| {
+        let rows = table.descendants().filter(|node| node.has_tag_name("tr"));
+        let cells = |row: Node<'a, 'a>, tag: &str| -> Vec<Node<'a, 'a>> {
+            row.children().filter(|node| node.has_tag_name(tag)).collect()
+        };
+        let mut head = Vec::new();
+        let mut body = Vec::new();
+        for row in rows {
+            let names = cells(row, "th");
+            if names.len() > 1 {
+                head = names.into_iter().map(text).collect();
+            } else {
+                body.push(cells(row, "td"));
+            }
+        }
+        (head, body)
+    };
+    section.descendants().filter(|node| node.has_tag_name("table")).map(table).collect()
+}
+
+/// Holds a page against the JSON of its result.
+fn check(case: &str, page: &str, result: &Value, shortfall: Option<&str>) {
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(page, options).unwrap_or_else(|error| panic!("{case}: {error}"));
+    let root = document.root_element();
+    let of_class = |name: &str| {
+        let has =
+            |node: &Node<'_, '_>| node.attribute("class").is_some_and(|own| own.split(' ').any(|own| own == name));
+        root.descendants().find(has)
+    };
+    let section =
+        |id: &str| root.descendants().find(|node| node.has_tag_name("section") && node.attribute("id") == Some(id));
+    let verdict = of_class("verdict").expect("a verdict");
+    let said = text(verdict);
+    let warnings = result["warnings"].as_array().expect("a list");
+    // The headline, and what it rests on.
+    let class = verdict.attribute("class").unwrap_or_default();
+    assert_eq!(class.contains("short"), shortfall.is_some(), "{case}: {said}");
+    assert!(shortfall.is_none_or(|why| said.contains(why)), "{case}: {said}");
+    assert_eq!(class.contains("caution"), shortfall.is_none() && !warnings.is_empty(), "{case}: {said}");
+    let residual = result["residual"].as_f64().expect("a number");
+    if shortfall.is_none() {
+        let explains = said.contains("the model explains what was measured");
+        assert_ne!(explains, said.contains("unexplained"), "{case}: {said}");
+    }
+    // One number says how much is unexplained, wherever it stands.
+    let key = of_class("key").expect("the most important values");
+    let names: Vec<String> = key.descendants().filter(|node| node.has_tag_name("dt")).map(text).collect();
+    let values: Vec<Node<'_, '_>> = key.descendants().filter(|node| node.has_tag_name("dd")).collect();
+    let at = names.iter().position(|name| name == "unexplained").expect("the residual stands in the headline");
+    assert_eq!(number(values[at]), Some(residual), "{case}: {}", text(values[at]));
+    let headline = text(values[at]);
+    let conclusion = text(of_class("conclusion").expect("a conclusion"));
+    assert!(conclusion.contains(&format!("The model leaves {headline} unexplained.")), "{case}: {conclusion}");
+    if said.contains("unexplained") && shortfall.is_none() {
+        assert!(said.contains(&headline), "{case}: {said}, but {headline}");
+    }
+    if let Some((_, rows)) = section("against").map(tables).and_then(|all| all.into_iter().next()) {
+        assert_eq!(rows.first().and_then(|row| number(row[1])), Some(residual), "{case}: the table of the evidence");
+        assert_eq!(text(rows[0][1]), headline, "{case}: the table of the evidence");
+    }
+    // Statuses, values, deviations: every parameter in its row, and counted right above.
+    let all = tables(section("parameters").expect("a section"));
+    let physical = result["physical"].as_array().is_some_and(|list| !list.is_empty());
+    let lists = if physical { vec!["physical", "parameters"] } else { vec!["parameters"] };
+    let mut poor: Vec<String> = Vec::new();
+    let mut hidden: Vec<String> = Vec::new();
+    for (list, (head, rows)) in lists.iter().zip(&all) {
+        let place = |name: &str| head.iter().position(|column| column == name);
+        let entries = result[*list].as_array().expect("a list");
+        assert_eq!(rows.len(), entries.len(), "{case}: {list}");
+        for (entry, row) in entries.iter().zip(rows) {
+            let name = entry["name"].as_str().expect("a name");
+            assert_eq!(text(row[0]), name, "{case}");
+            let status = entry["status"].as_str().expect("a status");
+            let shown = text(row[place("status").expect("a column")]);
+            assert!(
+                shown.starts_with(&status.replace('_', " ")),
+                "{case}: {name} is {status}, and the page says {shown}"
+            );
+            for (column, field) in [("identified", "value"), ("std. dev.", "std"), ("prior", "prior")] {
+                if let Some(column) = place(column) {
+                    let stated = entry[field].as_f64().filter(|value| value.is_finite());
+                    assert_eq!(number(row[column]), stated, "{case}: {field} of {name}");
+                }
+            }
+            if status == "poorly_determined" && !poor.contains(&name.to_owned()) {
+                poor.push(name.to_owned());
+            }
+            if status == "unobservable" {
+                hidden.push(name.to_owned());
+            }
+        }
+    }
+    let asked = result[lists[0]].as_array().expect("a list");
+    for (status, words) in [
+        ("identified", "identified"),
+        ("poorly_determined", "known poorly"),
+        ("unobservable", "not shown by the data"),
+        ("untrusted", "not to be trusted"),
+        ("frozen", "held at a value that was given"),
+    ] {
+        let count = asked.iter().filter(|entry| entry["status"] == status).count();
+        assert_eq!(
+            conclusion.contains(&format!("{count} {words}")),
+            count > 0,
+            "{case}: {count} {status}: {conclusion}"
+        );
+    }
+    if shortfall.is_none() {
+        let named: Vec<String> = said
+            .split_once("poorly determined: ")
+            .map(|(_, names)| names.split_once('.').map_or(names, |(names, _)| names))
+            .map(|names| names.split(", ").map(str::to_owned).collect())
+            .unwrap_or_default();
+        let (mut named, mut poor) = (named, poor);
+        named.sort();
+        poor.sort();
+        assert_eq!(named, poor, "{case}: {said}");
+    }
+    // What the data do not show.
+    let not_shown = text(section("not-shown").expect("a section"));
+    let nothing = hidden.is_empty() && result["unobservable"].as_array().is_none_or(Vec::is_empty);
+    assert_eq!(not_shown.contains("Nothing: the data show every parameter by itself"), nothing, "{case}: {not_shown}");
+    assert!(hidden.iter().all(|name| not_shown.contains(name.as_str())), "{case}: {hidden:?}: {not_shown}");
+    let warned = text(section("warnings").expect("a section"));
+    assert_eq!(warned.contains("None."), warnings.is_empty(), "{case}: {warned}");
+    assert!(warnings.iter().all(|own| warned.contains(own.as_str().expect("a text"))), "{case}: {warned}");
+    // What the model lacks has its section exactly where terms were found.
+    let missing = result["log"]["refinement"]["missing"].as_array().or(result["log"]["missing"].as_array());
+    if let Some(missing) = missing {
+        assert_eq!(section("missing").is_some(), !missing.is_empty(), "{case}: {missing:?}");
+    }
+}
+
+/// The page of a result, checked.
+fn rendered(case: &str, result: &Identification, evidence: &[Validation]) -> String {
+    let issue =
+        Issue { title: Some(case.to_owned()), author: Some("A & <B>".to_owned()), date: Some("2026-03-01".to_owned()) };
+    let page = Page::of_identification(result, evidence, &|_| None).issued(issue).html().expect("a page");
+    assert!(page.contains("A &amp; &lt;B&gt;") && page.contains("2026-03-01"), "{case}");
+    let json = serde_json::to_value(result).expect("JSON");
+    check(case, &page, &json, result.shortfall().as_deref());
+    page
+}
+
+#[test]
+fn no_page_contradicts_itself_or_its_result() {
+    let (mut pages, mut complete, mut refused) = (0, 0, 0);
+    for (name, changes) in MACHINES {
+        for seed in ["1", "2"] {
+            let (log, model, parameters, input) = recorded(name, changes, seed);
+            let request = || {
+                let mut request = LogRequest::new(log.path());
+                request.estimation.refine = Refine::None;
+                request
+            };
+            let mut cases = vec![("right".to_owned(), request())];
+            for parameter in &parameters {
+                let mut without = request();
+                without.estimation.frozen.insert(parameter.clone(), 0.0);
+                cases.push((format!("without {parameter}"), without));
+            }
+            let mut swapped = request();
+            swapped.reading.columns.scale.insert(input.clone(), -1.0);
+            cases.push(("swapped cable".to_owned(), swapped));
+            if seed == "1" {
+                let mut refined = request();
+                refined.estimation.refine = Refine::Auto;
+                refined.estimation.prior.insert(parameters[0].clone(), 1.0);
+                cases.push(("refined, with a prior".to_owned(), refined));
+            }
+            for (what, request) in cases {
+                let case = format!("{name}, seed {seed}, {what}");
+                let result = match from_log(&model, request.clone()) {
+                    Ok(result) => result,
+                    // What is refused has no page.
+                    Err(_) => {
+                        refused += 1;
+                        continue;
+                    }
+                };
+                let evidence: Vec<Validation> = (what == "right" || what.starts_with("refined"))
+                    .then(|| {
+                        let mut request = request;
+                        request.estimation.prior.clear();
+                        validate(&model, request, &result).ok()
+                    })
+                    .flatten()
+                    .into_iter()
+                    .collect();
+                rendered(&case, &result, &evidence);
+                pages += 1;
+                complete += usize::from(result.is_complete());
+            }
+        }
+    }
+    // A spring in two parts.
+    let (log, ..) = recorded("mass_spring_drag", MACHINES[0].1, "3");
+    let text = std::fs::read_to_string(root().join("models/mass_spring_drag.tpm")).expect("a model");
+    let twice = text.replace("k1 [N/m]", "k1 [N/m], k3 [N/m]").replace("k1*x", "(k1 + k3)*x");
+    let model = DeclaredModel::parse("twice.tpm", &twice).unwrap_or_else(|fault| panic!("{fault}"));
+    let result = from_log(&model, LogRequest::new(log.path())).expect("identifies");
+    assert!(!result.unobservable.is_empty(), "a spring in two parts");
+    rendered("a spring in two parts", &result, &[]);
+    assert!(
+        pages + 1 >= 30 && complete >= 8 && pages - complete >= 8,
+        "{pages} pages, {complete} complete, {refused} refused"
+    );
+}
+
+#[test]
+fn a_page_of_a_comparison_says_what_the_comparison_says() {
+    let stored = |seed: &str, mass: &str| {
+        let mut changes = MACHINES[0].1.to_vec();
+        changes.push(("plant.parameters.m", mass));
+        let (log, model, ..) = recorded("mass_spring_drag", &changes, seed);
+        let result = from_log(&model, LogRequest::new(log.path())).expect("identifies");
+        StoredResult::of(&result).expect("a result")
+    };
+    let (before, same, after) = (stored("1", "2.0"), stored("2", "2.0"), stored("3", "2.2"));
+    for (other, changed) in [(&same, false), (&after, true)] {
+        let found = compare(&before, other).expect("comparable");
+        let page = Page::of_comparison(&found, ["a.json", "b.json"]).html().expect("a page");
+        let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+        let document = Document::parse_with_options(&page, options).expect("well-formed");
+        let all = text(document.root_element());
+        assert!(all.to_lowercase().contains(&found.in_words().to_lowercase()), "{all}");
+        assert_eq!(found.changed.contains(&"m".to_owned()), changed, "{found}");
+        let section =
+            document.descendants().find(|node| node.attribute("id") == Some("differences")).expect("a section");
+        let (head, rows) = tables(section).into_iter().next().expect("a table");
+        let place = |name: &str| head.iter().position(|column| column == name).expect("a column");
+        for (row, own) in rows.iter().zip(&found.linear.differences) {
+            assert_eq!(text(row[0]), own.name);
+            assert_eq!(number(row[place("B - A")]), own.difference, "{}", own.name);
+            assert_eq!(number(row[place("z")]), own.z, "{}", own.name);
+            assert_eq!(text(row[place("outcome")]) == "changed", own.changed, "{}", own.name);
+        }
+        assert_eq!(rows.len(), found.linear.differences.len());
+    }
+}

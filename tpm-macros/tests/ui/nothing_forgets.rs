@@ -1,0 +1,11 @@
+tpm_macros::model! {
+    with(forgetting);
+    model Cart {
+        coordinate x [m];
+        input u [N];
+        parameter m [kg];
+        m*ddot(x) = u;
+    }
+}
+
+fn main() {}

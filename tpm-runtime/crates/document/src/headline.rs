@@ -1,0 +1,115 @@
+//! What stands above everything else on the page of an identification.
+//!
+//! How much is unexplained is one number, the residual of the result. It is made into text here alone, so that the headline, the conclusion
+//! and the table of section "Measured against model" cannot differ.
+
+use crate::block::{Cell, SHARE_DIGITS};
+use tpm_estimate::{ParameterReport, Status};
+use tpm_report::{digits, or_dash};
+use tpm_session::{Identification, Severity, Source};
+
+pub(super) fn subtitle(result: &Identification) -> String {
+    match (result.source, &result.log, &result.pool) {
+        (Source::Log, Some(log), _) => format!("identified from {}", log.path),
+        (Source::Log, None, Some(pool)) => format!("identified from {} logs together", pool.logs.len()),
+        (Source::Log, None, None) => "identified from a log".to_owned(),
+        (Source::SimulatedPlant, ..) => "identified on a simulated machine".to_owned(),
+        (Source::Machine, ..) => "identified on a machine".to_owned(),
+        (Source::Folder, ..) => "identified from the runs in a campaign's folder".to_owned(),
+    }
+}
+
+/// How much is unexplained, in words.
+fn share(result: &Identification) -> String {
+    format!("{} % of {}", digits(100.0 * result.residual, SHARE_DIGITS), result.residual_of)
+}
+
+/// How much is unexplained.
+pub(super) fn unexplained(result: &Identification) -> (String, Cell) {
+    ("unexplained".to_owned(), Cell::shown(share(result), Some(result.residual)))
+}
+
+/// The sentence for a complete result, with the parameters that are poorly determined.
+pub(super) fn success(result: &Identification) -> String {
+    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit);
+    let mut text = if misfit {
+        format!("Everything that was asked for has a value, but the model leaves {} unexplained", share(result))
+    } else {
+        "The data show everything that was asked for, and the model explains what was measured".to_owned()
+    };
+    let poor = named(result, Status::PoorlyDetermined);
+    if !poor.is_empty() {
+        text.push_str(&format!("; poorly determined: {}", poor.join(", ")));
+    }
+    text.push('.');
+    text
+}
+
+/// The parameters with a status, those in which the model is linear first; each name once.
+fn named(result: &Identification, status: Status) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for own in result.parameters.iter().chain(&result.physical).filter(|own| own.status == status) {
+        if !names.contains(&own.name.as_str()) {
+            names.push(&own.name);
+        }
+    }
+    names
+}
+
+/// What a reader who knows nothing of estimators takes away: how many parameters are known and how well, which are not, and how much the
+/// model explains.
+pub(super) fn conclusion(result: &Identification) -> Vec<String> {
+    // Where there are physical parameters, the lumped ones are intermediate results.
+    let asked = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+    let with = |status: Status| asked.iter().filter(|own| own.status == status).count();
+    let mut counts: Vec<String> = Vec::new();
+    for (count, what) in [
+        (with(Status::Identified), "identified"),
+        (with(Status::PoorlyDetermined), "known poorly"),
+        (with(Status::Unobservable), "not shown by the data"),
+        (with(Status::Untrusted), "not to be trusted"),
+        (with(Status::Frozen), "held at a value that was given"),
+    ] {
+        if count > 0 {
+            counts.push(format!("{count} {what}"));
+        }
+    }
+    let all: usize = asked.len();
+    let mut said = vec![format!("Of {all} parameter{}: {}.", if all == 1 { "" } else { "s" }, counts.join(", "))];
+    let relative = |own: &ParameterReport| {
+        let (value, std) = (own.value?, own.std?);
+        (value != 0.0 && std.is_finite()).then(|| (own.name.clone(), (std / value).abs()))
+    };
+    let mut known: Vec<(String, f64)> =
+        asked.iter().filter(|own| own.status == Status::Identified).filter_map(relative).collect();
+    known.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let percent = |share: f64| format!("{} %", digits(100.0 * share, 2));
+    match known.as_slice() {
+        [] => {}
+        [(name, share)] => {
+            said.push(format!("The standard deviation of {name} is {} of its value.", percent(*share)));
+        }
+        [(best, least), .., (worst, most)] => said.push(format!(
+            "Standard deviations are between {} of the value ({best}) and {} ({worst}).",
+            percent(*least),
+            percent(*most)
+        )),
+    }
+    said.push(format!("The model leaves {} unexplained.", share(result)));
+    said
+}
+
+pub(super) fn facts(result: &Identification) -> Vec<(String, Cell)> {
+    let mut facts = vec![
+        unexplained(result),
+        ("rank".to_owned(), Cell::text(format!("{} of {}", result.rank, result.wanted()))),
+        (
+            "condition number".to_owned(),
+            Cell::shown(or_dash(result.condition, |condition| digits(condition, SHARE_DIGITS)), result.condition),
+        ),
+        ("estimator".to_owned(), Cell::text(result.estimator.name())),
+        ("hold of the inputs".to_owned(), Cell::text(result.hold.to_string())),
+    ];
+    facts.extend(result.outcome.map(|outcome| ("campaign".to_owned(), Cell::text(outcome.describe()))));
+    facts
+}
