@@ -1,19 +1,18 @@
-//! One log on its way to a result: as even samples or, where these show nothing or a coordinate is not measured, as it was recorded.
+//! One log on its way to a result: as even samples or, where a coordinate is not measured, as it was recorded.
 
 use crate::error::SessionError;
 use crate::fitted_delay::with_delays;
 use crate::identification::Identification;
 use crate::identify::identify_recorded;
-use crate::log::{LogRequest, alone};
 use crate::log_fault::LogFault;
 use crate::model::DeclaredModel;
 use crate::options::LogOptions;
-use crate::recorded_log;
+use crate::periodic_log::repeats;
 use crate::rows::Rows;
 use crate::warning::Warning;
 use tpm_core::model::Model;
-use tpm_estimate::{Domain, EstimateError, Refine, is_static};
-use tpm_log::{AsRecorded, Log, LogError, ReadingReport, Recording};
+use tpm_estimate::{Domain, EstimateError};
+use tpm_log::{AsRecorded, Log, LogSource, ReadingReport, Recording};
 
 /// How a log is identified.
 pub(super) struct Entry<'a> {
@@ -23,28 +22,10 @@ pub(super) struct Entry<'a> {
 }
 
 impl Entry<'_> {
-    /// The result of a log, with its fingerprint. A record whose readings have no even grid, or that shows nothing as even samples, is simulated
-    /// between its stamps where that explains it; what keeps it from being read or used otherwise is the fault where it does not.
-    pub(super) fn by_the_best_way(&self, request: &LogRequest) -> Result<(Identification, String), SessionError> {
+    /// The result of a log that is simulated between its stamps, with its fingerprint.
+    pub(super) fn as_recorded(&self, source: LogSource<'_>) -> Result<(Identification, String), SessionError> {
         let model = self.rows.model();
-        let may_be = self.options.refine != Refine::None && !is_static(model) && recorded_log::may_be(self.options);
-        let recording = Recording::open(request.source(), model, &self.options.reading.columns);
-        let even = recording.map_err(LogFault::from).and_then(|recording| self.evenly(recording));
-        let as_recorded = match &even {
-            Err(fault) if may_be && shows_nothing(fault) => self.as_recorded(request).ok(),
-            _ => None,
-        };
-        match as_recorded.filter(|(result, _)| result.is_explained()) {
-            Some(found) => Ok(found),
-            None => Ok(even?),
-        }
-    }
-
-    /// The result of a log that is simulated between its stamps.
-    pub(super) fn as_recorded(&self, request: &LogRequest) -> Result<(Identification, String), SessionError> {
-        let model = self.rows.model();
-        let mut recorded =
-            AsRecorded::open(request.source(), model, &self.options.reading.columns).map_err(LogFault::from)?;
+        let mut recorded = AsRecorded::open(source, model, &self.options.reading.columns).map_err(LogFault::from)?;
         let name = |c: usize| model.coordinate(c).name.to_string();
         let rates: Vec<String> = (0..recorded.rates.len()).filter(|&c| recorded.rates[c].is_some()).map(name).collect();
         let rates: Vec<&str> = rates.iter().map(String::as_str).collect();
@@ -75,9 +56,10 @@ impl Entry<'_> {
         Ok((part, recorded.fingerprint))
     }
 
-    /// The result of a log as even samples.
-    fn evenly(&self, mut recording: Recording) -> Result<(Identification, String), LogFault> {
+    /// The result of a log as even samples, with its fingerprint.
+    pub(super) fn evenly(&self, source: LogSource<'_>) -> Result<(Identification, String), SessionError> {
         let model = self.rows.model();
+        let mut recording = Recording::open(source, model, &self.options.reading.columns)?;
         let coordinates = model.dims().coordinates;
         let hash = std::mem::take(&mut recording.fingerprint);
         if self.options.domain == Some(Domain::Harmonics) {
@@ -97,18 +79,6 @@ impl Entry<'_> {
             report.reading = recording.report;
         }
         Ok((part, hash))
-    }
-}
-
-/// Whether a record has no even samples, or these show nothing.
-fn shows_nothing(fault: &LogFault) -> bool {
-    match fault {
-        LogFault::Reading(error) => matches!(
-            error,
-            LogError::NoSegment { .. } | LogError::TooShort { .. } | LogError::Jitter { .. } | LogError::Drift { .. }
-        ),
-        LogFault::ShortSegments { .. } | LogFault::Estimate { source: EstimateError::NoSignal, .. } => true,
-        _ => false,
     }
 }
 
@@ -145,4 +115,19 @@ fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64
         })
     };
     (0..model.dims().coordinates).filter_map(of).collect()
+}
+
+/// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
+pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
+    let segments = &recording.segments;
+    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
+    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
+    let used = match longest_first[..] {
+        [] | [_] => return recording,
+        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, &options.reading)),
+    };
+    let used = used.unwrap_or(longest_first[0]);
+    recording.report.used = Some(used);
+    recording.segments = vec![recording.segments.swap_remove(used)];
+    recording
 }

@@ -6,7 +6,6 @@ use crate::identification::{Identification, LogFingerprint, Provenance};
 use crate::log_fault::LogFault;
 use crate::model::{DeclaredModel, Identifiable};
 use crate::options::LogOptions;
-use crate::periodic_log::repeats;
 use crate::pooled_logs::pooled;
 use crate::reading::RecordSettings;
 use crate::rows::Rows;
@@ -165,10 +164,9 @@ pub fn from_logs<R: Into<LogRequest>>(
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
         let entry = Entry { rows: &rows, declared: declared.as_deref(), options: &options };
-        let (part, hash) = if unmeasured.is_some() {
-            entry.as_recorded(request)?
-        } else {
-            entry.by_the_best_way(request)?
+        let (part, hash) = match unmeasured {
+            Some(_) => entry.as_recorded(request.source())?,
+            None => entry.evenly(request.source())?,
         };
         let path = request.path.display().to_string();
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {
@@ -227,19 +225,4 @@ fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Froz
         whole
     };
     base.hidden(&held).into_iter().map(dense).collect()
-}
-
-/// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
-pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
-    let segments = &recording.segments;
-    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
-    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
-    let used = match longest_first[..] {
-        [] | [_] => return recording,
-        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, &options.reading)),
-    };
-    let used = used.unwrap_or(longest_first[0]);
-    recording.report.used = Some(used);
-    recording.segments = vec![recording.segments.swap_remove(used)];
-    recording
 }

@@ -1,4 +1,4 @@
-//! Logs that are simulated between their stamps: states that nobody measured, stamps that are uneven.
+//! Logs that are simulated between their stamps: states that nobody measured, also where stamps are uneven or fields blank.
 
 use crate::{DeclaredModel, Identification, LogRequest, from_log};
 use rand::{Rng, SeedableRng};
@@ -188,23 +188,38 @@ fn what_sensors_show_is_known_exactly() {
 
 #[test]
 fn stamps_that_are_uneven_are_simulated_between() {
-    let text = "model Motor {
-        coordinate n [rad];
-        input v [V];
-        parameter a [V*s^2/rad], b [V*s/rad], c [V];
-        a*ddot(n) + b*dot(n) + c*sign(dot(n)) = v;
-    }";
-    let model = DeclaredModel::parse("motor.tpm", text).expect("a model");
-    let truth = [0.02, 0.3, 0.8];
+    let model = DeclaredModel::parse("propeller.tpm", PROPELLER).expect("a model");
+    let truth = [0.03, 0.02, 0.2, 0.15];
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let mut time = vec![0.0];
-    for k in 0..700 {
-        time.push(time[k] + 0.001 * f64::from(random.random_range(18..26)));
+    for k in 0..1500 {
+        time.push(time[k] + 0.001 * f64::from(random.random_range(4..18)));
     }
-    let command = |t: f64| [6.0, 0.0, -6.0, 0.0, 4.0][(t / 0.6) as usize % 5];
-    let made = run(&model, &truth, &[0.0; 3], time, command);
-    let result = from_log(&model, made.log(&[("n", 0, 5e-3)], Some("v"), 5)).expect("identified");
-    assert_right(&result, &truth, 0.05);
+    let made = run(&model, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], time, steps);
+    let result = from_log(&model, made.log(&[("phi", 0, 2e-3)], Some("u"), 5)).expect("identified");
+    assert_right(&result, &truth, 0.1);
+}
+
+#[test]
+fn blanks_between_topics_are_no_gaps() {
+    let model = DeclaredModel::parse("propeller.tpm", PROPELLER).expect("a model");
+    let truth = [0.03, 0.02, 0.2, 0.15];
+    let made = run(&model, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], even(3000, 0.005), steps);
+    let mut log = made.log(&[("phi", 0, 2e-3)], Some("u"), 6);
+    // The command is written when it changes, the angle in every third row.
+    let columns = [("t_s", &made.time), ("u", &made.input)];
+    let written = |k: usize| k == 0 || made.input[k] != made.input[k - 1];
+    let mut all: Vec<(String, Vec<f64>)> = columns.map(|(name, own)| (name.to_owned(), own.clone())).to_vec();
+    (0..made.time.len()).filter(|&k| !written(k)).for_each(|k| all[1].1[k] = f64::NAN);
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let angle = |(k, motion): (usize, &Vec<f64>)| {
+        let noise: f64 = random.sample(StandardNormal);
+        if k % 3 == 1 { motion[0] + 2e-3 * noise } else { f64::NAN }
+    };
+    all.push(("phi".to_owned(), made.motion.iter().enumerate().map(angle).collect()));
+    log.samples = Some(Samples::new(all));
+    let result = from_log(&model, log).expect("identified");
+    assert_right(&result, &truth, 0.1);
 }
 
 /// How often the stated 95 % intervals hold the truth, over twenty logs of each machine.
