@@ -206,7 +206,7 @@ class Run:
 
 @final
 class Submission:
-    """What became of a submitted run."""
+    """What became of a submitted run. A run that is kept stays where `result` raises an Error: the runs do not say enough yet."""
 
     @property
     def kept(self) -> bool: ...

@@ -23,8 +23,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 use targets::{TARGETS, Target, Verdict};
 
-/// How long an execution may go on before the program gives it up, and itself with it.
+/// How long an execution may take of the processor before the program gives it up, and itself with it.
 const ENDLESS: Duration = Duration::from_secs(60);
+
+/// How long it may go on by the clock, since one that waits takes nothing of the processor.
+const STUCK: Duration = Duration::from_secs(600);
 
 /// The most bytes of an execution.
 const MOST_BYTES: u64 = 1 << 30;
@@ -49,6 +52,9 @@ struct Counts {
 /// When the present execution began, in milliseconds of the program; 0 between two.
 static BEGAN: AtomicU64 = AtomicU64::new(0);
 
+/// What the program had taken of the processor then, in milliseconds.
+static TAKEN: AtomicU64 = AtomicU64::new(0);
+
 /// The seed of the present execution.
 static SEED: AtomicU64 = AtomicU64::new(0);
 
@@ -56,6 +62,10 @@ static SEED: AtomicU64 = AtomicU64::new(0);
 fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ProcessCPUTime);
     Duration::new(u64::try_from(time.tv_sec).unwrap_or(0), u32::try_from(time.tv_nsec).unwrap_or(0))
+}
+
+fn milliseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_millis()).unwrap_or(u64::MAX)
 }
 
 impl Counts {
@@ -128,8 +138,10 @@ fn watch(target: &'static Target, start: Instant) {
         loop {
             std::thread::sleep(Duration::from_secs(1));
             let began = BEGAN.load(Ordering::Relaxed);
-            let now = u64::try_from(start.elapsed().as_millis()).unwrap_or(u64::MAX);
-            if began > 0 && now.saturating_sub(began) > u64::try_from(ENDLESS.as_millis()).unwrap_or(u64::MAX) {
+            let since = |now: Duration, began: u64| milliseconds(now).saturating_sub(began);
+            let taken = since(processor_time(), TAKEN.load(Ordering::Relaxed));
+            let waited = since(start.elapsed(), began);
+            if began > 0 && (taken > milliseconds(ENDLESS) || waited > milliseconds(STUCK)) {
                 let seed = SEED.load(Ordering::Relaxed);
                 eprintln!("{} seed {seed}: does not end", target.name);
                 keep(target, &seed.to_string(), &target.text(seed));
@@ -153,7 +165,8 @@ fn try_target(target: &'static Target, first: u64, count: u64) -> bool {
     for seed in first..first.saturating_add(count) {
         let text = target.text(seed);
         SEED.store(seed, Ordering::Relaxed);
-        BEGAN.store(u64::try_from(start.elapsed().as_millis()).unwrap_or(u64::MAX).max(1), Ordering::Relaxed);
+        TAKEN.store(milliseconds(processor_time()), Ordering::Relaxed);
+        BEGAN.store(milliseconds(start.elapsed()).max(1), Ordering::Relaxed);
         counts.try_one(target, &seed.to_string(), &text);
         BEGAN.store(0, Ordering::Relaxed);
         if said.elapsed() > BETWEEN_REMARKS {

@@ -8,6 +8,7 @@ mod examples;
 mod failure;
 mod input;
 mod interrupt;
+mod memory;
 mod output;
 mod render;
 mod verbs;
@@ -126,7 +127,12 @@ fn main() -> ExitCode {
         std::process::exit(error.exit_code())
     });
     interrupt::install();
-    let budget = if cli.allow_large { Budget::large() } else { Budget::default() };
+    let budget = if cli.allow_large {
+        Budget::large()
+    } else {
+        memory::limit();
+        Budget::default()
+    };
     let outcome = budget::run(budget, || dispatch(&cli.command));
     match outcome.map_err(Failure::from).and_then(|outcome| outcome) {
         Ok(()) => ExitCode::SUCCESS,

@@ -33,16 +33,19 @@ pub(crate) struct Run {
 }
 
 /// What became of a submitted run.
-#[pyclass(frozen, get_all, module = "tpm")]
+#[pyclass(frozen, module = "tpm")]
 pub(crate) struct Submission {
     /// Whether the run is kept.
+    #[pyo3(get)]
     kept: bool,
     /// Why the campaign has ended; nothing while it goes on.
+    #[pyo3(get)]
     outcome: Option<&'static str>,
     /// The run.
+    #[pyo3(get)]
     run: Py<PyDict>,
-    /// What all runs say so far.
-    result: Py<Identification>,
+    /// What all runs say so far, or why they say nothing, which takes nothing back.
+    result: PyResult<Py<Identification>>,
 }
 
 impl Campaign {
@@ -52,7 +55,10 @@ impl Campaign {
             kept: submitted.kept,
             outcome: submitted.outcome.map(|outcome| outcome.describe()),
             run: dictionary(py, &submitted.run)?.unbind(),
-            result: Py::new(py, Identification { result: submitted.result.map_err(Fault::from)? })?,
+            result: match submitted.result {
+                Ok(result) => Ok(Py::new(py, Identification { result })?),
+                Err(fault) => Err(Fault::from(fault).into()),
+            },
         })
     }
 }
@@ -189,6 +195,14 @@ impl Run {
 
 #[pymethods]
 impl Submission {
+    #[getter]
+    fn result(&self, py: Python<'_>) -> PyResult<Py<Identification>> {
+        match &self.result {
+            Ok(found) => Ok(found.clone_ref(py)),
+            Err(fault) => Err(fault.clone_ref(py)),
+        }
+    }
+
     fn __repr__(&self) -> String {
         let kept = if self.kept { "kept" } else { "not kept" };
         self.outcome

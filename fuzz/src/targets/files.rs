@@ -55,17 +55,51 @@ pub(super) fn experiment_text(random: &mut Random) -> String {
     format!("{first}\n{}", mutated(rest, random.next()))
 }
 
-/// An experiment up to the campaign before its first run.
-pub(super) fn experiment(text: &str) -> Verdict {
-    let experiment = match Experiment::parse(text) {
-        Ok(experiment) => experiment,
-        Err(fault) => return refused(&fault),
-    };
+/// The name of one of the models, and its shipped experiment.
+pub(super) fn shipped_experiment(random: &mut Random) -> (&'static str, Experiment) {
+    static FOUND: OnceLock<Vec<(&str, Experiment)>> = OnceLock::new();
+    let found = FOUND.get_or_init(|| {
+        let folders = ["models", "models/experiments"];
+        let texts = |name: &'static str| {
+            let found = folders.iter().flat_map(move |folder| texts(folder, &format!("{name}.toml")));
+            found.map(move |(_, text)| (name, Experiment::parse(&text).expect("a shipped experiment")))
+        };
+        MODELS.into_iter().flat_map(texts).collect()
+    });
+    random.of(found).clone()
+}
+
+/// An experiment whose first line says which model it is for, with this model.
+pub(super) fn session(text: &str) -> Result<Session, Verdict> {
+    let experiment = Experiment::parse(text).map_err(|fault| refused(&fault))?;
     let first = text.lines().next().unwrap_or_default();
     let index = MODELS.iter().position(|name| first.strip_prefix("# ") == Some(name)).unwrap_or(0);
-    let session = match Session::new(model(index).clone(), experiment, None, BTreeMap::new()) {
+    Session::new(model(index).clone(), experiment, None, BTreeMap::new()).map_err(|fault| refused(&fault))
+}
+
+/// A campaign on a mass of few samples in a run.
+pub(super) fn short_session() -> Session {
+    let mut experiment = Experiment::parse(&shipped("mass_spring_drag.toml")).expect("a shipped experiment");
+    experiment.schedule.measure_time = 2.0;
+    experiment.schedule.settle_periods = 1;
+    experiment.control.sample_time = 0.01;
+    experiment.control.derivative_filter = Some(0.02);
+    for feedback in &mut experiment.control.feedback {
+        (feedback.kp, feedback.kd) = (200.0, 30.0);
+    }
+    Session::new(model(0).clone(), experiment, None, BTreeMap::new()).expect("a session")
+}
+
+/// The result of a campaign on the simulated machine.
+pub(super) fn result() -> &'static str {
+    &written().parameters
+}
+
+/// An experiment up to the campaign before its first run.
+pub(super) fn experiment(text: &str) -> Verdict {
+    let session = match session(text) {
         Ok(session) => session,
-        Err(fault) => return refused(&fault),
+        Err(verdict) => return verdict,
     };
     match session.campaign() {
         Ok(_) => Verdict::Answered,

@@ -17,8 +17,14 @@ use tpm_symbolic::linear::transfer::transfer_functions;
 use tpm_symbolic::number::rational::{Rational, ratio, to_f64};
 use tpm_symbolic::plan::split::split;
 
-/// Masses in a chain, a ring or a tree, with springs, dampers and pendulums, one in three of them changed.
+/// Masses in a chain, a ring or a tree, one in three of them changed.
 pub(super) fn machine_text(random: &mut Random) -> String {
+    let text = machine(random);
+    if random.below(3) == 0 { mutated(&text, random.next()) } else { text }
+}
+
+/// Masses in a chain, a ring or a tree, with springs, dampers and pendulums. The first line declares everything.
+pub(super) fn machine(random: &mut Random) -> String {
     let count = random.below(6) + 1;
     let shape = random.below(3);
     let driven = if random.below(4) == 0 { random.below(count) + 1 } else { count };
@@ -61,7 +67,7 @@ pub(super) fn machine_text(random: &mut Random) -> String {
         let _ = write!(text, " x{i} = {};", random.of::<&str>(&moves));
     }
     text.push_str(" } }\n");
-    if random.below(3) == 0 { mutated(&text, random.next()) } else { text }
+    text
 }
 
 /// Values for every symbol, none of them a round number.

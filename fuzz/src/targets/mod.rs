@@ -1,18 +1,28 @@
 //! What is tried: each target writes the text of a seed and reads it all the way. The tests of the workspace try a few seeds of every
 //! target and the whole corpus; the program of this folder tries millions.
 
+mod bench;
+mod campaigns;
+mod editor;
+#[allow(dead_code, reason = "forces alone are compared here")]
+#[path = "../../../tpm-codegen/tests/whole/support/exact.rs"]
+mod exact;
 mod files;
 mod logs;
 mod machines;
 mod models;
 #[path = "../../../tests/support/mutated.rs"]
 mod mutated;
+mod paths;
 #[path = "../../../tests/support/random.rs"]
 mod random;
 #[path = "../../../tests/support/random_log.rs"]
 mod random_log;
 #[path = "../../../tests/support/random_model.rs"]
 mod random_model;
+mod results;
+mod stored;
+mod values;
 
 use random::Random;
 use std::path::{Path, PathBuf};
@@ -66,7 +76,7 @@ const LONGEST: Duration = Duration::from_secs(2);
 const LONGEST_FIT: Duration = Duration::from_secs(10);
 
 /// All targets.
-pub(crate) const TARGETS: [Target; 14] = [
+pub(crate) const TARGETS: [Target; 25] = [
     Target {
         name: "language",
         corpus: MODELS,
@@ -171,6 +181,94 @@ pub(crate) const TARGETS: [Target; 14] = [
         text: machines::description_text,
         longest: LONGEST,
         read: machines::description,
+    },
+    Target {
+        name: "editor",
+        corpus: &["fuzz/corpus/editor"],
+        ending: ".txt",
+        text: editor::text,
+        longest: LONGEST_FIT,
+        read: editor::conversation,
+    },
+    Target {
+        name: "machine_runs",
+        corpus: &["fuzz/corpus/bench"],
+        ending: ".txt",
+        text: bench::runs_text,
+        longest: LONGEST,
+        read: bench::run,
+    },
+    Target {
+        name: "machine_samples",
+        corpus: &["fuzz/corpus/bench"],
+        ending: ".txt",
+        text: bench::samples_text,
+        longest: LONGEST,
+        read: bench::run,
+    },
+    Target {
+        name: "results",
+        corpus: &["fuzz/corpus/results"],
+        ending: ".json",
+        text: results::text,
+        longest: LONGEST,
+        read: results::comparison,
+    },
+    Target {
+        name: "valid_experiment",
+        corpus: &["fuzz/corpus/experiments"],
+        ending: ".toml",
+        text: campaigns::text,
+        longest: LONGEST,
+        read: files::experiment,
+    },
+    Target {
+        name: "proposals",
+        corpus: &["fuzz/corpus/experiments"],
+        ending: ".toml",
+        text: campaigns::short_text,
+        longest: LONGEST_FIT,
+        read: campaigns::proposals,
+    },
+    Target {
+        name: "projection",
+        corpus: &["fuzz/corpus/pairs"],
+        ending: ".txt",
+        text: results::models_text,
+        longest: LONGEST,
+        read: results::projected,
+    },
+    Target {
+        name: "path",
+        corpus: &["fuzz/corpus/paths"],
+        ending: ".txt",
+        text: paths::text,
+        longest: LONGEST,
+        read: paths::fitted,
+    },
+    Target {
+        name: "stored",
+        corpus: &["fuzz/corpus/stored"],
+        ending: ".txt",
+        text: stored::text,
+        longest: LONGEST,
+        read: stored::recording,
+    },
+    Target {
+        name: "forces",
+        corpus: &["fuzz/corpus/forces"],
+        ending: ".tpm",
+        text: values::text,
+        longest: LONGEST,
+        read: values::forces,
+    },
+    Target {
+        name: "nonlinear",
+        corpus: &["fuzz/corpus/forces"],
+        ending: ".tpm",
+        text: values::nonlinear_text,
+        longest: LONGEST,
+        read: values::forces,
     },
 ];
 

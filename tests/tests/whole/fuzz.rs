@@ -57,5 +57,16 @@ targets!(
     linear,
     regulator,
     strokes,
-    description
+    description,
+    editor,
+    machine_runs,
+    machine_samples,
+    results,
+    valid_experiment,
+    proposals,
+    projection,
+    path,
+    stored,
+    forces,
+    nonlinear
 );

@@ -166,25 +166,4 @@ mod tests {
         let choices: Vec<String> = choices.map(|value| value.get_name().to_owned()).collect();
         assert_eq!(choices, TEMPLATES.map(|template| template.name.to_owned()));
     }
-
-    #[test]
-    fn words_are_taken_by_a_shell_as_they_are() {
-        let words = ["x=position", "x=Output angle [deg]", "it's", "a\nb", "$HOME `id`", ""];
-        let quoted: Vec<String> = words.iter().map(|word| shell_word(word)).collect();
-        assert_eq!(quoted[..3], ["x=position", "'x=Output angle [deg]'", "'it'\\''s'"]);
-        let output =
-            std::process::Command::new("sh").arg("-c").arg(format!("printf '%s|' {}", quoted.join(" "))).output();
-        let shown = String::from_utf8(output.expect("a shell").stdout).expect("text");
-        assert_eq!(shown, words.map(|word| format!("{word}|")).concat());
-        assert_eq!(one_line("a\nb"), "a b");
-    }
-
-    #[test]
-    fn the_model_has_the_units_of_its_columns() {
-        let model = in_units(MODEL, Some("rad"), Some("A"));
-        for text in ["x [rad]", "u [A]", "m [A*s^2/rad]", "d [A*s/rad]", "k [A/rad]"] {
-            assert!(model.contains(text), "{text}");
-        }
-        assert_eq!(in_units(MODEL, None, None), MODEL);
-    }
 }

@@ -154,10 +154,45 @@ fn time_grows_far_less_than_with_the_square_of_what_is_read() {
 #[test]
 fn without_memory_a_command_ends_as_with_bad_input() {
     let folder = with("ring.tpm", &ring(160));
-    let script = "ulimit -v 400000; exec \"$TPM\" linearize ring.tpm --value m=1 -o out.txt";
+    let script = "ulimit -v 400000; exec \"$TPM\" linearize ring.tpm --value m=1 --allow-large -o out.txt";
     let output = shell(folder.path(), script);
     says(&output, 2, &["memory allocation of"]);
     assert_eq!(names(folder.path()), ["ring.tpm"]);
+}
+
+/// A message of the language server protocol as it is sent.
+fn framed(message: &str) -> String {
+    format!("Content-Length: {}\r\n\r\n{message}", message.len())
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_command_ends_that_holds_more_memory_than_it_may() {
+    // What the system grants is twice as much, so that it is not what ends the command.
+    let mut server = Command::new("sh")
+        .args(["-c", "ulimit -v 4000000; exec \"$TPM\" lsp"])
+        .env("TPM", env!("CARGO_BIN_EXE_tpm"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("there is a shell");
+    let mut input = server.stdin.take().expect("piped");
+    let initialize = framed(r#"{"jsonrpc":"2.0","id":1,"method":"initialize","params":{"capabilities":{}}}"#);
+    input.write_all(initialize.as_bytes()).expect("it reads");
+    // Documents that are opened and never closed; each is as long as one may be.
+    let text = "x".repeat(100 << 20);
+    for number in 0..40 {
+        let document = format!(r#"{{"uri":"file:///{number}.tpm","languageId":"tpm","version":1,"text":"{text}"}}"#);
+        let open = framed(&format!(
+            r#"{{"jsonrpc":"2.0","method":"textDocument/didOpen","params":{{"textDocument":{document}}}}}"#
+        ));
+        if input.write_all(open.as_bytes()).is_err() {
+            break;
+        }
+    }
+    drop(input);
+    says(&server.wait_with_output().expect("it ends"), 2, &["more than 1 GiB of memory", "--allow-large"]);
 }
 
 #[test]

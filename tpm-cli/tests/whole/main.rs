@@ -2,6 +2,7 @@
 
 mod actuators;
 mod any_log;
+mod attacks;
 mod bad_input;
 mod campaign;
 mod compare;

@@ -12,6 +12,8 @@ use num_traits::{One, Zero};
 
 /// Operations for an entry that is looked at, for the budget.
 const VISITED: u64 = 4;
+/// Operations for an entry of a new matrix, for the budget: also a zero takes memory of its own.
+const MADE: u64 = 32;
 /// Operations for a product of two entries and its sum, beside those that long entries count themselves.
 const MULTIPLIED: u64 = 64;
 
@@ -26,6 +28,10 @@ pub trait Ring {
     fn number(&mut self, value: &Rational) -> Self::Element;
     /// The sum.
     fn add(&mut self, a: &Self::Element, b: &Self::Element) -> Self::Element;
+    /// Adds to a sum, which keeps its memory where the ring can do that.
+    fn add_to(&mut self, sum: &mut Self::Element, part: Self::Element) {
+        *sum = self.add(sum, &part);
+    }
     /// The product.
     fn mul(&mut self, a: &Self::Element, b: &Self::Element) -> Self::Element;
     /// The element multiplied by a rational number.
@@ -125,7 +131,7 @@ pub fn multiply<R: Ring>(ring: &mut R, a: &[Vec<R::Element>], b: &[Vec<R::Elemen
     let zero = ring.number(&Rational::zero());
     let mut rows = Vec::with_capacity(a.len());
     for row in a {
-        budget::charge(VISITED.saturating_mul((row.len() + width) as u64));
+        budget::charge(VISITED.saturating_mul(row.len() as u64).saturating_add(MADE.saturating_mul(width as u64)));
         let mut sums = vec![zero.clone(); width];
         for (left, others) in row.iter().zip(b) {
             if ring.is_zero(left) {
@@ -138,7 +144,7 @@ pub fn multiply<R: Ring>(ring: &mut R, a: &[Vec<R::Element>], b: &[Vec<R::Elemen
                 }
                 budget::charge(MULTIPLIED);
                 let product = ring.mul(left, right);
-                *sum = ring.add(sum, &product);
+                ring.add_to(sum, product);
             }
         }
         rows.push(sums);

@@ -56,6 +56,16 @@ impl Ring for InS<'_> {
         sum
     }
 
+    fn add_to(&mut self, sum: &mut Element, mut part: Element) {
+        if sum.len() < part.len() {
+            std::mem::swap(sum, &mut part);
+        }
+        budget::charge(COPIED.saturating_mul(sum.len() as u64));
+        for (slot, value) in sum.iter_mut().zip(part).filter(|(_, value)| !value.is_zero()) {
+            *slot = if slot.is_zero() { value } else { slot.add(&value) };
+        }
+    }
+
     fn mul(&mut self, a: &Element, b: &Element) -> Element {
         let length = (a.len() + b.len()).saturating_sub(1);
         budget::charge(COEFFICIENT.saturating_mul((a.len() * b.len()) as u64).saturating_add(COPIED * length as u64));
@@ -63,7 +73,8 @@ impl Ring for InS<'_> {
         for (i, left) in a.iter().enumerate().filter(|(_, left)| !left.is_zero()) {
             for (j, right) in b.iter().enumerate().filter(|(_, right)| !right.is_zero()) {
                 let term = self.0.mul(left, right);
-                product[i + j] = product[i + j].add(&term);
+                let slot = &mut product[i + j];
+                *slot = if slot.is_zero() { term } else { slot.add(&term) };
             }
         }
         product

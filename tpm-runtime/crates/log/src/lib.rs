@@ -33,6 +33,7 @@ mod names;
 mod npy;
 mod options;
 mod own_times;
+mod packed;
 mod paired;
 #[cfg(feature = "parquet")]
 mod parquet;
@@ -74,4 +75,4 @@ pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, U
 pub use resample::InterpolationError;
 pub use source::{LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};
-pub use unit::{model_unit, unit_of};
+pub use unit::unit_of;

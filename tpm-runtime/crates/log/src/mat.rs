@@ -5,6 +5,7 @@
 //! side is time. Variables that are no numeric arrays, such as structures, are not read.
 
 use crate::error::LogError;
+use crate::packed::{MOST_UNPACKED, Room};
 use crate::stored::{Stored, StoredColumn};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -134,7 +135,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
         Some(b"MI") => Order::Big,
         _ => return Err(cut()),
     };
-    let (mut columns, mut others) = (Vec::new(), Vec::new());
+    let (mut columns, mut others, mut room) = (Vec::new(), Vec::new(), Room::new());
     loop {
         let mut tag = Vec::new();
         input.by_ref().take(8).read_to_end(&mut tag).map_err(io)?;
@@ -151,8 +152,11 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
         let matrix = match kind {
             MATRIX => bytes,
             COMPRESSED => {
-                let mut inner = Vec::new();
-                ZlibDecoder::new(&bytes[..]).read_to_end(&mut inner).map_err(|_| cut())?;
+                let inner = room.unpack(ZlibDecoder::new(&bytes[..])).map_err(|_| cut())?;
+                let inner = inner.ok_or_else(|| {
+                    let most = MOST_UNPACKED >> 20;
+                    fault(format!("the packed variables of the MAT-file are more than {most} MiB; save fewer of them"))
+                })?;
                 match element(&mut &inner[..], order) {
                     Some(Element { kind: MATRIX, bytes }) => bytes.to_vec(),
                     Some(_) => continue,

@@ -4,6 +4,7 @@
 //! MATLAB states its class in the attribute `MATLAB_class`; texts, logical arrays, and groups such as structures are not read.
 
 use crate::error::LogError;
+use crate::packed::MOST_UNPACKED;
 use crate::stored::{Stored, StoredColumn};
 use hdf5_reader::{Dataset, Datatype, Hdf5File, OpenOptions};
 use std::io::Read;
@@ -43,7 +44,8 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
 
 /// The columns of all numeric datasets at the root, and the names of everything else there.
 fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn<'static>>, Vec<String>), hdf5_reader::error::Error> {
-    let most = bytes.len().saturating_mul(MOST_UNPACKING);
+    let unpacked = usize::try_from(MOST_UNPACKED).unwrap_or(usize::MAX).max(bytes.len());
+    let most = bytes.len().saturating_mul(MOST_UNPACKING).min(unpacked);
     let options = OpenOptions::default().with_max_read_bytes(most).with_max_chunk_bytes(most);
     let file = Hdf5File::from_vec_with_options(bytes, options)?;
     let (groups, mut datasets) = file.root_group()?.members()?;

@@ -5,6 +5,7 @@
 use crate::cursor::Cursor;
 use crate::error::LogError;
 use crate::joint_state::{CDR, JOINT_STATE, Topic};
+use crate::packed::{MOST_UNPACKED, Room};
 use crate::stored::Stored;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -69,8 +70,17 @@ impl File {
     }
 }
 
+/// Why a chunk could not be unpacked.
+enum Unread {
+    Damaged,
+    /// It is compressed in this way.
+    Compression(String),
+    /// It unpacks to more than [`MOST_UNPACKED`].
+    TooLong,
+}
+
 /// The records of a chunk, unpacked.
-fn unpacked(content: &[u8]) -> Result<Vec<u8>, Option<String>> {
+fn unpacked(content: &[u8]) -> Result<Vec<u8>, Unread> {
     let mut cursor = Cursor::new(content);
     let mut parts = || {
         cursor.take(8 + 8)?;
@@ -80,18 +90,18 @@ fn unpacked(content: &[u8]) -> Result<Vec<u8>, Option<String>> {
         let length = usize::try_from(cursor.unsigned(8)?).ok()?;
         Some((size, compression, cursor.take(length)?))
     };
-    let (size, compression, packed) = parts().ok_or(None)?;
-    let mut records = Vec::new();
+    let (size, compression, packed) = parts().ok_or(Unread::Damaged)?;
+    let mut room = Room::new();
     let read = match compression.as_str() {
         "" => return Ok(packed.to_vec()),
-        "lz4" => lz4_flex::frame::FrameDecoder::new(packed).take(size).read_to_end(&mut records).map_err(|_| None),
+        "lz4" => room.unpack(lz4_flex::frame::FrameDecoder::new(packed).take(size)),
         "zstd" => {
-            let decoder = ruzstd::decoding::StreamingDecoder::new(packed).map_err(|_| None)?;
-            decoder.take(size).read_to_end(&mut records).map_err(|_| None)
+            let decoder = ruzstd::decoding::StreamingDecoder::new(packed).map_err(|_| Unread::Damaged)?;
+            room.unpack(decoder.take(size))
         }
-        other => return Err(Some(other.to_string())),
+        other => return Err(Unread::Compression(other.to_string())),
     };
-    read.map(|_| records)
+    read.map_err(|_| Unread::Damaged)?.ok_or(Unread::TooLong)
 }
 
 /// Reads the joint states of an MCAP file; messages call it `path`.
@@ -120,12 +130,16 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
             return Err(cut());
         }
         let taken = if code == CHUNK {
-            let records = unpacked(&bytes).map_err(|compression| match compression {
-                Some(name) => fault(
+            let records = unpacked(&bytes).map_err(|reason| match reason {
+                Unread::Compression(name) => fault(
                     format!("the MCAP file is compressed with {name}"),
                     "compress it with zstd, lz4, or not at all",
                 ),
-                None => cut(),
+                Unread::TooLong => fault(
+                    format!("a chunk of the MCAP file unpacks to more than {} MiB", MOST_UNPACKED >> 20),
+                    "write it once more in smaller chunks (`mcap recover --chunk-size`)",
+                ),
+                Unread::Damaged => cut(),
             })?;
             file.records(&records)
         } else {

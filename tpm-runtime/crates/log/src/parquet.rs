@@ -20,6 +20,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Rows that are decoded at a time.
 const BATCH_ROWS: usize = 1 << 16;
 
+/// Most rows of a row group: a few bytes may state that one value is repeated for more rows than the memory holds.
+const MOST_ROWS: usize = 1 << 25;
+
 /// A Parquet file.
 pub(super) struct Parquet {
     path: String,
@@ -80,6 +83,9 @@ fn numbers<T: DataType>(
         } else {
             column.extend(present);
         }
+        if column.len() > MOST_ROWS {
+            return Err(too_many_rows());
+        }
     }
 }
 
@@ -124,13 +130,20 @@ impl Parquet {
                 ColumnReader::Int64ColumnReader(reader) => numbers(reader, deepest, |value| *value as f64)?,
                 ColumnReader::FloatColumnReader(reader) => numbers(reader, deepest, |value| f64::from(*value))?,
                 ColumnReader::DoubleColumnReader(reader) => numbers(reader, deepest, |value| *value)?,
-                _ => vec![f64::NAN; usize::try_from(group.metadata().num_rows()).unwrap_or(0)],
+                _ => match usize::try_from(group.metadata().num_rows()) {
+                    Ok(rows) if rows <= MOST_ROWS => vec![f64::NAN; rows],
+                    _ => return Err(too_many_rows()),
+                },
             });
         }
         self.next_group += 1;
         self.next_row = 0;
         Ok(())
     }
+}
+
+fn too_many_rows() -> ParquetError {
+    ParquetError::General(format!("a row group has more than {MOST_ROWS} rows; write more groups"))
 }
 
 /// Reads a part of a file. The crate `parquet` panics on some damaged files; that is a fault of the file here.

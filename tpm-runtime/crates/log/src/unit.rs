@@ -124,19 +124,6 @@ fn factor(text: &str) -> Option<String> {
     (!name.contains(['*', '/'])).then(|| format!("{name}^{power}"))
 }
 
-/// Units in which models state what logs measure most often.
-const OF_MODELS: [&str; 9] = ["rad", "m", "N", "N*m", "V", "A", "rad/s", "m/s", "W"];
-
-/// The unit in which a model states the quantity that a header's unit measures: `rad` of `deg`, `N*m` of `mNm`. Nothing of a unit that
-/// is not known, or of another quantity than a position, a speed, a force, a torque, a voltage, a current or a power.
-#[must_use]
-pub fn model_unit(header: &str) -> Option<&'static str> {
-    if matches!(header.trim(), "-" | "1" | "[-]" | "[1]") {
-        return Some("1");
-    }
-    OF_MODELS.into_iter().find(|unit| conversion(header, unit).is_ok())
-}
-
 /// The factor from a unit of a header to the unit of a signal.
 ///
 /// # Errors
@@ -153,7 +140,7 @@ pub(super) fn conversion(header: &str, signal: &str) -> Result<f64, UnitFault> {
 
 #[cfg(test)]
 mod tests {
-    use super::{UnitFault, conversion, model_unit};
+    use super::{UnitFault, conversion};
     use std::f64::consts::PI;
 
     #[test]
@@ -192,17 +179,6 @@ mod tests {
             let found = conversion(header, signal).unwrap_or_else(|fault| panic!("{header}: {fault:?}"));
             assert!((found / factor - 1.0).abs() < 1e-15, "{header} to {signal}: {found} {factor}");
         }
-    }
-
-    #[test]
-    fn models_state_the_quantity_in_a_unit_without_a_factor() {
-        let units =
-            [("deg", "rad"), ("°", "rad"), ("mm", "m"), ("mNm", "N*m"), ("mA", "A"), ("rpm", "rad/s"), ("-", "1")];
-        for (header, unit) in units {
-            assert_eq!(model_unit(header), Some(unit), "{header}");
-        }
-        assert_eq!(model_unit("counts"), None);
-        assert_eq!(model_unit("K"), None);
     }
 
     #[test]

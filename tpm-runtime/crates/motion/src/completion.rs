@@ -52,12 +52,14 @@ pub fn complete(
         return Ok(());
     }
     let mut harmonics = HARMONICS.least.max(2 * trajectory.highest_harmonic() as usize).min(HARMONICS.most);
+    // The motion with fewer harmonics is a good start for that with more; the largest balances take most of the time.
+    let mut start = Vec::new();
     loop {
         let balance = Balance::new(model, trajectory, open, parameters, constants, harmonics)?;
         if balance.rows.len() != open.len() {
             return Err(OpenReason::Rows { free: balance.rows.len(), open: open.len() }.into());
         }
-        let solution = balance.solve(trajectory)?;
+        let solution = balance.solve(trajectory, &start)?;
         let enough = if balance.dry.is_empty() { HARMONICS } else { HARMONICS_BESIDE_JUMP };
         if solution.iter().all(|lines| is_short(lines, enough.settled)) {
             for (&c, lines) in open.iter().zip(solution) {
@@ -69,6 +71,7 @@ pub fn complete(
             return Err(OpenReason::Harmonics { most: HARMONICS.most }.into());
         }
         harmonics = (2 * harmonics).min(HARMONICS.most);
+        start = solution;
     }
 }
 
@@ -168,10 +171,21 @@ impl<'a> Balance<'a> {
         Ok(Balance { model, open, parameters, constants, harmonics, points, rows, dry })
     }
 
-    /// Solves the balance; per open coordinate the mean, then cosine and sine of every harmonic.
-    fn solve(&self, trajectory: &Trajectory) -> Result<Vec<Vec<f64>>, CompletionError> {
+    /// Solves the balance; per open coordinate the mean, then cosine and sine of every harmonic. `start` is a solution with fewer
+    /// harmonics, or nothing.
+    fn solve(&self, trajectory: &Trajectory, start: &[Vec<f64>]) -> Result<Vec<Vec<f64>>, CompletionError> {
         let width = 2 * self.harmonics + 1;
         let mut unknown = DVector::<f64>::zeros(self.open.len() * width);
+        // Where a jump is smoothed, the solution without it comes first, which no start is near.
+        if self.dry.is_empty() && !start.is_empty() {
+            for (unknown, start) in unknown.as_mut_slice().chunks_exact_mut(width).zip(start) {
+                unknown[..start.len()].copy_from_slice(start);
+            }
+            if self.newton(trajectory, &[], &mut unknown).is_ok() {
+                return Ok(unknown.as_slice().chunks_exact(width).map(<[f64]>::to_vec).collect());
+            }
+            unknown.fill(0.0);
+        }
         // An infinite width removes the jump.
         let mut widths = vec![f64::INFINITY; self.dry.len()];
         let mut now = self.newton(trajectory, &widths, &mut unknown)?;
@@ -298,10 +312,9 @@ impl<'a> Balance<'a> {
     fn sample(&self, now: &Trajectory, widths: &[f64]) -> Result<Samples, EvalError> {
         let dims = self.model.dims();
         // 1. The motion at all points, and the size of each of its slots.
-        let mut motions = vec![0.0; self.points * dims.motion_len()];
+        let mut motions = now.period(self.points, dims.motion_len());
         let mut sizes = vec![0.0_f64; dims.motion_len()];
-        for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
-            now.motion_at(n, self.points, 0.0, motion);
+        for motion in motions.chunks_exact(dims.motion_len()) {
             for (size, value) in sizes.iter_mut().zip(motion.iter()) {
                 *size = size.max(value.abs());
             }

@@ -80,6 +80,11 @@ impl Trajectory {
     /// The motion at the phase `w t` (rad): as many derivatives of every coordinate as `out` has room for, laid out as
     /// models read it (`out[n * coordinates + c]`).
     pub fn motion(&self, phase: f64, out: &mut [f64]) {
+        self.motion_by(|harmonic| (f64::from(harmonic) * phase).sin_cos(), out);
+    }
+
+    /// The motion where `turned` gives the sine and the cosine of every harmonic's phase.
+    fn motion_by(&self, turned: impl Fn(u32) -> (f64, f64), out: &mut [f64]) {
         let count = self.coordinates.len().max(1);
         out.fill(0.0);
         for (c, series) in self.coordinates.iter().enumerate() {
@@ -87,7 +92,7 @@ impl Trajectory {
                 *position = series.mean;
             }
             for line in &series.lines {
-                let turned = (f64::from(line.harmonic) * phase).sin_cos();
+                let turned = turned(line.harmonic);
                 let mut scale = 1.0;
                 for (order, slot) in out.iter_mut().skip(c).step_by(count).enumerate() {
                     *slot += scale * line.turned(turned, order);
@@ -102,6 +107,18 @@ impl Trajectory {
     pub fn motion_at(&self, n: usize, samples: usize, advance: f64, out: &mut [f64]) {
         let reduced = (n % samples) as f64 + advance;
         self.motion(2.0 * std::f64::consts::PI * reduced / samples as f64, out);
+    }
+
+    /// The motion at the samples of a whole period, one after the other, each with `width` numbers laid out as models read them. Harmonics
+    /// meet the same phases again and again, so that far fewer sines are computed than by [`motion_at`](Self::motion_at).
+    pub(crate) fn period(&self, samples: usize, width: usize) -> Vec<f64> {
+        let turn = |n: usize| (2.0 * std::f64::consts::PI * n as f64 / samples as f64).sin_cos();
+        let turns: Vec<(f64, f64)> = (0..samples).map(turn).collect();
+        let mut motions = vec![0.0; samples * width];
+        for (n, motion) in motions.chunks_exact_mut(width.max(1)).enumerate() {
+            self.motion_by(|harmonic| turns[(harmonic as usize % samples) * n % samples], motion);
+        }
+        motions
     }
 
     /// Whether another trajectory prescribes the same motion of all coordinates but the open ones, whose motion follows from the
@@ -225,6 +242,24 @@ pub(crate) mod tests {
                 series: HarmonicSeries { mean: 0.0, lines },
             }]],
             others: vec![],
+        }
+    }
+
+    #[test]
+    fn a_period_is_the_motion_at_its_samples() {
+        let lines = (1..40).map(|harmonic| Line { harmonic, cos: 0.3, sin: -0.2 }).collect();
+        let mut trajectory = rest_to_rest_3().trajectory(&[0.3], PI);
+        trajectory.coordinates.push(HarmonicSeries { mean: 0.1, lines });
+        let mut motion = [0.0; 6];
+        // Fewer samples than harmonics too.
+        for samples in [24, 100] {
+            for (n, period) in trajectory.period(samples, 6).chunks_exact(6).enumerate() {
+                trajectory.motion_at(n, samples, 0.0, &mut motion);
+                for (order, (a, b)) in period.iter().zip(motion).enumerate() {
+                    let size = (40.0 * PI).powi(i32::try_from(order / 2).expect("small"));
+                    assert!((a - b).abs() < 1e-11 * size, "{n} of {samples}, {order}: {a} {b}");
+                }
+            }
         }
     }
 

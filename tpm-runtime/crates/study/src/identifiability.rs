@@ -136,8 +136,14 @@ pub fn numerical_identifiability(
                 Err(other) => return Err(other),
             }
         }
-        // Where two settings find no motion at any share, further values hardly do, and each takes as long.
-        if number > 0 && settings.is_empty() && matches!(fault, NumericalError::Open { .. }) {
+        // A motion whose harmonics do not fade out hardly fades with other values; where two settings find none at any share for another
+        // reason, further ones hardly do. Each takes as long.
+        let is_hopeless = match &fault {
+            NumericalError::Open { reason: OpenReason::Harmonics { .. }, .. } => true,
+            NumericalError::Open { .. } => number > 0,
+            _ => false,
+        };
+        if settings.is_empty() && is_hopeless {
             break;
         }
     }
