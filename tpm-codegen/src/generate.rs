@@ -109,9 +109,12 @@ pub fn generate_regulator(
 /// The source files of an estimator.
 ///
 /// # Errors
-/// [`EmitError`] when the identified values are of another model or leave open what an equation needs, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
+/// [`EmitError`] when no sensor measures a coordinate, the identified values are of another model or leave open what an equation needs, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
 /// target language cannot express the model.
 pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
+    if let Some(own) = estimator.model.coordinates.iter().find(|coordinate| coordinate.unmeasured) {
+        return Err(EmitError::Unmeasured(own.name.clone()));
+    }
     if let Some(identified) = options.identified {
         identified.in_order(&estimator.model, &estimator.form)?;
     }

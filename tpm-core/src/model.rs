@@ -194,6 +194,11 @@ pub trait Model<T: Real>: Send + Sync {
 
     /// Name and unit of a coordinate.
     fn coordinate(&self, index: usize) -> Label<'_>;
+    /// Whether sensors measure a coordinate.
+    fn is_measured(&self, index: usize) -> bool {
+        let _ = index;
+        true
+    }
     /// Name and unit of an input.
     fn input(&self, index: usize) -> Label<'_>;
     /// Name and unit of a parameter in which the rows are linear (a lumped one has its canonical name).

@@ -1,6 +1,7 @@
 //! `tpm identifiability`: what a pattern can show of the parameters, and what it cannot, before anything moves.
 
 mod any_motion;
+mod sensors;
 
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
@@ -39,7 +40,7 @@ pub(crate) struct Args {
     /// With `--any-motion`: a coordinate that rests at a value (exact), such as a joint that is locked.
     #[arg(long, value_name = "COORDINATE=VALUE")]
     rest: Vec<String>,
-    /// Print JSON (tpm.identifiability/1, or tpm.base/1 for any motion).
+    /// Print JSON (tpm.identifiability/1; tpm.base/1 for any motion, tpm.observed/1 for unmeasured coordinates).
     #[arg(long)]
     json: bool,
     /// Write to this file instead of standard output.
@@ -83,6 +84,10 @@ fn setting(text: &str, experiments: usize) -> Result<Setting, Failure> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
+    let unmeasured = loaded.model().coordinates.iter().any(|coordinate| coordinate.unmeasured);
+    if unmeasured && !args.any_motion && args.pattern.is_empty() && args.rest.is_empty() {
+        return sensors::run(&loaded, args.json, args.output.as_deref());
+    }
     if args.any_motion || loaded.model().patterns.is_empty() && args.pattern.is_empty() {
         return any_motion::run(&loaded, &args.rest, args.json, args.output.as_deref());
     }

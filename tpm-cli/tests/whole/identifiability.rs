@@ -94,3 +94,33 @@ fn nonlinear_parameters_are_named_as_not_counted() {
         assert_eq!(json["nonlinear"][0], "vs", "{json}");
     }
 }
+
+#[test]
+fn what_sensors_show_of_unmeasured_coordinates_is_said_without_a_log() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("masses.tpm");
+    let text = "model Masses {
+        coordinate x1 [m];
+        unmeasured x2 [m];
+        input u [N];
+        parameter m1 [kg], m2 [kg], d1 [N*s/m], d2 [N*s/m], k [N/m];
+        m1*ddot(x1) + d1*dot(x1) + k*(x1 - x2) = u;
+        m2*ddot(x2) + d2*dot(x2) + k*(x2 - x1) = 0;
+    }";
+    std::fs::write(&file, text).expect("written");
+    let shown = file.to_str().expect("plain");
+    let said = printed_in(&root(), &["identifiability", shown], 0);
+    assert!(said.starts_with("rank 5 of 5 parameters by sensors of x1") && said.contains("not measured: x2"), "{said}");
+    // Code of a controller takes the motion of every coordinate.
+    fails(&["generate", shown, "--lang", "c", "-o", "-"], 2, &["`x2` is unmeasured", "from a log"]);
+    // Nothing of the second mass acts on the first.
+    std::fs::write(&file, text.replace("+ k*(x1 - x2)", "+ k*x1")).expect("written");
+    let said = printed_in(&root(), &["identifiability", shown, "--json"], 1);
+    let found: serde_json::Value = serde_json::from_str(&said).expect("JSON");
+    assert_eq!(
+        (found["schema"].as_str(), found["unfelt"][0].as_str()),
+        (Some("tpm.observed/1"), Some("x2")),
+        "{found}"
+    );
+    fails(&["identifiability", shown], 1, &["sensors show 3 combinations of 5 parameters"]);
+}

@@ -62,6 +62,11 @@ pub enum EmitError {
     /// A coordinate cannot be eliminated, or the model is not linear in its parameters.
     #[error(transparent)]
     Prepare(#[from] PrepareError),
+    /// No sensor measures a coordinate, and what is generated takes the motion of all of them.
+    #[error(
+        "`{0}` is unmeasured, and generated code takes the motion of every coordinate; identify the parameters from a log, or declare it as `coordinate`"
+    )]
+    Unmeasured(String),
     /// A number of the model is beyond double precision.
     #[error("the number {0} is beyond double precision (about 1e-308 to 1e308); choose other units")]
     OutOfRange(String),

@@ -99,8 +99,21 @@ impl Role {
 pub struct Declaration {
     /// Their role.
     pub role: Role,
+    /// Whether these are coordinates that no sensor measures, `unmeasured y [m];`.
+    pub unmeasured: bool,
     /// At least one.
     pub quantities: Vec<Quantity>,
+}
+
+/// The keyword of coordinates that no sensor measures.
+pub(crate) const UNMEASURED: &str = "unmeasured";
+
+impl Declaration {
+    /// The keyword.
+    #[must_use]
+    pub fn keyword(&self) -> &'static str {
+        if self.unmeasured { UNMEASURED } else { self.role.keyword() }
+    }
 }
 
 /// One declared quantity.

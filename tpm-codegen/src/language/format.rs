@@ -8,7 +8,7 @@
 //! Invariant: formatting a formatted text changes nothing.
 
 use crate::diagnostic::Diagnostics;
-use crate::language::ast::Role;
+use crate::language::ast::{Role, UNMEASURED};
 use crate::language::keywords::clauses_of;
 use crate::language::lex::lex;
 use crate::language::parse;
@@ -381,7 +381,7 @@ impl<'a> Page<'a> {
 /// Whether a word before a name declares a list of quantities.
 fn declares(word: &str) -> bool {
     let roles = [Role::Coordinate, Role::Input, Role::Parameter, Role::Constant, Role::Amplitude, Role::Frequency];
-    roles.iter().any(|role| role.keyword() == word)
+    roles.iter().any(|role| role.keyword() == word) || word == UNMEASURED
 }
 
 /// The piece at which to break a line that begins with piece `from` at a column and is too wide: of the pieces that fit

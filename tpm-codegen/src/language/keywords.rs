@@ -4,8 +4,9 @@
 //! are contextual, so that a quantity may be called like any of them.
 
 /// Statements of a model that begin with a word and a name.
-pub(crate) const STATEMENTS: [&str; 11] = [
+pub(crate) const STATEMENTS: [&str; 12] = [
     "coordinate",
+    "unmeasured",
     "input",
     "parameter",
     "constant",
@@ -44,9 +45,14 @@ pub(crate) fn belongs(word: &str) -> Option<&'static str> {
 }
 
 /// Every keyword with its use and its meaning, for editors.
-pub const KEYWORDS: [(&str, &str, &str); 47] = [
+pub const KEYWORDS: [(&str, &str, &str); 48] = [
     ("model", "model NAME { ... }", "a dynamics model; a file has one"),
     ("coordinate", "coordinate x [m], y [m];", "generalised coordinates, functions of the time"),
+    (
+        "unmeasured",
+        "unmeasured y [m];",
+        "coordinates that no sensor measures, which logs identify with the parameters by what other sensors feel of them",
+    ),
     ("input", "input u [N];", "actuating forces, torques, voltages"),
     ("parameter", "parameter m [kg], k [N/m];", "numbers to be identified"),
     (

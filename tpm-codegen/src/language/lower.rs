@@ -169,6 +169,7 @@ impl<'a> Lowering<'a, '_, '_> {
             let kind = match declaration.role {
                 Role::Coordinate => {
                     let coordinate = self.model.declare_coordinate(name, unit);
+                    self.model.coordinates[coordinate.0 as usize].unmeasured = declaration.unmeasured;
                     let expr = self.model.graph.derivative_of(coordinate, 0);
                     self.names.insert(name, expr);
                     continue;

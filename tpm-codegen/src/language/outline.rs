@@ -128,7 +128,7 @@ impl Names<'_> {
 
     fn declaration(&mut self, declaration: &Declaration) {
         for quantity in &declaration.quantities {
-            self.add(&quantity.name, &format!("{} {quantity}", declaration.role.keyword()));
+            self.add(&quantity.name, &format!("{} {quantity}", declaration.keyword()));
         }
     }
 

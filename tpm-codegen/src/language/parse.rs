@@ -365,6 +365,10 @@ impl<'a, 'd> Parser<'a, 'd> {
         };
         match known {
             "coordinate" => self.declaration(Role::Coordinate).map(Item::Declaration),
+            "unmeasured" => {
+                let unmeasured = true;
+                self.declaration(Role::Coordinate).map(|own| Item::Declaration(Declaration { unmeasured, ..own }))
+            }
             "input" => self.declaration(Role::Input).map(Item::Declaration),
             "parameter" => self.declaration(Role::Parameter).map(Item::Declaration),
             "constant" => self.declaration(Role::Constant).map(Item::Declaration),
@@ -428,7 +432,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             }
         }
         self.end_of_statement()?;
-        Ok(Declaration { role, quantities })
+        Ok(Declaration { role, unmeasured: false, quantities })
     }
 
     /// `nonlinear parameter vs [m/s] from 0.01 to 0.5, q0 [rad] from -0.2 to 0.2;`

@@ -158,7 +158,7 @@ impl Display for Quantity {
 
 impl Display for Declaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ", self.role.keyword())?;
+        write!(f, "{} ", self.keyword())?;
         join(f, &self.quantities, ", ")?;
         f.write_char(';')
     }

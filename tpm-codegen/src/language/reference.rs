@@ -15,7 +15,7 @@ pub struct Example {
 }
 
 /// All examples, in the order in which the language is told.
-pub const EXAMPLES: [Example; 8] = [
+pub const EXAMPLES: [Example; 9] = [
     Example { title: "Equations of motion", text: include_str!("examples/equations.tpm") },
     Example { title: "Energies", text: include_str!("examples/energies.tpm") },
     Example { title: "Friction", text: include_str!("examples/friction.tpm") },
@@ -23,6 +23,7 @@ pub const EXAMPLES: [Example; 8] = [
     Example { title: "Patterns", text: include_str!("examples/patterns.tpm") },
     Example { title: "Unknown functions", text: include_str!("examples/series.tpm") },
     Example { title: "Coordinates without a sensor", text: include_str!("examples/elimination.tpm") },
+    Example { title: "Coordinates that logs identify", text: include_str!("examples/unmeasured.tpm") },
     Example { title: "Functions of the motion", text: include_str!("examples/functions.tpm") },
 ];
 

@@ -62,6 +62,9 @@ pub struct CoordinateInfo {
     pub name: String,
     /// The unit, when declared.
     pub unit: Option<Unit>,
+    /// Whether no sensor measures it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub unmeasured: bool,
 }
 
 /// Identifies a source term. Its meaning is known only to the reader of the source.
@@ -142,7 +145,7 @@ impl ExactModel {
     pub fn declare_coordinate(&mut self, name: &str, unit: Option<Unit>) -> Coordinate {
         let coordinate =
             Coordinate(u32::try_from(self.coordinates.len()).expect("invariant: fewer than 2^32 coordinates"));
-        self.coordinates.push(CoordinateInfo { name: name.to_owned(), unit });
+        self.coordinates.push(CoordinateInfo { name: name.to_owned(), unit, unmeasured: false });
         coordinate
     }
 

@@ -15,6 +15,7 @@ mod factored;
 pub mod forces;
 pub mod leaf;
 pub mod lumping;
+pub mod observability;
 pub mod operation;
 pub mod pattern;
 mod reference;

@@ -321,6 +321,17 @@ fn log(log: &LogReport) -> Vec<Block> {
             ));
         }
         Way::Samples(found) => rows.push(("used".to_owned(), format!("{} samples one by one", found.samples))),
+        Way::Recorded(found) => {
+            let (readings, of, blocks) = (found.readings, found.of, found.blocks);
+            rows.push(("simulated between stamps".to_owned(), format!("{readings} of {of} readings, {blocks} blocks")));
+            for own in &found.sensors {
+                let share = digits(100.0 * own.share, SHARE_DIGITS);
+                rows.push((format!("left of {}", own.signal), format!("{share} % of its deviation")));
+            }
+            if !found.unmeasured.is_empty() {
+                rows.push(("not measured".to_owned(), found.unmeasured.join(", ")));
+            }
+        }
         Way::Spectral(found) => {
             let lines: usize = found.lines.lines.iter().sum();
             let used = found.lines.used.iter().copied().fold(0.0, f64::max);

@@ -35,6 +35,7 @@ mod physical_remark;
 mod pooled;
 mod prior;
 mod projected;
+mod recorded;
 mod response;
 mod result;
 mod rows;
@@ -75,6 +76,7 @@ pub use output_error::{
 pub use physical_remark::PhysicalRemark;
 pub use pooled::{Contribution, Pooled, pool};
 pub use projected::{Known, Projector};
+pub use recorded::{Channel, RecordedFault, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded};
 pub use response::ErrorResponse;
 pub use result::{Estimate, ResidualOf};
 pub use run::error_lines;

@@ -35,6 +35,7 @@ pub struct Interpreted {
     dims: Dims,
     coordinates: Vec<Name>,
     orders: Vec<usize>,
+    measured: Vec<bool>,
     inputs: Vec<Name>,
     parameters: Vec<Name>,
     constants: Vec<Name>,
@@ -89,6 +90,9 @@ impl Interpreted {
             name: model.name.clone(),
             dims: leaves.dims,
             coordinates,
+            measured: (evaluation.coordinates.iter())
+                .map(|(coordinate, _)| !model.coordinates[coordinate.0 as usize].unmeasured)
+                .collect(),
             orders: evaluation.coordinates.iter().map(|(_, order)| *order as usize).collect(),
             inputs: evaluation.inputs.iter().map(quantity).collect(),
             parameters: form.columns.iter().map(|column| name(&column.name, column.unit.as_ref())).collect(),
@@ -133,6 +137,10 @@ impl Model<f64> for Interpreted {
 
     fn coordinate(&self, index: usize) -> Label<'_> {
         label(&self.coordinates, index)
+    }
+
+    fn is_measured(&self, index: usize) -> bool {
+        self.measured.get(index).copied().unwrap_or(true)
     }
 
     fn input(&self, index: usize) -> Label<'_> {

@@ -165,6 +165,10 @@ impl Model<f64> for Separable {
         self.rows.coordinate(index)
     }
 
+    fn is_measured(&self, index: usize) -> bool {
+        self.rows.is_measured(index)
+    }
+
     fn input(&self, index: usize) -> Label<'_> {
         self.rows.input(index)
     }

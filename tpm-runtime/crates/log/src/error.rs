@@ -213,6 +213,40 @@ pub enum LogError {
         /// Why they are not read, and what to do.
         why: &'static str,
     },
+    /// A coordinate that no sensor measures stands where all have to be measured.
+    #[error(
+        "`{coordinate}` of the model is unmeasured: {path} is read for its parameters alone (`tpm identify`); what else is asked for needs a column of every coordinate, declare it as `coordinate` for that"
+    )]
+    Unmeasured {
+        /// The file.
+        path: String,
+        /// The coordinate.
+        coordinate: String,
+    },
+    /// A column has no number at all.
+    #[error(
+        "{path}:{line}: the column of `{signal}` has no number in any row; name another column, or leave the signal out of the model"
+    )]
+    NoReading {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The signal.
+        signal: String,
+    },
+    /// Time goes back for good.
+    #[error(
+        "{path}:{line}: time goes back by {seconds} s, so that another recording begins there or the clock was set; split the file there"
+    )]
+    BackForGood {
+        /// The file.
+        path: String,
+        /// Line of the first stamp of the other recording.
+        line: u64,
+        /// By how much, s.
+        seconds: f64,
+    },
     /// A line has more or fewer fields than the header.
     #[error(
         "{path}:{line}: {found} fields, the header has {expected}; {}",
@@ -350,7 +384,9 @@ impl LogError {
         match self {
             LogError::MissingColumn { name, .. } if name == TIME => Some(Remedy::Time),
             LogError::MissingColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
-            LogError::Constant { signal, .. } => Some(Remedy::MapColumn { signal: signal.clone() }),
+            LogError::Constant { signal, .. } | LogError::NoReading { signal, .. } => {
+                Some(Remedy::MapColumn { signal: signal.clone() })
+            }
             LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
             LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
             LogError::Jitter { expected, .. } if *expected <= 0.0 => Some(Remedy::MapColumn { signal: "t_s".into() }),

@@ -7,6 +7,7 @@
 //! are read or found, checked, and reported with the result; every fault is an error that names the line.
 
 mod answers;
+mod as_recorded;
 mod assumption;
 mod columns;
 mod computed;
@@ -59,6 +60,7 @@ mod unit;
 mod wpilog;
 mod wraps;
 
+pub use as_recorded::{AsRecorded, Lone, OwnTimes};
 pub use assumption::{Assumption, Separator};
 pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;

@@ -103,6 +103,7 @@ impl Log {
         model: &dyn Model<f64>,
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
+        all_measured(model, name)?;
         Ok(read_whole(input, name, &signals(model), &[], options)?.0)
     }
 
@@ -119,6 +120,7 @@ impl Log {
     ) -> Result<(Self, Rates), LogError> {
         let source: LogSource<'_> = source.into();
         let (name, signals, rates) = (source.name(), signals(model), rate_signals(model));
+        all_measured(model, &name)?;
         let (mut log, _) = whole(&mut *source.columns()?, &name, &signals, &rates, options)?;
         let rates = std::mem::take(&mut log.rates);
         Ok((log, rates))
@@ -183,6 +185,14 @@ pub(super) fn signals(model: &dyn Model<f64>) -> Vec<Signal> {
         .map(|c| signal(model.coordinate(c)))
         .chain((0..dims.inputs).map(|i| signal(model.input(i))))
         .collect()
+}
+
+/// Refuses a model with a coordinate that no sensor measures.
+pub(super) fn all_measured(model: &dyn Model<f64>, path: &str) -> Result<(), LogError> {
+    match (0..model.dims().coordinates).find(|&c| !model.is_measured(c)) {
+        Some(c) => Err(LogError::Unmeasured { path: path.into(), coordinate: model.coordinate(c).name.into() }),
+        None => Ok(()),
+    }
 }
 
 /// The rates of the model's coordinates, which a log may have.

@@ -12,7 +12,7 @@ use crate::format::{open_columns, open_file};
 use crate::joins::joins;
 use crate::names::Signal;
 use crate::options::ReadingSettings;
-use crate::read::{LEAST_SAMPLES, Log, jitter, rate_signals, signals};
+use crate::read::{LEAST_SAMPLES, Log, all_measured, jitter, rate_signals, signals};
 use crate::repeated::{repeated_readings, without_repeats};
 use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 use crate::resample::{
@@ -97,6 +97,7 @@ impl Recording {
         model: &dyn Model<f64>,
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
+        all_measured(model, name)?;
         let (signals, rates) = (signals(model), rate_signals(model));
         Self::of_columns(columns, name, (&signals[..model.dims().coordinates], &signals), &rates, options)
     }

@@ -100,6 +100,24 @@ impl Table {
         self.holes.iter_mut().for_each(|hole| hole.before = shared.rows.partition_point(|row| *row < hole.before));
     }
 
+    /// Reads the signals, and those rates that have a column, so that a row keeps what it has: all of them, in this order, are the rates of
+    /// the table, not a number where a field is blank.
+    ///
+    /// # Errors
+    /// Those of [`read`](Self::read).
+    pub(super) fn read_apart(
+        columns: &mut dyn Columns,
+        path: &str,
+        signals: &[Signal],
+        rates: &[Signal],
+        options: &ReadingSettings,
+    ) -> Result<Self, LogError> {
+        let mut columns = Computed::of(columns, path, options)?;
+        let plan = Names::of(&columns, path, options).settle(signals, rates)?;
+        let optional = plan.places.into_iter().map(Some).chain(plan.optional).collect();
+        Self::of(&mut columns, path, Plan { places: Vec::new(), optional, ..plan })
+    }
+
     /// Reads the columns of a plan.
     fn of(columns: &mut dyn Columns, path: &str, plan: Plan) -> Result<Self, LogError> {
         let mut table = Table {

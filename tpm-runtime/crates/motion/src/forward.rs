@@ -121,6 +121,12 @@ impl<'m> Plant<'m> {
         })
     }
 
+    /// Whether dry friction acts on a coordinate, so that it may stick.
+    #[must_use]
+    pub fn rubs(&self) -> bool {
+        !self.friction.is_none()
+    }
+
     /// Sets the state from a motion (derivatives above the state are ignored) and the time to zero.
     ///
     /// # Errors

@@ -41,6 +41,14 @@ impl fmt::Display for Setting {
 /// Why a model is no machine.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MachineError {
+    /// No sensor measures a coordinate, and a campaign follows all of them.
+    #[error(
+        "`{coordinate}` is unmeasured, and a campaign measures every coordinate; identify the parameters from a log, or declare it as `coordinate`"
+    )]
+    Unmeasured {
+        /// The coordinate.
+        coordinate: String,
+    },
     /// Its own equations have no regressor form.
     #[error("before coordinates are eliminated: {0}")]
     Own(#[from] PrepareError),

@@ -7,12 +7,12 @@ use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::options::LogOptions;
 use crate::record::nothing;
 use crate::warning::{Exchange, Warning};
-use crate::{lines_log, periodic_log, samples_log, summary};
+use crate::{lines_log, periodic_log, recorded_log, samples_log, summary};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, is_static};
-use tpm_log::{Log, Periodic, ReadingReport};
+use tpm_log::{AsRecorded, Log, OwnTimes, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
@@ -116,13 +116,7 @@ pub(super) fn identify_from(
     options: &LogOptions,
 ) -> Result<Identification, LogFault> {
     let dims = model.dims();
-    if options.constants.len() != dims.constants {
-        return Err(LogFault::Constants {
-            needed: dims.constants,
-            given: options.constants.len(),
-            names: (0..dims.constants).map(|i| model.constant(i).name.into()).collect(),
-        });
-    }
+    check_constants(model, options)?;
     let whole = match segments {
         [log] => Some(*log),
         _ => None,
@@ -143,6 +137,43 @@ pub(super) fn identify_from(
     };
     let found = found(model, machine, segments, options, periodic.as_ref())?;
     result(model, segments, options, found).ok_or_else(nothing)
+}
+
+/// Identifies a model from a log by simulating it between the stamps.
+///
+/// # Errors
+/// [`LogFault`].
+pub(super) fn identify_recorded(
+    model: &dyn Model<f64>,
+    recorded: &AsRecorded,
+    unshown: Option<usize>,
+    options: &LogOptions,
+) -> Result<Identification, LogFault> {
+    check_constants(model, options)?;
+    let found = recorded_log::identify(model, recorded, unshown, options)?;
+    let mean = |own: &Option<OwnTimes>| {
+        own.as_ref().map_or(0.0, |own| own.value.iter().sum::<f64>() / own.value.len().max(1) as f64)
+    };
+    let used = Used {
+        path: &recorded.path,
+        samples: recorded.report.rows,
+        sample_time: recorded.usual_step,
+        position: recorded.coordinates.iter().map(mean).collect(),
+    };
+    Ok(result_of(model, used, options, found))
+}
+
+/// Refuses options that give other constants than the model has.
+fn check_constants(model: &dyn Model<f64>, options: &LogOptions) -> Result<(), LogFault> {
+    let dims = model.dims();
+    if options.constants.len() == dims.constants {
+        return Ok(());
+    }
+    Err(LogFault::Constants {
+        needed: dims.constants,
+        given: options.constants.len(),
+        names: (0..dims.constants).map(|i| model.constant(i).name.into()).collect(),
+    })
 }
 
 /// What is found in a record, by the way that tells it best; `periodic` is the part that repeats.
@@ -224,6 +255,27 @@ fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
 /// The result of what was found in the segments of a record; nothing without a segment.
 fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found: Found) -> Option<Identification> {
     let log = segments.first()?;
+    let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+    let used = Used {
+        path: &log.path,
+        samples: segments.iter().map(|log| log.len()).sum(),
+        sample_time: log.sample_time,
+        position: log.channels[..model.dims().coordinates].iter().map(mean).collect(),
+    };
+    Some(result_of(model, used, options, found))
+}
+
+/// The log that a result is about.
+struct Used<'a> {
+    path: &'a str,
+    samples: usize,
+    sample_time: f64,
+    /// Mean of every coordinate.
+    position: Vec<f64>,
+}
+
+/// The result of what was found in a log.
+fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found: Found) -> Identification {
     let dims = model.dims();
     let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
@@ -234,10 +286,10 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
     };
     let actuators = options.actuators.iter().take(dims.inputs).enumerate();
     let log_report = LogReport {
-        path: log.path.clone(),
+        path: used.path.to_owned(),
         reading: ReadingReport::default(),
-        samples: segments.iter().map(|log| log.len()).sum(),
-        sample_time: log.sample_time,
+        samples: used.samples,
+        sample_time: used.sample_time,
         way,
         row_residuals,
         actuators: actuators.filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect(),
@@ -282,10 +334,8 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         estimate: Some(estimate),
         shortfall: None,
     };
-    let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
-    let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
-    summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
-    Some(result)
+    summary::warn_of_negative_inertias(&mut result, model, &options.constants, &used.position);
+    result
 }
 
 /// Says that the other hold explains a log clearly better.

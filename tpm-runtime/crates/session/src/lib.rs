@@ -24,6 +24,7 @@ mod campaign;
 mod compare;
 #[cfg(test)]
 mod contradiction_tests;
+mod entry;
 mod error;
 mod excerpt;
 mod excite;
@@ -57,6 +58,9 @@ mod play;
 mod pooled_logs;
 mod reading;
 mod record;
+mod recorded_log;
+#[cfg(test)]
+mod recorded_log_tests;
 mod refine;
 mod refine_campaign;
 #[cfg(test)]
@@ -102,8 +106,8 @@ pub use inspect::{
 };
 pub use log_fault::LogFault;
 pub use log_report::{
-    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, SamplesReport, SpectralReport,
-    UntestedReport, Way,
+    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, RecordedReport, SamplesReport,
+    SensorReport, SpectralReport, UntestedReport, Way,
 };
 pub use machine::Machine;
 pub use meaning::{About, Concern, Meaning, Severity};

@@ -1,12 +1,11 @@
 //! From a log to parameters.
 
+use crate::entry::Entry;
 use crate::error::{MachineError, SessionError};
-use crate::fitted_delay::with_delays;
 use crate::identification::{Identification, LogFingerprint, Provenance};
 use crate::log_fault::LogFault;
 use crate::model::{DeclaredModel, Identifiable};
 use crate::options::LogOptions;
-use crate::periodic_log::repeats;
 use crate::pooled_logs::pooled;
 use crate::reading::RecordSettings;
 use crate::rows::Rows;
@@ -18,8 +17,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::{Domain, EstimateError, Frozen};
-use tpm_log::{Log, LogSource, ReadingReport, Recording, Samples};
+use tpm_estimate::Frozen;
+use tpm_log::{LogSource, Recording, Samples};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -136,9 +135,13 @@ pub fn from_logs<R: Into<LogRequest>>(
         result.warnings.insert(0, used);
         return Ok(result);
     }
-    let rows = Rows::new(model, declared.as_deref());
+    let unmeasured = declared.as_deref().filter(|declared| declared.has_unmeasured());
+    let rows = match unmeasured {
+        // A compiled model does not say which of its coordinates are measured; its declaration does.
+        Some(declared) => Rows::new(declared, Some(declared)),
+        None => Rows::new(model, declared.as_deref()),
+    };
     let evaluated = rows.model();
-    let coordinates = evaluated.dims().coordinates;
     let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     if let (None, Some(name)) = (&lumped, first.estimation.bounds.keys().next()) {
@@ -160,29 +163,16 @@ pub fn from_logs<R: Into<LogRequest>>(
         let constants = first.estimation.constants.clone();
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
-        let mut recording = Recording::open(request.source(), evaluated, &options.reading.columns)?;
+        let entry = Entry { rows: &rows, declared: declared.as_deref(), options: &options };
+        let (part, hash) = match unmeasured {
+            Some(_) => entry.as_recorded(request.source())?,
+            None => entry.evenly(request.source())?,
+        };
         let path = request.path.display().to_string();
-        let hash = std::mem::take(&mut recording.fingerprint);
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {
             return Err(SessionError::LogTwice { path, other: same.path.clone() });
         }
         fingerprints.push(LogFingerprint { path, hash });
-        if options.domain == Some(Domain::Harmonics) {
-            recording = alone(recording, coordinates, &options);
-        }
-        let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
-        let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
-        for log in &mut recording.segments {
-            let mended = log.mend(coordinates);
-            replaced.extend(lone_readings(evaluated, log, &mended));
-        }
-        let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part = with_delays(evaluated, &options, &|options| rows.identify(&segments, options))
-            .map_err(|error| of_pieces(error, &recording.report))?;
-        part.warnings.extend(replaced);
-        if let Some(report) = &mut part.log {
-            report.reading = recording.report;
-        }
         parts.push(part);
     }
     let mut result = pooled(evaluated, parts, &known)
@@ -221,26 +211,6 @@ fn with_their_coordinates(
     Ok(Some((whole, Warning::AllCoordinates { coordinates: eliminated })))
 }
 
-/// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.
-fn of_pieces(error: LogFault, report: &ReadingReport) -> LogFault {
-    match (error, report.segments.as_slice()) {
-        (LogFault::Estimate { path, source: EstimateError::NoSignal }, [first, .., last]) => LogFault::ShortSegments {
-            path,
-            from: first.from_line,
-            to: last.to_line,
-            segments: report.segments.len(),
-            longest: report.segments.iter().map(|segment| segment.samples).max().unwrap_or(0),
-            cut: report
-                .segments
-                .iter()
-                .find_map(|segment| segment.cut.as_ref())
-                .map(|cut| cut.to_string())
-                .unwrap_or_default(),
-        },
-        (error, _) => error,
-    }
-}
-
 /// Directions in parameter space that no motion shows while some parameters are held, exact but for one rounding: noise seems to show
 /// them, and the combinations that the data show would be those of the noise. Nothing where they are not known.
 fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Frozen]) -> Vec<Vec<f64>> {
@@ -255,34 +225,4 @@ fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Froz
         whole
     };
     base.hidden(&held).into_iter().map(dense).collect()
-}
-
-/// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
-pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
-    let segments = &recording.segments;
-    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
-    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
-    let used = match longest_first[..] {
-        [] | [_] => return recording,
-        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, &options.reading)),
-    };
-    let used = used.unwrap_or(longest_first[0]);
-    recording.report.used = Some(used);
-    recording.segments = vec![recording.segments.swap_remove(used)];
-    recording
-}
-
-/// One warning for every coordinate of which readings were replaced.
-fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64)]) -> Vec<Warning> {
-    let of = |c: usize| {
-        let own: Vec<_> = mended.iter().filter(|(channel, ..)| *channel == c).collect();
-        own.first().map(|(_, first, _)| Warning::LoneReadings {
-            coordinate: model.coordinate(c).name.into(),
-            count: own.len(),
-            line: log.lines[*first],
-            farthest: own.iter().map(|(.., by)| by.abs()).fold(0.0, f64::max),
-            unit: model.coordinate(c).unit.map(Into::into),
-        })
-    };
-    (0..model.dims().coordinates).filter_map(of).collect()
 }

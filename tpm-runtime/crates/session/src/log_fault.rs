@@ -1,6 +1,6 @@
 //! Why a log gives no estimate.
 
-use tpm_estimate::EstimateError;
+use tpm_estimate::{EstimateError, RecordedFault};
 use tpm_log::{LogError, Mismatch};
 use tpm_motion::SpectrumError;
 use tpm_report::{Remedy, number};
@@ -98,6 +98,36 @@ pub enum LogFault {
         path: String,
         /// The nonlinear parameters.
         parameters: Vec<String>,
+    },
+    /// The model could not be simulated between the stamps of a record.
+    #[error("{path}: {source}")]
+    Recorded {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: RecordedFault,
+    },
+    /// What is asked for does not go with a simulation between stamps.
+    #[error(
+        "{path}: the model is simulated between the stamps of the whole record, since a coordinate is not measured; \
+         dynamics of actuators, harmonics, a period or a first sample are not taken into account there; leave them out, or write them into the model"
+    )]
+    OnlySimulated {
+        /// The file.
+        path: String,
+    },
+    /// A coordinate that no sensor measures, and none feels.
+    #[error(
+        "`{coordinate}` is unmeasured, and no sensor of {path} feels it: {} would be the same whatever it does; measure `{coordinate}` or `dot({coordinate})`, or leave it out of the model",
+        .sensors.join(", ")
+    )]
+    Unfelt {
+        /// The file.
+        path: String,
+        /// The coordinate.
+        coordinate: String,
+        /// What is measured.
+        sensors: Vec<String>,
     },
     /// The parameters could not be estimated.
     #[error("{path}: {source}")]

@@ -45,6 +45,39 @@ pub enum Way {
     Samples(SamplesReport),
     /// By the lines of the rows along the smoothed motion.
     Spectral(SpectralReport),
+    /// By simulating the model between the stamps.
+    Recorded(RecordedReport),
+}
+
+/// What was found about a log by simulating the model between its stamps.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecordedReport {
+    /// Readings that the simulation was compared with.
+    pub readings: usize,
+    /// Readings in the log.
+    pub of: usize,
+    /// Blocks that were simulated, each from a state of its own.
+    pub blocks: usize,
+    /// Duration of the longest block, s.
+    pub duration: f64,
+    /// What is left of every sensor.
+    pub sensors: Vec<SensorReport>,
+    /// Coordinates that no sensor measures.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unmeasured: Vec<String>,
+}
+
+/// What a simulation leaves of the readings of a sensor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SensorReport {
+    /// What it reads: a coordinate, or `dot(q)`.
+    pub signal: String,
+    /// Its readings in the log.
+    pub readings: usize,
+    /// Standard deviation of what is left, unit of the signal.
+    pub left: f64,
+    /// The same as a share of the signal's own deviation.
+    pub share: f64,
 }
 
 /// What was found about a log sample by sample.
@@ -203,7 +236,7 @@ impl LogReport {
     pub const fn periodic(&self) -> Option<&PeriodicReport> {
         match &self.way {
             Way::Harmonics(periodic) => Some(periodic),
-            Way::Samples(_) | Way::Spectral(_) => None,
+            Way::Samples(_) | Way::Spectral(_) | Way::Recorded(_) => None,
         }
     }
 

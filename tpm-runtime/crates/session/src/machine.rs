@@ -45,6 +45,9 @@ impl Machine {
         bounds: &BTreeMap<String, (f64, f64)>,
     ) -> Result<Self, MachineError> {
         let whole = &*with_all_coordinates(prepared)?;
+        if let Some(own) = whole.model.coordinates.iter().find(|coordinate| coordinate.unmeasured) {
+            return Err(MachineError::Unmeasured { coordinate: own.name.clone() });
+        }
         let plant = Interpreted::new(&whole.model, &whole.form);
         let constant = |name: &str| experiment.constants.get(name).copied();
         let of_rows = |pattern| tpm_interpret::pattern::of_rows(pattern, &whole.model, &whole.form, constant);

@@ -82,7 +82,7 @@ impl Warning {
             Warning::PeriodNotUsed { .. } => (Remark, Reading, Nothing),
             Warning::AllCoordinates { .. } => (Remark, Reading, Nothing),
             Warning::RepeatedReadings { .. } => (Remark, Reading, Nothing),
-            Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
+            Warning::OnlyTogether { .. } | Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
             Warning::OtherHold { .. } => (Remark, Record, Nothing),
             Warning::Exchanged { .. } => (Distrust, Record, All),
             Warning::RateDiffers { .. } => (Remark, Record, Nothing),

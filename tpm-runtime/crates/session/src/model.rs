@@ -9,8 +9,10 @@ use tpm_core::model::Model;
 use tpm_interpret::{Interpreted, InterpretedDerivatives, Separable};
 use tpm_log::fingerprint;
 use tpm_report::{MOST_TEXT, read_input};
+use tpm_symbolic::expr::graph::Coordinate;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::to_f64;
+use tpm_symbolic::plan::observability::{Shown, shown};
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 /// Why a model cannot be used.
@@ -120,6 +122,27 @@ impl DeclaredModel {
         let prepared = with_all_coordinates(&self.prepared)?.into_owned();
         let evaluated = Interpreted::new(&prepared.model, &prepared.form);
         Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
+    }
+
+    /// Whether it has a coordinate that no sensor measures.
+    pub(super) fn has_unmeasured(&self) -> bool {
+        self.prepared.model.coordinates.iter().any(|coordinate| coordinate.unmeasured)
+    }
+
+    /// What the sensors of its measured coordinates, and of the rates of those that are named, show of its columns at all while the columns
+    /// `held` are known; nothing where that is not found exactly.
+    #[must_use]
+    pub fn shown(&self, rates: &[&str], held: &[usize]) -> Option<Shown> {
+        let model = &self.prepared.model;
+        let own = (0..).map(Coordinate).zip(&model.coordinates);
+        let sensors: Vec<(Coordinate, u32)> = own
+            .flat_map(|(coordinate, info)| {
+                let position = (!info.unmeasured).then_some((coordinate, 0));
+                let rate = rates.contains(&info.name.as_str()).then_some((coordinate, 1));
+                position.into_iter().chain(rate)
+            })
+            .collect();
+        shown(model, &self.prepared.form, &sensors, held)
     }
 
     /// The derivatives of its rows.

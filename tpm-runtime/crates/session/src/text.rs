@@ -1,7 +1,7 @@
 //! A result as people read it.
 
 use crate::identification::{Identification, Source};
-use crate::log_report::{LogReport, PeriodicReport, PoolReport, Way};
+use crate::log_report::{LogReport, PeriodicReport, PoolReport, SensorReport, Way};
 use crate::refinement_report::RateReport;
 use std::fmt::{self, Write as _};
 use tpm_estimate::{CombinationReport, ParameterReport, Status};
@@ -164,6 +164,7 @@ fn pool_head(result: &Identification, pool: &PoolReport) -> String {
             match &part.log.way {
                 Way::Harmonics(found) => format!("{} periods of {} s", found.periods, number(found.period)),
                 Way::Samples(_) => "samples one by one".into(),
+                Way::Recorded(_) => "simulation between its stamps".into(),
                 Way::Spectral(found) => {
                     format!("lines up to {} Hz", number(found.lines.used.iter().copied().fold(0.0, f64::max)))
                 }
@@ -208,6 +209,25 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             result.harmonics,
         ),
         Way::Samples(found) => format!("{} samples used one by one; hold {hold}\n\n", found.samples),
+        Way::Recorded(found) => {
+            let part = if found.readings < found.of { format!("{} of ", found.readings) } else { String::new() };
+            let blocks = match found.blocks {
+                1 => "in one piece".to_owned(),
+                blocks => {
+                    format!("in {blocks} blocks of up to {} s, each from a state of its own", number(found.duration))
+                }
+            };
+            let left = |own: &SensorReport| format!("{:.3} % of `{}`", 100.0 * own.share, own.signal);
+            let left = found.sensors.iter().map(left).collect::<Vec<_>>().join(", ");
+            let unmeasured = match found.unmeasured.as_slice() {
+                [] => String::new(),
+                names => format!("not measured, simulated: {}\n", names.join(", ")),
+            };
+            format!(
+                "simulated between the stamps of {part}{} readings {blocks}; hold {hold}\n{unmeasured}left: {left}\n\n",
+                found.of
+            )
+        }
         Way::Spectral(found) => {
             let part = match found.period {
                 Some(period) => format!("{} samples of whole periods of {} s", found.lines.samples, number(period)),

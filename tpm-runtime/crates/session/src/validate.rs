@@ -5,8 +5,9 @@
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a
 //! direction of the parameters that is open is not predicted: it is named.
 
+use crate::entry::alone;
 use crate::error::SessionError;
-use crate::log::{LogRequest, alone};
+use crate::log::LogRequest;
 use crate::log_fault::LogFault;
 use crate::model::Identifiable;
 use crate::options::LogOptions;

@@ -120,6 +120,11 @@ pub enum Warning {
         /// Unit of the coordinate.
         unit: Option<String>,
     },
+    /// The sensors of a log show only a combination of parameters, whatever the motion is.
+    OnlyTogether {
+        /// The parameters.
+        parameters: Vec<String>,
+    },
     /// A measured rate is not the rate of the measured position.
     RateDiffers {
         /// The coordinate.
@@ -416,6 +421,14 @@ impl fmt::Display for Warning {
                      what these say was used instead"
                 )
             }
+            Warning::OnlyTogether { parameters } => match parameters.as_slice() {
+                [alone] => write!(f, "no motion shows {alone} to the sensors of this log"),
+                _ => write!(
+                    f,
+                    "whatever the motion is, the sensors of this log show {} only together: hold one of them, or measure more",
+                    parameters.join(", ")
+                ),
+            },
             Warning::InLog { path, warning } => write!(f, "{path}: {warning}"),
             Warning::LogsDisagree { path, parameter, deviations } => write!(
                 f,

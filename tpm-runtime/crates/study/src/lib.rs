@@ -10,6 +10,7 @@ mod design;
 mod excitation;
 mod identifiability;
 mod kept;
+mod observed;
 mod path;
 mod projection;
 mod shown;
@@ -26,6 +27,7 @@ pub use excitation::{
 };
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
 pub use kept::study_kept;
+pub use observed::{Observed, observed};
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
 pub use projection::{
     ComparedMotion, Consistency, InputMisfit, MisfitHarmonic, MotionReport, Projection, ProjectionError,

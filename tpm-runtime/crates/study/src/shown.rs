@@ -140,12 +140,12 @@ fn highest(parsed: &Parsed, asked: &AskedPattern<'_>) -> Option<usize> {
 }
 
 /// Names of the nonlinear parameters.
-fn nonlinear(parsed: &Parsed) -> Vec<String> {
+pub(super) fn nonlinear(parsed: &Parsed) -> Vec<String> {
     let model = &parsed.model;
     model.nonlinear.iter().map(|own| model.quantity(own.symbol).name.to_string()).collect()
 }
 
-fn located(parsed: &Parsed, fault: &impl AtTerm) -> ShownError {
+pub(super) fn located(parsed: &Parsed, fault: &impl AtTerm) -> ShownError {
     ShownError::Model(Box::new(parsed.locate(fault)))
 }
 

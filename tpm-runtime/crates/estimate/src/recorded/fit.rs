@@ -1,0 +1,466 @@
+//! From scaled starts over short blocks to whole stretches, and what the record then says of the parameters.
+
+use crate::error::EstimateError;
+use crate::information::Information;
+use crate::recorded::colour::Colour;
+use crate::recorded::flow::Flow;
+use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
+use crate::recorded::starts::{Scales, first_state, start};
+use crate::recorded::steps::{Course, Point, Settled, beside_states};
+use crate::result::{Estimate, LeastSquares, ResidualOf};
+use crate::settings::Settings;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+use tpm_motion::Plant;
+use tpm_numerics::{DMatrix, root_mean_square};
+
+/// Starts that are tried, the steps that each makes before the best are chosen, how many are kept, and steps until one settles.
+const STARTS: u64 = 24;
+const STEPS_TRIED: usize = 6;
+const KEPT: usize = 4;
+const MOST_STEPS: usize = 60;
+/// Blocks over which starts are tried, their length in cycles of the motion, and bounds of their readings: fewest per state of the model.
+const BLOCKS_TRIED: usize = 6;
+const CYCLES_TRIED: f64 = 0.75;
+const LEAST_PER_STATE: usize = 6;
+const MOST_TRIED: usize = 100;
+/// Readings over which blocks grow, and those over which they settle at last; a longer record is simulated in blocks spread over it.
+const READINGS_GROWN: usize = 2_000;
+const READINGS_SETTLED: usize = 20_000;
+/// How much longer blocks become from one stage to the next.
+const GROWTH: usize = 4;
+/// Blocks stay as long as they are where longer ones leave more than so many times the mean square: noise that acts on the machine, or
+/// what the model lacks, then parts simulation and record.
+const MOST_WORSE: f64 = 2.0;
+/// Times that the sensors' noise is told from what is left.
+const NOISE_PASSES: usize = 3;
+/// Noise of a sensor before anything is known, and least noise, as shares of its deviation.
+const FIRST_NOISE: f64 = 0.05;
+const LEAST_NOISE: f64 = 1e-10;
+/// Steps of the integration are halved until readings move by less than this share of their noise, so often at most.
+const STEP_SETTLED: f64 = 0.02;
+const MOST_HALVINGS: usize = 6;
+/// Longest step of the integration at first, as a share of a cycle of the motion.
+const FIRST_STEP: f64 = 0.02;
+/// A direction of the parameters is not shown where it moves the readings by less than this share of what the others do.
+const UNSHOWN: f64 = 1e-5;
+
+/// What a record with its own times says.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct RecordedFit {
+    /// The estimate.
+    pub estimate: Estimate,
+    /// Readings that were compared with the simulation, and readings in the record.
+    pub readings: usize,
+    /// Readings in the record.
+    pub of: usize,
+    /// Blocks that were simulated, each from a state of its own.
+    pub blocks: usize,
+    /// Duration of the longest one, s.
+    pub duration: f64,
+    /// Standard deviation of what is left of every sensor, unit of what it reads.
+    pub noise: Vec<f64>,
+    /// What is left of every sensor, as a share of its deviation.
+    pub shares: Vec<f64>,
+    /// Steps at the end.
+    pub steps: usize,
+    /// Residual with the inputs taken otherwise between their stamps; nothing where the simulation does not settle so.
+    pub other_hold: Option<f64>,
+}
+
+/// Why a record with its own times gives no estimate.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordedFault {
+    /// The rows do not determine the motion, or a sensor reads none of its states.
+    #[error(
+        "the motion does not follow from the inputs: the model has not as many rows with derivatives as coordinates"
+    )]
+    NotSimulable,
+    /// Fewer readings than unknowns.
+    #[error(
+        "the {readings} readings after the first value of every input are too few for {unknowns} unknowns: parameters, and the state at the beginning"
+    )]
+    TooFew {
+        /// Readings.
+        readings: usize,
+        /// Unknowns.
+        unknowns: usize,
+    },
+    /// No start leads to a motion that stays near the record.
+    #[error(
+        "from none of {starts} starts does the simulated motion follow the record; state a prior near the values, or hold parameters that are known"
+    )]
+    NotFollowed {
+        /// Starts that were tried.
+        starts: u64,
+    },
+    /// The simulation did not settle.
+    #[error("the simulation did not settle on parameters in {steps} steps")]
+    NotSettled {
+        /// Steps that were made.
+        steps: usize,
+    },
+    /// Settings that do not fit the model.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+}
+
+/// Everything that does not change from stage to stage.
+struct Work<'a, 'f> {
+    flow: Flow<'f>,
+    scales: Scales,
+    stretches: Vec<Vec<Reading>>,
+    free: Vec<usize>,
+    bounds: Vec<[f64; 2]>,
+    settings: &'a Settings,
+}
+
+/// Identifies a model by simulating it between the stamps of a record; `unshown` is the number of directions of the free parameters that
+/// no record of these sensors shows, where that is known.
+///
+/// # Errors
+/// [`RecordedFault`].
+pub fn fit_recorded(
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    signals: &SignalsAsRecorded,
+    unshown: Option<usize>,
+    settings: &Settings,
+) -> Result<RecordedFit, RecordedFault> {
+    let dims = model.dims();
+    let free = settings.free(dims.parameters)?;
+    let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
+    if dims.rows != dims.coordinates || orders.contains(&0) || !signals.fit(model) {
+        return Err(RecordedFault::NotSimulable);
+    }
+    let states: Vec<(usize, usize)> =
+        orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect();
+    let stretches = signals.stretches();
+    let of: usize = stretches.iter().map(Vec::len).sum();
+    let unknowns = free.indices.len() + states.len();
+    if of <= unknowns {
+        return Err(RecordedFault::TooFew { readings: of, unknowns });
+    }
+    let scales = Scales::of(model, signals);
+    let sizes = states.iter().map(|&state| scales.size(state)).collect();
+    let longest_step = FIRST_STEP * std::f64::consts::TAU / scales.frequency;
+    let jumps = Plant::new(model, &vec![1.0; dims.parameters], constants).map_err(EstimateError::Model)?.rubs();
+    let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps };
+    let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
+    let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
+    let mut work = Work { flow, scales, stretches, free: free.indices.clone(), bounds, settings };
+    let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
+    let (typical, settled, noise) = work.from_starts(&noise)?;
+    let (blocks, settled, noise) = work.grown(&typical, settled, noise)?;
+    let course = work.course(&blocks, &typical);
+    let linear =
+        course.linearised(&settled.point, &noise).map_err(|_| RecordedFault::NotSettled { steps: settled.steps })?;
+    let beside = beside_states(&linear, &work.flow.sizes);
+    let left: Vec<&Vec<f64>> = linear.iter().map(|own| &own.left).collect();
+    let readings: usize = left.iter().map(|own| own.len()).sum();
+    // 1. What is shown, and values that are least squares.
+    let p = work.free.len();
+    let values: Vec<f64> = free.of(&settled.point.theta);
+    let mut rows = DMatrix::zeros(readings, p + 1);
+    let mut at = 0;
+    for (own, left) in beside.iter().zip(&left) {
+        rows.view_mut((at, 0), (own.nrows(), p)).copy_from(own);
+        for (k, left) in left.iter().enumerate() {
+            let fitted: f64 = (0..p).map(|j| own[(k, j)] * values[j]).sum();
+            rows[(at + k, p)] = fitted + left;
+        }
+        at += own.nrows();
+    }
+    let hidden = hidden(&rows.columns(0, p).into_owned(), unshown);
+    let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).chain(hidden).collect();
+    let information = Information::of(rows);
+    let scaled = information.scaled();
+    let solved = scaled.solve(&values, None, &known);
+    // 2. Deviations with the colour of what is left.
+    let freedom = readings as f64 / (readings as f64 - (p + blocks.len() * work.flow.states.len()) as f64).max(1.0);
+    let mut square = DMatrix::zeros(p, p);
+    for sensor in 0..signals.sensors.len() {
+        let of_sensor = |block: &Block| -> Vec<usize> {
+            (0..block.readings.len()).filter(|&k| block.readings[k].sensor == sensor).collect()
+        };
+        let places: Vec<Vec<usize>> = blocks.iter().map(of_sensor).collect();
+        let series: Vec<Vec<f64>> =
+            places.iter().zip(&left).map(|(places, left)| places.iter().map(|&k| left[k]).collect()).collect();
+        let colour = Colour::of(&series);
+        for (places, own) in places.iter().zip(&beside) {
+            square += colour.square(own.select_rows(places)) * freedom;
+        }
+    }
+    let covariance = &solved.covariance * square * &solved.covariance;
+    // 3. The result.
+    let sensors = signals.sensors.len();
+    let shares: Vec<f64> = (0..sensors)
+        .map(|s| {
+            let own = blocks.iter().zip(&left).flat_map(|(block, left)| {
+                block.readings.iter().zip(left.iter()).filter(|(r, _)| r.sensor == s).map(|(_, e)| *e)
+            });
+            root_mean_square(own) * noise[s] / spread(signals.sensors[s].channel.spread().1)
+        })
+        .collect();
+    let felt = |j: usize| {
+        let Some(at) = work.free.iter().position(|&own| own == j) else { return 0.0 };
+        let sum: f64 = beside.iter().map(|own| own.column(at).norm_squared()).sum();
+        let sizes = (0..sensors).map(|s| spread(signals.sensors[s].channel.spread().1) / noise[s]);
+        (sum / readings as f64).sqrt() / sizes.fold(f64::INFINITY, f64::min)
+    };
+    let felt: Vec<f64> = (0..dims.parameters).map(felt).collect();
+    let found = LeastSquares {
+        values: settled.point.theta.clone(),
+        covariance: free.spread_square(&covariance),
+        hidden: &solved.unobservable,
+        touched: &scaled.touched(&solved.unobservable),
+        rank: solved.rank,
+        condition: scaled.condition(&known),
+        row_residuals: &shares,
+        felt: &felt,
+    };
+    let estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
+    let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
+    Ok(RecordedFit {
+        other_hold: work.with_other_hold(&blocks, &typical, &settled.point, &noise),
+        estimate,
+        readings,
+        of,
+        blocks: blocks.len(),
+        duration: blocks.iter().map(duration).fold(0.0, f64::max),
+        noise,
+        shares,
+        steps: settled.steps,
+    })
+}
+
+/// A deviation that is not zero.
+fn spread(deviation: f64) -> f64 {
+    if deviation > 0.0 { deviation } else { 1.0 }
+}
+
+/// Directions of the parameters that the rows do not show, as many as are known or those that move them by next to nothing.
+fn hidden(rows: &DMatrix<f64>, unshown: Option<usize>) -> Vec<Vec<f64>> {
+    let p = rows.ncols();
+    let norms: Vec<f64> = (0..p).map(|j| spread(rows.column(j).norm())).collect();
+    let normal = rows.tr_mul(rows);
+    let scaled = DMatrix::from_fn(p, p, |i, j| normal[(i, j)] / (norms[i] * norms[j]));
+    let found = scaled.symmetric_eigen();
+    let mut order: Vec<usize> = (0..p).collect();
+    order.sort_by(|&a, &b| found.eigenvalues[a].total_cmp(&found.eigenvalues[b]));
+    let least = UNSHOWN * UNSHOWN * order.last().map_or(0.0, |&last| found.eigenvalues[last]);
+    let count = unshown.unwrap_or(0).max(order.iter().filter(|&&i| found.eigenvalues[i] < least).count()).min(p);
+    let direction = |&i: &usize| (0..p).map(|j| found.eigenvectors[(j, i)] / norms[j]).collect();
+    order[..count].iter().map(direction).collect()
+}
+
+impl<'a, 'f> Work<'a, 'f> {
+    fn course<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
+        Course { flow: &self.flow, blocks, free: &self.free, typical, bounds: &self.bounds }
+    }
+
+    /// Blocks of about so many readings, of which as many as have so many readings in all, spread over the record.
+    fn blocks(&self, length: usize, most: usize) -> Vec<Block> {
+        let mut all: Vec<Block> = Vec::new();
+        for stretch in &self.stretches {
+            all.extend(self.flow.signals.blocks(stretch, length.min(most)));
+        }
+        let least = self.flow.states.len() + 1;
+        all.retain(|block| block.readings.len() >= least);
+        let typical = all.iter().map(|block| block.readings.len()).max().unwrap_or(1);
+        let wanted = (most / typical).clamp(1, all.len().max(1));
+        let stride = all.len() as f64 / wanted as f64;
+        let mut kept = 0;
+        all.into_iter()
+            .enumerate()
+            .filter(|(i, _)| {
+                let keep = kept < wanted && *i >= (kept as f64 * stride) as usize;
+                kept += usize::from(keep);
+                keep
+            })
+            .map(|(_, block)| block)
+            .collect()
+    }
+
+    /// Readings of the blocks over which starts are tried.
+    fn first_length(&self) -> usize {
+        let readings: usize = self.stretches.iter().map(Vec::len).sum();
+        let span = |stretch: &Vec<Reading>| stretch[stretch.len() - 1].time - stretch[0].time;
+        let whole: f64 = self.stretches.iter().map(span).sum();
+        let cycle = std::f64::consts::TAU / self.scales.frequency;
+        let own = (CYCLES_TRIED * cycle / whole * readings as f64).ceil() as usize;
+        own.min(readings / BLOCKS_TRIED).max(LEAST_PER_STATE * self.flow.states.len())
+    }
+
+    /// The best of many starts over short blocks, with the size of every parameter and the noise that is left.
+    fn from_starts(&self, noise: &[f64]) -> Result<(Vec<f64>, Settled, Vec<f64>), RecordedFault> {
+        let length = self.first_length();
+        let mut blocks = self.blocks(length, length * BLOCKS_TRIED);
+        for block in &mut blocks {
+            let mut times: Vec<f64> = block.readings.iter().map(|reading| reading.time).collect();
+            times.dedup();
+            let stride = times.len().div_ceil(MOST_TRIED);
+            let kept: Vec<f64> = times.into_iter().step_by(stride).collect();
+            block.readings.retain(|reading| kept.binary_search_by(|time| time.total_cmp(&reading.time)).is_ok());
+            *block = self.flow.signals.block(&block.readings);
+        }
+        let states: Vec<Vec<f64>> = blocks.iter().map(|block| first_state(&self.flow, &self.scales, block)).collect();
+        let mut tried: Vec<(Vec<f64>, Settled)> = Vec::new();
+        for number in 0..STARTS {
+            let (typical, mut theta) = start(&self.flow, &self.scales, number).map_err(EstimateError::Model)?;
+            if number == 0 && self.settings.prior.iter().any(|value| value.abs() > 0.0) {
+                let stated = self.settings.prior.iter().enumerate().filter(|(_, value)| value.abs() > 0.0);
+                stated.for_each(|(j, value)| theta[j] = *value);
+            }
+            self.settings.hold(&mut theta);
+            let course = self.course(&blocks, &typical);
+            if let Some(settled) = course.settle(Point { theta, states: states.clone() }, noise, STEPS_TRIED) {
+                tried.push((typical, settled));
+            }
+        }
+        tried.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        tried.truncate(KEPT);
+        let settle = |(typical, settled): (Vec<f64>, Settled)| {
+            let course = self.course(&blocks, &typical);
+            let found = course.settle(settled.point, noise, MOST_STEPS)?;
+            Some((typical, found))
+        };
+        let best = tried.into_iter().filter_map(settle).min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        let (typical, settled) = best.ok_or(RecordedFault::NotFollowed { starts: STARTS })?;
+        let noise = self.noise(&blocks, &settled.point, noise);
+        Ok((typical, settled, noise))
+    }
+
+    /// Lets blocks grow to whole stretches, as far as longer ones are followed as well.
+    fn grown(
+        &mut self,
+        typical: &[f64],
+        first: Settled,
+        noise: Vec<f64>,
+    ) -> Result<(Vec<Block>, Settled, Vec<f64>), RecordedFault> {
+        let longest = self.stretches.iter().map(Vec::len).max().unwrap_or(0);
+        let mut length = self.first_length();
+        let mut theta = first.point.theta;
+        let mut best: Option<(usize, Vec<f64>, Vec<f64>, f64)> = None;
+        let mut noise = noise;
+        loop {
+            let blocks = self.blocks(length, READINGS_GROWN.max(length.min(READINGS_SETTLED)));
+            self.refine_step(&blocks, &theta, &noise);
+            let found = self.settled(&blocks, typical, &theta, &noise);
+            let left = |settled: &Settled, noise: &[f64]| -> f64 {
+                let now = self.noise(&blocks, &settled.point, noise);
+                let shares = now.iter().zip(&self.flow.signals.sensors);
+                root_mean_square(shares.map(|(now, own)| now / spread(own.channel.spread().1))).powi(2)
+            };
+            let Some(settled) = found else { break };
+            let mean_square = left(&settled, &noise);
+            if best.as_ref().is_some_and(|(.., other)| mean_square > MOST_WORSE * other) {
+                break;
+            }
+            noise = self.noise(&blocks, &settled.point, &noise);
+            theta.clone_from(&settled.point.theta);
+            best = Some((length, theta.clone(), noise.clone(), mean_square));
+            if length >= longest.min(READINGS_SETTLED) {
+                break;
+            }
+            length = (length * GROWTH).min(longest);
+        }
+        let (length, theta, mut noise, _) = best.ok_or(RecordedFault::NotFollowed { starts: STARTS })?;
+        let blocks = self.blocks(length, READINGS_SETTLED);
+        let mut settled =
+            self.settled(&blocks, typical, &theta, &noise).ok_or(RecordedFault::NotFollowed { starts: STARTS })?;
+        for _ in 0..NOISE_PASSES {
+            noise = self.noise(&blocks, &settled.point, &noise);
+            self.refine_step(&blocks, &settled.point.theta, &noise);
+            let course = self.course(&blocks, typical);
+            let steps = settled.steps;
+            settled = course.settle(settled.point, &noise, MOST_STEPS).ok_or(RecordedFault::NotSettled { steps })?;
+        }
+        if !settled.done {
+            return Err(RecordedFault::NotSettled { steps: settled.steps });
+        }
+        Ok((blocks, settled, noise))
+    }
+
+    /// The states of blocks with given parameters, and then all together.
+    fn settled(&self, blocks: &[Block], typical: &[f64], theta: &[f64], noise: &[f64]) -> Option<Settled> {
+        let states = blocks.iter().map(|block| first_state(&self.flow, &self.scales, block)).collect();
+        let held = Course { free: &[], ..self.course(blocks, typical) };
+        let from = held.settle(Point { theta: theta.to_vec(), states }, noise, STEPS_TRIED)?;
+        self.course(blocks, typical).settle(from.point, noise, MOST_STEPS)
+    }
+
+    /// The noise of every sensor as it is left.
+    fn noise(&self, blocks: &[Block], point: &Point, noise: &[f64]) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0.0); noise.len()];
+        for (block, state) in blocks.iter().zip(&point.states) {
+            let Ok(left) = self.flow.left(block, &point.theta, state, noise) else { continue };
+            for (reading, e) in block.readings.iter().zip(left) {
+                sums[reading.sensor].0 += (e * noise[reading.sensor]).powi(2);
+                sums[reading.sensor].1 += 1.0;
+            }
+        }
+        let readings: f64 = sums.iter().map(|(_, count)| count).sum();
+        let unknowns = (self.free.len() + blocks.len() * self.flow.states.len()) as f64;
+        let freedom = readings / (readings - unknowns).max(1.0);
+        let of = |(s, &(sum, count)): (usize, &(f64, f64))| {
+            let least = LEAST_NOISE * spread(self.flow.signals.sensors[s].channel.spread().1);
+            (sum / f64::max(count, 1.0) * freedom).sqrt().max(least)
+        };
+        sums.iter().enumerate().map(of).collect()
+    }
+
+    /// Halves the steps of the integration until that moves no reading.
+    fn refine_step(&mut self, blocks: &[Block], theta: &[f64], noise: &[f64]) {
+        let Some(block) = blocks.iter().max_by_key(|block| block.readings.len()) else { return };
+        let state = first_state(&self.flow, &self.scales, block);
+        for _ in 0..MOST_HALVINGS {
+            let coarse = self.flow.left(block, theta, &state, noise);
+            let before = self.flow.longest_step;
+            self.flow.longest_step = 0.5 * before;
+            match (coarse, self.flow.left(block, theta, &state, noise)) {
+                (Ok(coarse), Ok(fine)) => {
+                    let moved = root_mean_square(coarse.iter().zip(&fine).map(|(a, b)| a - b));
+                    if moved <= STEP_SETTLED {
+                        self.flow.longest_step = before;
+                        return;
+                    }
+                }
+                (Ok(_), Err(_)) => {
+                    self.flow.longest_step = before;
+                    return;
+                }
+                (Err(_), _) => {}
+            }
+        }
+    }
+
+    /// What is left, as a share of the motion, with the inputs taken otherwise between their stamps.
+    fn with_other_hold(&self, blocks: &[Block], typical: &[f64], point: &Point, noise: &[f64]) -> Option<f64> {
+        let held = &self.flow.signals;
+        if held.inputs.is_empty() {
+            return None;
+        }
+        let other = if held.hold == Hold::Zoh { Hold::None } else { Hold::Zoh };
+        let signals = SignalsAsRecorded { hold: other, ..(*held).clone() };
+        let flow =
+            Flow { signals: &signals, states: self.flow.states.clone(), sizes: self.flow.sizes.clone(), ..self.flow };
+        let blocks: Vec<Block> = blocks.iter().map(|block| signals.block(&block.readings)).collect();
+        let course = Course { flow: &flow, blocks: &blocks, free: &self.free, typical, bounds: &self.bounds };
+        let settled = course.settle(point.clone(), noise, STEPS_TRIED)?;
+        let mut sums = vec![(0.0, 0.0); noise.len()];
+        for (block, state) in blocks.iter().zip(&settled.point.states) {
+            let left = flow.left(block, &settled.point.theta, state, noise).ok()?;
+            for (reading, e) in block.readings.iter().zip(left) {
+                sums[reading.sensor].0 += (e * noise[reading.sensor]).powi(2);
+                sums[reading.sensor].1 += 1.0;
+            }
+        }
+        let share = |(s, &(sum, count)): (usize, &(f64, f64))| {
+            (sum / f64::max(count, 1.0)).sqrt() / spread(signals.sensors[s].channel.spread().1)
+        };
+        Some(root_mean_square(sums.iter().enumerate().map(share)))
+    }
+}

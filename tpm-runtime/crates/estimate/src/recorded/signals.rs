@@ -1,0 +1,187 @@
+//! What was recorded, each channel at its own times, and its division into blocks.
+
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+
+/// A silence of all channels is a break of the record when it is longer than so many usual steps.
+const LEAST_BREAK: f64 = 20.0;
+
+/// The readings or settings of one channel, at its own times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Channel {
+    /// Stamps, s, ascending.
+    pub time: Vec<f64>,
+    /// One value per stamp, unit of the signal.
+    pub value: Vec<f64>,
+}
+
+/// What a sensor reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensed {
+    /// Coordinate that is read.
+    pub coordinate: usize,
+    /// Which derivative of it: 0 for the coordinate itself, 1 for its rate.
+    pub derivative: usize,
+    /// The readings.
+    pub channel: Channel,
+}
+
+/// A record whose channels have times of their own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignalsAsRecorded {
+    /// The inputs of the model.
+    pub inputs: Vec<Channel>,
+    /// The sensors that there are.
+    pub sensors: Vec<Sensed>,
+    /// What inputs do between their stamps.
+    pub hold: Hold,
+}
+
+/// A reading that a simulation is compared with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reading {
+    pub(super) time: f64,
+    pub(super) sensor: usize,
+    pub(super) value: f64,
+}
+
+/// Part of a stretch that is simulated from a state of its own.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Block {
+    /// When it begins, s.
+    pub(super) start: f64,
+    /// Its readings in the order of time.
+    pub(super) readings: Vec<Reading>,
+    /// Instants at which the integration has to stop: readings and, where inputs are held, their stamps.
+    pub(super) instants: Vec<f64>,
+}
+
+impl Channel {
+    /// Index of the last stamp that is not after a time; nothing before the first stamp.
+    fn before(&self, time: f64) -> Option<usize> {
+        self.time.partition_point(|stamp| *stamp <= time).checked_sub(1)
+    }
+
+    /// The value at a time: that of the last stamp, or the polynomial of third degree through the four stamps around.
+    pub(super) fn at(&self, time: f64, hold: Hold) -> f64 {
+        const NODES: usize = 4;
+        let Some(k) = self.before(time) else { return self.value.first().copied().unwrap_or(0.0) };
+        if hold == Hold::Zoh || k + 1 >= self.time.len() || self.time[k] >= time {
+            return self.value[k];
+        }
+        if self.time.len() < NODES {
+            let share = (time - self.time[k]) / (self.time[k + 1] - self.time[k]);
+            return self.value[k] + share * (self.value[k + 1] - self.value[k]);
+        }
+        let first = k.saturating_sub(1).min(self.time.len() - NODES);
+        let (stamps, values) = (&self.time[first..first + NODES], &self.value[first..first + NODES]);
+        let weight = |i: usize| {
+            let others = (0..NODES).filter(|&j| j != i);
+            others.map(|j| (time - stamps[j]) / (stamps[i] - stamps[j])).product::<f64>()
+        };
+        (0..NODES).map(|i| weight(i) * values[i]).sum()
+    }
+
+    fn mean(&self) -> f64 {
+        self.value.iter().sum::<f64>() / self.value.len().max(1) as f64
+    }
+
+    /// Mean and standard deviation.
+    pub(super) fn spread(&self) -> (f64, f64) {
+        let mean = self.mean();
+        let variance = self.value.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / self.value.len().max(1) as f64;
+        (mean, variance.sqrt())
+    }
+
+    /// Angular frequency with which it crosses its mean, with a band of half its deviation about it so that noise is not counted; nothing
+    /// where it does not.
+    pub(super) fn frequency(&self) -> Option<f64> {
+        let (mean, deviation) = self.spread();
+        let duration = self.time.last()? - self.time.first()?;
+        let (mut side, mut crossings) = (0, 0);
+        for value in &self.value {
+            let now = i32::from(value - mean > 0.5 * deviation) - i32::from(mean - value > 0.5 * deviation);
+            if now != 0 && now != side {
+                crossings += usize::from(side != 0);
+                side = now;
+            }
+        }
+        let found = std::f64::consts::PI * crossings.max(1) as f64 / duration;
+        found.is_finite().then_some(found)
+    }
+}
+
+impl SignalsAsRecorded {
+    /// Whether a sensor reads a coordinate itself.
+    pub(super) fn reads(&self, coordinate: usize) -> Option<&Channel> {
+        let own = self.sensors.iter().find(|sensor| sensor.coordinate == coordinate && sensor.derivative == 0);
+        own.map(|sensor| &sensor.channel)
+    }
+
+    /// Readings in all.
+    pub(super) fn readings(&self) -> usize {
+        self.sensors.iter().map(|sensor| sensor.channel.time.len()).sum()
+    }
+
+    /// Whether every sensor reads a state of the model.
+    pub(super) fn fit(&self, model: &dyn Model<f64>) -> bool {
+        self.inputs.len() == model.dims().inputs
+            && self.sensors.iter().all(|sensor| sensor.derivative < model.coordinate_order(sensor.coordinate))
+    }
+
+    /// The readings in the order of time, from when all inputs are known, stretch by stretch: where all channels are silent for long, what
+    /// happened is not known.
+    pub(super) fn stretches(&self) -> Vec<Vec<Reading>> {
+        let begins =
+            self.inputs.iter().filter_map(|input| input.time.first()).fold(f64::NEG_INFINITY, |a, &b| a.max(b));
+        let mut readings: Vec<Reading> = Vec::with_capacity(self.readings());
+        for (sensor, own) in self.sensors.iter().enumerate() {
+            let pairs = own.channel.time.iter().zip(&own.channel.value);
+            readings.extend(pairs.map(|(&time, &value)| Reading { time, sensor, value }));
+        }
+        readings.retain(|reading| reading.time >= begins);
+        readings.sort_by(|a, b| a.time.total_cmp(&b.time));
+        let mut instants: Vec<f64> = readings.iter().map(|reading| reading.time).collect();
+        instants.dedup();
+        let mut steps: Vec<f64> = instants.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        if steps.is_empty() {
+            return Vec::new();
+        }
+        let middle = steps.len() / 2;
+        let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let silent = |from: f64, to: f64| {
+            let said = |input: &Channel| input.before(to) != input.before(from);
+            to - from > LEAST_BREAK * usual && !self.inputs.iter().any(said)
+        };
+        let mut stretches: Vec<Vec<Reading>> = Vec::new();
+        for reading in readings {
+            match stretches.last_mut() {
+                Some(own) if own.last().is_none_or(|last| !silent(last.time, reading.time)) => own.push(reading),
+                _ => stretches.push(vec![reading]),
+            }
+        }
+        stretches
+    }
+
+    /// A stretch divided into blocks of about so many readings.
+    pub(super) fn blocks(&self, stretch: &[Reading], readings: usize) -> Vec<Block> {
+        let count = (stretch.len() / readings.max(1)).max(1);
+        let bound = |i: usize| i * stretch.len() / count;
+        (0..count).map(|i| self.block(&stretch[bound(i)..bound(i + 1)])).collect()
+    }
+
+    pub(super) fn block(&self, readings: &[Reading]) -> Block {
+        let (start, end) = (readings.first().map_or(0.0, |r| r.time), readings.last().map_or(0.0, |r| r.time));
+        let mut instants: Vec<f64> = readings.iter().map(|reading| reading.time).collect();
+        if self.hold == Hold::Zoh {
+            for input in &self.inputs {
+                let from = input.time.partition_point(|stamp| *stamp <= start);
+                let to = input.time.partition_point(|stamp| *stamp < end);
+                instants.extend(&input.time[from..to.max(from)]);
+            }
+        }
+        instants.sort_by(f64::total_cmp);
+        instants.dedup();
+        Block { start, readings: readings.to_vec(), instants }
+    }
+}

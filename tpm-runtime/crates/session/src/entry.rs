@@ -1,0 +1,133 @@
+//! One log on its way to a result: as even samples or, where a coordinate is not measured, as it was recorded.
+
+use crate::error::SessionError;
+use crate::fitted_delay::with_delays;
+use crate::identification::Identification;
+use crate::identify::identify_recorded;
+use crate::log_fault::LogFault;
+use crate::model::DeclaredModel;
+use crate::options::LogOptions;
+use crate::periodic_log::repeats;
+use crate::rows::Rows;
+use crate::warning::Warning;
+use tpm_core::model::Model;
+use tpm_estimate::{Domain, EstimateError};
+use tpm_log::{AsRecorded, Log, LogSource, ReadingReport, Recording};
+
+/// How a log is identified.
+pub(super) struct Entry<'a> {
+    pub(super) rows: &'a Rows<'a>,
+    pub(super) declared: Option<&'a DeclaredModel>,
+    pub(super) options: &'a LogOptions,
+}
+
+impl Entry<'_> {
+    /// The result of a log that is simulated between its stamps, with its fingerprint.
+    pub(super) fn as_recorded(&self, source: LogSource<'_>) -> Result<(Identification, String), SessionError> {
+        let model = self.rows.model();
+        let mut recorded = AsRecorded::open(source, model, &self.options.reading.columns).map_err(LogFault::from)?;
+        let name = |c: usize| model.coordinate(c).name.to_string();
+        let rates: Vec<String> = (0..recorded.rates.len()).filter(|&c| recorded.rates[c].is_some()).map(name).collect();
+        let rates: Vec<&str> = rates.iter().map(String::as_str).collect();
+        let held: Vec<usize> = self.options.estimation.frozen.iter().map(|frozen| frozen.parameter).collect();
+        // Columns are those of a model without nonlinear parameters; with them nothing is known beforehand.
+        let linear = self.declared.filter(|declared| declared.nonlinear().next().is_none());
+        let shown = linear.and_then(|declared| declared.shown(&rates, &held).map(|shown| (declared, shown)));
+        if let Some((declared, shown)) = &shown
+            && let Some(coordinate) = shown.unfelt.first()
+        {
+            let measured = (0..model.dims().coordinates).filter(|&c| model.is_measured(c)).map(name);
+            let rates = rates.iter().map(|rate| format!("dot({rate})"));
+            return Err(SessionError::from(LogFault::Unfelt {
+                path: recorded.path,
+                coordinate: declared.prepared().model.coordinates[coordinate.0 as usize].name.clone(),
+                sensors: measured.chain(rates).collect(),
+            }));
+        }
+        let unshown = shown.as_ref().map(|(_, shown)| shown.together.len());
+        let mut part = identify_recorded(model, &recorded, unshown, self.options)?;
+        let together = shown.iter().flat_map(|(_, shown)| &shown.together);
+        let names = |columns: &Vec<usize>| columns.iter().map(|&j| model.parameter(j).name.to_string()).collect();
+        let hidden = together.map(|columns| Warning::OnlyTogether { parameters: names(columns) });
+        part.warnings = hidden.chain(std::mem::take(&mut part.warnings)).collect();
+        if let Some(report) = &mut part.log {
+            report.reading = std::mem::take(&mut recorded.report);
+        }
+        Ok((part, recorded.fingerprint))
+    }
+
+    /// The result of a log as even samples, with its fingerprint.
+    pub(super) fn evenly(&self, source: LogSource<'_>) -> Result<(Identification, String), SessionError> {
+        let model = self.rows.model();
+        let mut recording = Recording::open(source, model, &self.options.reading.columns)?;
+        let coordinates = model.dims().coordinates;
+        let hash = std::mem::take(&mut recording.fingerprint);
+        if self.options.domain == Some(Domain::Harmonics) {
+            recording = alone(recording, coordinates, self.options);
+        }
+        let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
+        let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
+        for log in &mut recording.segments {
+            let mended = log.mend(coordinates);
+            replaced.extend(lone_readings(model, log, &mended));
+        }
+        let segments: Vec<&Log> = recording.segments.iter().collect();
+        let mut part = with_delays(model, self.options, &|options| self.rows.identify(&segments, options))
+            .map_err(|error| of_pieces(error, &recording.report))?;
+        part.warnings.extend(replaced);
+        if let Some(report) = &mut part.log {
+            report.reading = recording.report;
+        }
+        Ok((part, hash))
+    }
+}
+
+/// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.
+fn of_pieces(error: LogFault, report: &ReadingReport) -> LogFault {
+    match (error, report.segments.as_slice()) {
+        (LogFault::Estimate { path, source: EstimateError::NoSignal }, [first, .., last]) => LogFault::ShortSegments {
+            path,
+            from: first.from_line,
+            to: last.to_line,
+            segments: report.segments.len(),
+            longest: report.segments.iter().map(|segment| segment.samples).max().unwrap_or(0),
+            cut: report
+                .segments
+                .iter()
+                .find_map(|segment| segment.cut.as_ref())
+                .map(|cut| cut.to_string())
+                .unwrap_or_default(),
+        },
+        (error, _) => error,
+    }
+}
+
+/// One warning for every coordinate of which readings were replaced.
+fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64)]) -> Vec<Warning> {
+    let of = |c: usize| {
+        let own: Vec<_> = mended.iter().filter(|(channel, ..)| *channel == c).collect();
+        own.first().map(|(_, first, _)| Warning::LoneReadings {
+            coordinate: model.coordinate(c).name.into(),
+            count: own.len(),
+            line: log.lines[*first],
+            farthest: own.iter().map(|(.., by)| by.abs()).fold(0.0, f64::max),
+            unit: model.coordinate(c).unit.map(Into::into),
+        })
+    };
+    (0..model.dims().coordinates).filter_map(of).collect()
+}
+
+/// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
+pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
+    let segments = &recording.segments;
+    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
+    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
+    let used = match longest_first[..] {
+        [] | [_] => return recording,
+        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, &options.reading)),
+    };
+    let used = used.unwrap_or(longest_first[0]);
+    recording.report.used = Some(used);
+    recording.segments = vec![recording.segments.swap_remove(used)];
+    recording
+}

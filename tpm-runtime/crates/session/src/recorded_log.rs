@@ -1,0 +1,102 @@
+//! A log whose model is simulated between its stamps, since it has coordinates that no sensor measures.
+
+use crate::found::Found;
+use crate::log_fault::LogFault;
+use crate::log_report::{HoldResiduals, RecordedReport, SensorReport, Way};
+use crate::options::LogOptions;
+use crate::summary;
+use crate::warning::{Data, Warning};
+use tpm_core::model::Model;
+use tpm_estimate::{Channel, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded};
+use tpm_log::{AsRecorded, OwnTimes, rate_column};
+use tpm_motion::Dynamics;
+
+/// Whether what is known of a log lets it be simulated between its stamps: nothing lies between its inputs and the machine, and nobody asks
+/// for its harmonics.
+fn may_be(options: &LogOptions) -> bool {
+    let asked = options.domain == Some(tpm_estimate::Domain::Harmonics);
+    let part = options.reading.period.is_some() || options.reading.from_sample.is_some();
+    options.actuators.iter().all(Dynamics::is_ideal) && options.fitted_delays.is_empty() && !asked && !part
+}
+
+/// Identifies a model from a log by simulating it between the stamps; `unshown` is the number of directions of its parameters that these
+/// sensors cannot show, where that is known.
+///
+/// # Errors
+/// [`LogFault`].
+pub(super) fn identify(
+    model: &dyn Model<f64>,
+    recorded: &AsRecorded,
+    unshown: Option<usize>,
+    options: &LogOptions,
+) -> Result<Found, LogFault> {
+    let path = || recorded.path.clone();
+    if !may_be(options) {
+        return Err(LogFault::OnlySimulated { path: path() });
+    }
+    let signals = signals(recorded, options);
+    let fit = fit_recorded(model, &options.constants, &signals, unshown, &options.estimation)
+        .map_err(|source| LogFault::Recorded { path: path(), source })?;
+    let mut warnings = summary::doubts(model, &fit.estimate, Data::Log);
+    let of = |coordinate: usize| {
+        let own: Vec<_> = recorded.lone.iter().filter(|lone| lone.coordinate == coordinate).collect();
+        own.first().map(|first| Warning::LoneReadings {
+            coordinate: model.coordinate(coordinate).name.into(),
+            count: own.len(),
+            line: first.line,
+            farthest: own.iter().map(|lone| lone.by.abs()).fold(0.0, f64::max),
+            unit: model.coordinate(coordinate).unit.map(Into::into),
+        })
+    };
+    warnings.extend((0..model.dims().coordinates).filter_map(of));
+    warnings.extend(recorded.report.repeated.iter().cloned().map(|repeated| Warning::RepeatedReadings { repeated }));
+    let hold = options.reading.hold;
+    Ok(Found {
+        harmonics: 0,
+        hold_residuals: HoldResiduals::of(hold, fit.estimate.residual, fit.other_hold),
+        row_residuals: Vec::new(),
+        way: Way::Recorded(report(model, &signals, &fit)),
+        estimate: fit.estimate,
+        refinement: None,
+        warnings,
+    })
+}
+
+fn signals(recorded: &AsRecorded, options: &LogOptions) -> SignalsAsRecorded {
+    let channel = |own: &OwnTimes| Channel { time: own.time.clone(), value: own.value.clone() };
+    let sensed = |derivative: usize| {
+        move |(coordinate, own): (usize, &Option<OwnTimes>)| {
+            Some(Sensed { coordinate, derivative, channel: channel(own.as_ref()?) })
+        }
+    };
+    let positions = recorded.coordinates.iter().enumerate().filter_map(sensed(0));
+    let rates = recorded.rates.iter().enumerate().filter_map(sensed(1));
+    SignalsAsRecorded {
+        inputs: recorded.inputs.iter().map(channel).collect(),
+        sensors: positions.chain(rates).collect(),
+        hold: options.reading.hold,
+    }
+}
+
+fn report(model: &dyn Model<f64>, signals: &SignalsAsRecorded, fit: &RecordedFit) -> RecordedReport {
+    let sensor = |((sensed, noise), share): ((&Sensed, &f64), &f64)| SensorReport {
+        signal: match sensed.derivative {
+            0 => model.coordinate(sensed.coordinate).name.to_string(),
+            _ => rate_column(model, sensed.coordinate),
+        },
+        readings: sensed.channel.time.len(),
+        left: *noise,
+        share: *share,
+    };
+    RecordedReport {
+        readings: fit.readings,
+        of: fit.of,
+        blocks: fit.blocks,
+        duration: fit.duration,
+        sensors: signals.sensors.iter().zip(&fit.noise).zip(&fit.shares).map(sensor).collect(),
+        unmeasured: (0..model.dims().coordinates)
+            .filter(|&c| !model.is_measured(c))
+            .map(|c| model.coordinate(c).name.to_string())
+            .collect(),
+    }
+}
