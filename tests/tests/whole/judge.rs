@@ -73,6 +73,7 @@ fn findings() -> Vec<Warning> {
         Warning::AllCoordinates { coordinates: vec![x()] },
         Warning::RepeatedReadings { repeated: Repeated { signal: x(), count: 3, line: 7 } },
         Warning::LoneReadings { coordinate: x(), count: 2, line: 5, farthest: 0.1, unit: Some(m()) },
+        Warning::OnlyTogether { parameters: vec![m(), "c".into()] },
         Warning::RateDiffers { coordinate: x(), gain: 1.1 },
         Warning::InLog {
             path: "a.csv".into(),
@@ -119,6 +120,7 @@ fn findings() -> Vec<Warning> {
             | Warning::AllCoordinates { .. }
             | Warning::RepeatedReadings { .. }
             | Warning::LoneReadings { .. }
+            | Warning::OnlyTogether { .. }
             | Warning::RateDiffers { .. }
             | Warning::InLog { .. }
             | Warning::LogsDisagree { .. }

@@ -195,8 +195,10 @@ mod built {
 
     fn declaration(role: Role) -> impl Strategy<Value = Declaration> {
         let value = prop::option::of(expression());
-        prop::collection::vec((ident(), value, unit()), 1..4).prop_map(move |quantities| Declaration {
+        let quantities = prop::collection::vec((ident(), value, unit()), 1..4);
+        (quantities, any::<bool>()).prop_map(move |(quantities, unmeasured)| Declaration {
             role,
+            unmeasured: unmeasured && role == Role::Coordinate,
             quantities: quantities
                 .into_iter()
                 .map(|(name, value, unit)| Quantity { name, value: value.filter(|_| role == Role::Constant), unit })

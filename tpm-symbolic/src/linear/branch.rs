@@ -45,7 +45,7 @@ impl Branches {
             let leaves = graph.leaves(*argument);
             let is_rate = |leaf: &ExprId| matches!(graph.node(*leaf), Node::Derivative(_, 1));
             let moves = |leaf: &ExprId| matches!(graph.node(*leaf), Node::Derivative(..));
-            let of_rates = leaves.iter().any(is_rate) && leaves.iter().filter(|leaf| moves(*leaf)).all(is_rate);
+            let of_rates = leaves.iter().any(is_rate) && leaves.iter().filter(|leaf| moves(leaf)).all(is_rate);
             of_rates && {
                 let value = graph.substitute(*argument, point);
                 trigonometric::is_zero(graph, value)

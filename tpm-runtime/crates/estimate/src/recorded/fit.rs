@@ -152,7 +152,7 @@ pub fn fit_recorded(
     let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
     let mut work = Work { flow, scales, stretches, free: free.indices.clone(), bounds, settings };
     let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
-    let (typical, settled, noise) = work.from_starts(&noise)?;
+    let (typical, settled, noise) = work.begun(&noise)?;
     let (blocks, settled, noise) = work.grown(&typical, settled, noise)?;
     let course = work.course(&blocks, &typical);
     let linear =
@@ -295,7 +295,7 @@ impl<'a, 'f> Work<'a, 'f> {
     }
 
     /// The best of many starts over short blocks, with the size of every parameter and the noise that is left.
-    fn from_starts(&self, noise: &[f64]) -> Result<(Vec<f64>, Settled, Vec<f64>), RecordedFault> {
+    fn begun(&self, noise: &[f64]) -> Result<(Vec<f64>, Settled, Vec<f64>), RecordedFault> {
         let length = self.first_length();
         let mut blocks = self.blocks(length, length * BLOCKS_TRIED);
         for block in &mut blocks {
