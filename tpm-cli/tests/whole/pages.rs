@@ -18,7 +18,7 @@ use tpm_runtime::session::{
 /// A machine that is simulated: the model's name, and what is changed of its experiment.
 const MACHINES: [(&str, &[(&str, &str)]); 3] = [
     ("mass_spring_drag", &[("schedule.measure_time", "6.0")]),
-    ("stribeck_pendulum", &[]),
+    ("stribeck_pendulum", &[("schedule.measure_time", "6.0")]),
     ("two_carts", &[("schedule.measure_time", "6.0")]),
 ];
 
