@@ -86,8 +86,9 @@ pub(crate) fn in_c(folder: &Path, (model, main, part): (&str, &str, &str)) -> Ve
         let place = folder.join(real);
         let out = place.to_str().expect("a readable path");
         printed(&["generate", model, "--lang", "c", "--prefix", "t", "--real", real, "--with", part, "-o", out]);
-        let main = root().join(format!("tpm-cli/tests/whole/controller/{main}.c"));
-        std::fs::copy(main, place.join("run.c")).expect("copied");
+        for (file, copy) in [(format!("{main}.c"), "run.c"), ("shared.h".to_owned(), "shared.h")] {
+            std::fs::copy(root().join("tpm-cli/tests/whole/controller").join(file), place.join(copy)).expect("copied");
+        }
         done(Command::new(compiler).current_dir(&place).args(flags).args(["-c", "t.c"]));
         let main = ["-std=c99", &format!("-DREAL={real}"), "run.c", "t.o", "-o", "run", "-lm"];
         done(Command::new(compiler).current_dir(&place).args(main));
@@ -101,8 +102,9 @@ pub(crate) fn in_rust(folder: &Path, (model, main, part): (&str, &str, &str)) ->
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
     let place = folder.join("rust");
     printed(&["generate", model, "--lang", "rust", "--with", part, "-o", place.to_str().expect("a readable path")]);
-    let main = root().join(format!("tpm-cli/tests/whole/controller/{main}.rs"));
-    std::fs::copy(main, place.join("run.rs")).expect("copied");
+    for (file, copy) in [(format!("{main}.rs"), "run.rs"), ("shared.rs".to_owned(), "shared.rs")] {
+        std::fs::copy(root().join("tpm-cli/tests/whole/controller").join(file), place.join(copy)).expect("copied");
+    }
     std::fs::write(place.join("libm.rs"), LIBM).expect("writable");
     let library = ["--edition=2021", "--crate-type=rlib", "--crate-name=libm", "libm.rs"];
     done(Command::new(&rustc).current_dir(&place).args(library));

@@ -60,6 +60,24 @@ fn played(
     (list.try_into().expect("five parameters"), all)
 }
 
+/// What a program in double precision found; `apart` takes how far any program is from it at most, first of those in double precision, then
+/// of those in single precision, in the deviations that are asked for of a program's and the reference's.
+fn in_double<'a>(
+    all: &'a [Found],
+    programs: &[Program],
+    apart: &mut [f64; 2],
+    deviations: impl Fn(&Found, &Found) -> [f64; 5],
+) -> &'a Found {
+    let reference = all.iter().zip(programs).find(|(_, program)| !program.single).expect("double precision").0;
+    for (found, program) in all.iter().zip(programs) {
+        let slot = &mut apart[usize::from(program.single)];
+        for (i, deviation) in deviations(found, reference).into_iter().enumerate() {
+            *slot = slot.max((found.values[i] - reference.values[i]).abs() / deviation);
+        }
+    }
+    reference
+}
+
 /// The same run by the runtime's estimator and by the generated one: the runtime takes what was applied from its own loop, the controller
 /// from the samples, and their noise weighs it.
 #[test]
@@ -85,13 +103,7 @@ fn linearised_estimators_are_those_of_the_runtime_in_every_language_and_precisio
             let begin = prior.map(|value| value.to_string()).join(" ");
             let input = format!("{} {samples} {periods} {SAMPLE_TIME}\n{begin}\n{}", samples * settle, runs[0].rows);
             let all: Vec<Found> = programs.iter().map(|program| program.found(&input, folder.path())).collect();
-            let reference = all.iter().zip(&programs).find(|(_, program)| !program.single).expect("double precision").0;
-            for (found, program) in all.iter().zip(&programs) {
-                for i in 0..5 {
-                    let slot = &mut apart[usize::from(program.single)];
-                    *slot = slot.max((found.values[i] - reference.values[i]).abs() / reference.deviations[i]);
-                }
-            }
+            let reference = in_double(&all, &programs, &mut apart, |_, reference| reference.deviations);
             for i in 0..5 {
                 worst = worst.max(((reference.values[i] - TRUTH[i]) / reference.deviations[i]).abs());
                 let [value, deviation] = of_runtime[i];
@@ -135,14 +147,8 @@ fn differences_of_runs_identify_the_chain_in_every_language_and_precision() {
             let _ = write!(input, "{steps}\n{}", run.rows);
         }
         let all: Vec<Found> = programs.iter().map(|program| program.found(&input, folder.path())).collect();
-        let reference = all.iter().zip(&programs).find(|(_, program)| !program.single).expect("double precision").0;
-        for (found, program) in all.iter().zip(&programs) {
-            for i in 0..5 {
-                let slot = &mut apart[usize::from(program.single)];
-                // In single precision the rounding of lines is larger than this noise, and in the deviations.
-                *slot = slot.max((found.values[i] - reference.values[i]).abs() / found.deviations[i]);
-            }
-        }
+        // In single precision the rounding of lines is larger than this noise, and in the deviations.
+        let reference = in_double(&all, &programs, &mut apart, |found, _| found.deviations);
         for i in 0..5 {
             worst = worst.max(((reference.values[i] - TRUTH[i]) / reference.deviations[i]).abs());
             let [value, _] = of_runtime[i];

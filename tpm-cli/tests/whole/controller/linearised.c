@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 #include "t.h"
+#include "shared.h"
 
 static t_run run;
 static t_run_reference reference;
@@ -20,15 +21,13 @@ int main(int count, char **words)
     t_run_sample sample;
     t_run_measured at;
     t_run_linearisation which = count > 2 && strcmp(words[2], "error") == 0 ? T_RUN_ERROR : T_RUN_HILL;
-    int status, i;
+    int status;
 
     if (scanf("%u %u %u %lf", &skip, &samples, &periods, &sample_time) != 4) {
         return 10;
     }
-    for (i = 0; i < 5; ++i) {
-        if (scanf("%lf", &prior[i]) != 1) {
-            return 11;
-        }
+    if (!read_numbers(prior, 5)) {
+        return 11;
     }
     sampling.sample_time = (REAL)sample_time;
     status = (int)t_run_begin(&run, samples, periods, &sampling, NULL);
@@ -45,19 +44,10 @@ int main(int count, char **words)
         sample.applied.F = (REAL)row[3];
         status = (int)t_run_push(&run, number - 1 - skip, &sample);
     }
-    begin.m1 = (REAL)prior[0];
-    begin.m2 = (REAL)prior[1];
-    begin.k1 = (REAL)prior[2];
-    begin.k2 = (REAL)prior[3];
-    begin.k3 = (REAL)prior[4];
+    set_numbers(&begin, prior, 5);
     status = (int)t_run_identify_about(&run, &workspace, &reference, which, &begin, &estimate);
-    printf("%d\n", status);
-    if (status != 0) {
-        return 0;
-    }
-    for (i = 0; i < 5; ++i) {
-        printf("%.17g\n%.17g\n", (double)((REAL *)&estimate.parameters)[i], (double)((REAL *)&estimate.deviations)[i]);
-    }
-    printf("%.17g\n%.17g\n", (double)estimate.chi_squared, (double)estimate.noise.x1);
+    print_found(status, &estimate.parameters, &estimate.deviations, 5);
+    print_number(status, estimate.chi_squared);
+    print_number(status, estimate.noise.x1);
     return 0;
 }

@@ -1,22 +1,16 @@
 //! Reads "skip samples periods sample_time", the parameters of the feed-forward, then samples with their reference; prints what the
 //! estimator that the second argument names (error or hill) finds, in the precision of the first one, double or single.
 
+mod shared;
 #[allow(dead_code, unused_imports)]
 mod two_carts;
 
-use std::io::Read;
 use two_carts::run::{Applied, Estimator, Measured, Parameters, Reference, RunLinearisation, RunSampling, Sample};
 use two_carts::support::Real;
 
 fn found<T: Real>(text: &str, which: RunLinearisation) {
     let mut lines = text.lines();
-    let mut numbers = |count: usize| -> Vec<f64> {
-        let line = lines.next().unwrap_or_default();
-        let numbers = line.split_whitespace().map(|word| word.parse().expect("a number")).collect::<Vec<f64>>();
-        assert_eq!(numbers.len(), count);
-        numbers
-    };
-    let (shape, prior) = (numbers(4), numbers(5));
+    let (shape, prior) = (shared::numbers(lines.next(), 4), shared::numbers(lines.next(), 5));
     let sampling = RunSampling { sample_time: T::from_f64(shape[3]), held: true, delay: T::ZERO };
     let mut estimator = Estimator::new(shape[1] as u32, shape[2] as u32, sampling, None).expect("a run");
     let mut reference = Reference::new(shape[1] as u32).expect("a period");
@@ -27,29 +21,23 @@ fn found<T: Real>(text: &str, which: RunLinearisation) {
         let _ = estimator.push(number as u32, &Sample { measured, applied: Applied { F: row[3] } });
     }
     let prior = Parameters::from_array([prior[0], prior[1], prior[2], prior[3], prior[4]].map(T::from_f64));
+    let number = |number: Option<T>| number.map(Real::to_f64);
     match estimator.estimate_about(which, &reference, &prior) {
         Ok(estimate) => {
-            println!("0");
-            let values = estimate.parameters.into_array().into_iter().zip(estimate.deviations.into_array());
-            values.for_each(|(value, deviation)| {
-                let of = |number: Option<T>| number.map_or(f64::NAN, Real::to_f64);
-                println!("{:?}\n{:?}", of(value), of(deviation));
-            });
-            println!("{:?}\n{:?}", estimate.chi_squared.to_f64(), estimate.noise.x1.to_f64());
+            shared::print_found(
+                estimate.parameters.into_array().map(number),
+                estimate.deviations.into_array().map(number),
+                &[estimate.chi_squared.to_f64(), estimate.noise.x1.to_f64()],
+            );
         }
         Err(fault) => println!("1 {fault}"),
     }
 }
 
 fn main() {
-    let mut text = String::new();
-    std::io::stdin().read_to_string(&mut text).expect("readable");
     let which = match std::env::args().nth(2).as_deref() {
         Some("error") => RunLinearisation::Error,
         _ => RunLinearisation::Hill,
     };
-    match std::env::args().nth(1).as_deref() {
-        Some("single") => found::<f32>(&text, which),
-        _ => found::<f64>(&text, which),
-    }
+    shared::run(|text| found::<f32>(text, which), |text| found::<f64>(text, which));
 }

@@ -4,6 +4,7 @@
  */
 #include <stdio.h>
 #include "t.h"
+#include "shared.h"
 
 static t_run run;
 static t_run_reference reference;
@@ -24,10 +25,8 @@ int main(void)
     if (scanf("%u %u %u %lf %u", &skip, &samples, &periods, &sample_time, &rows) != 5) {
         return 10;
     }
-    for (i = 0; i < 5; ++i) {
-        if (scanf("%lf", &prior[i]) != 1) {
-            return 11;
-        }
+    if (!read_numbers(prior, 5)) {
+        return 11;
     }
     sampling.sample_time = (REAL)sample_time;
     while (scanf("%lf %lf %lf %lf %lf", &steps[0], &steps[1], &steps[2], &steps[3], &steps[4]) == 5) {
@@ -61,19 +60,10 @@ int main(void)
             return 14;
         }
     }
-    begin.m1 = (REAL)prior[0];
-    begin.m2 = (REAL)prior[1];
-    begin.k1 = (REAL)prior[2];
-    begin.k2 = (REAL)prior[3];
-    begin.k3 = (REAL)prior[4];
+    set_numbers(&begin, prior, 5);
     status = (int)t_run_numerical_identify(&numerical, &workspace, &begin, &estimate);
-    printf("%d\n", status);
-    if (status != 0) {
-        return 0;
-    }
-    for (i = 0; i < 5; ++i) {
-        printf("%.17g\n%.17g\n", (double)((REAL *)&estimate.parameters)[i], (double)((REAL *)&estimate.deviations)[i]);
-    }
-    printf("%.17g\n%.17g\n", (double)estimate.chi_squared, (double)estimate.noise.x1);
+    print_found(status, &estimate.parameters, &estimate.deviations, 5);
+    print_number(status, estimate.chi_squared);
+    print_number(status, estimate.noise.x1);
     return 0;
 }

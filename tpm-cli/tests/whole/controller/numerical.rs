@@ -2,27 +2,21 @@
 //! are larger and so many samples with their reference; prints what follows from the differences of the runs, in the precision of the
 //! argument, double or single.
 
+mod shared;
 #[allow(dead_code, unused_imports)]
 mod two_carts;
 
-use std::io::Read;
 use two_carts::run::{Applied, Estimator, Measured, Numerical, Parameters, Reference, RunFault, RunSampling, Sample};
 use two_carts::support::Real;
 
 fn found<T: Real>(text: &str) {
     let mut lines = text.lines();
-    let numbers = |line: Option<&str>, count: usize| -> Vec<f64> {
-        let numbers = line.unwrap_or_default().split_whitespace().map(|word| word.parse().expect("a number"));
-        let numbers = numbers.collect::<Vec<f64>>();
-        assert_eq!(numbers.len(), count);
-        numbers
-    };
-    let (shape, prior) = (numbers(lines.next(), 5), numbers(lines.next(), 5));
+    let (shape, prior) = (shared::numbers(lines.next(), 5), shared::numbers(lines.next(), 5));
     let sampling = RunSampling { sample_time: T::from_f64(shape[3]), held: true, delay: T::ZERO };
     let mut estimator = Estimator::new(shape[1] as u32, shape[2] as u32, sampling, None).expect("a run");
     let mut numerical = Numerical::default();
     while let Some(line) = lines.next() {
-        let steps = numbers(Some(line), 5);
+        let steps = shared::numbers(Some(line), 5);
         let mut reference = Reference::new(shape[1] as u32).expect("a period");
         estimator.begin(shape[1] as u32, shape[2] as u32).expect("a run");
         for number in 0..shape[4] as u32 {
@@ -43,25 +37,19 @@ fn found<T: Real>(text: &str) {
         assert_eq!(beyond, Err(RunFault::Perturbation), "there is no sixth parameter");
     }
     let prior = Parameters::from_array([prior[0], prior[1], prior[2], prior[3], prior[4]].map(T::from_f64));
+    let number = |number: Option<T>| number.map(Real::to_f64);
     match numerical.estimate(&prior) {
         Ok(estimate) => {
-            println!("0");
-            let values = estimate.parameters.into_array().into_iter().zip(estimate.deviations.into_array());
-            values.for_each(|(value, deviation)| {
-                let of = |number: Option<T>| number.map_or(f64::NAN, Real::to_f64);
-                println!("{:?}\n{:?}", of(value), of(deviation));
-            });
-            println!("{:?}\n{:?}", estimate.chi_squared.to_f64(), estimate.noise.x1.to_f64());
+            shared::print_found(
+                estimate.parameters.into_array().map(number),
+                estimate.deviations.into_array().map(number),
+                &[estimate.chi_squared.to_f64(), estimate.noise.x1.to_f64()],
+            );
         }
         Err(fault) => println!("1 {fault}"),
     }
 }
 
 fn main() {
-    let mut text = String::new();
-    std::io::stdin().read_to_string(&mut text).expect("readable");
-    match std::env::args().nth(1).as_deref() {
-        Some("single") => found::<f32>(&text),
-        _ => found::<f64>(&text),
-    }
+    shared::run(found::<f32>, found::<f64>);
 }

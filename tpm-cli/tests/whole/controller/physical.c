@@ -4,6 +4,7 @@
  */
 #include <stdio.h>
 #include "t.h"
+#include "shared.h"
 
 static t_run run;
 static t_run_workspace workspace;
@@ -19,15 +20,13 @@ int main(void)
     t_run_parameters begin;
     t_run_physical physical;
     t_run_sample sample;
-    int status, i;
+    int status;
 
     if (scanf("%u %u %u %lf", &skip, &samples, &periods, &sample_time) != 4) {
         return 10;
     }
-    for (i = 0; i < 3; ++i) {
-        if (scanf("%lf", &prior[i]) != 1) {
-            return 11;
-        }
+    if (!read_numbers(prior, 3)) {
+        return 11;
     }
     sampling.sample_time = (REAL)sample_time;
     status = (int)t_run_begin(&run, samples, periods, &sampling, NULL);
@@ -41,9 +40,7 @@ int main(void)
         sample.applied.tau = (REAL)row[4];
         status = (int)t_run_push(&run, number - 1 - skip, &sample);
     }
-    physical.M = (REAL)prior[0];
-    physical.m = (REAL)prior[1];
-    physical.L = (REAL)prior[2];
+    set_numbers(&physical, prior, 3);
     ((REAL *)&begin)[0] = physical.M + physical.m;
     ((REAL *)&begin)[1] = physical.m * physical.L;
     ((REAL *)&begin)[2] = physical.m * physical.L * physical.L;
@@ -51,13 +48,7 @@ int main(void)
     if (status == 0) {
         status = (int)t_run_identify_physical(&workspace, &own, &physical, &found);
     }
-    printf("%d\n", status);
-    if (status != 0) {
-        return 0;
-    }
-    for (i = 0; i < 3; ++i) {
-        printf("%.17g\n%.17g\n", (double)((REAL *)&found.parameters)[i], (double)((REAL *)&found.deviations)[i]);
-    }
-    printf("%.17g\n", (double)found.chi_squared);
+    print_found(status, &found.parameters, &found.deviations, 3);
+    print_number(status, found.chi_squared);
     return 0;
 }

@@ -1,6 +1,7 @@
 /* Reads "skip samples periods sample_time", priors, then samples; prints what the estimator of a run finds. */
 #include <stdio.h>
 #include "t.h"
+#include "shared.h"
 
 static t_run run;
 static t_run_workspace workspace;
@@ -14,15 +15,13 @@ int main(void)
     const t_run_applied limits = {400};
     t_run_parameters begin;
     t_run_sample sample;
-    int status, i;
+    int status;
 
     if (scanf("%u %u %u %lf", &skip, &samples, &periods, &sample_time) != 4) {
         return 10;
     }
-    for (i = 0; i < 5; ++i) {
-        if (scanf("%lf", &prior[i]) != 1) {
-            return 11;
-        }
+    if (!read_numbers(prior, 5)) {
+        return 11;
     }
     sampling.sample_time = (REAL)sample_time;
     status = (int)t_run_begin(&run, samples, periods, &sampling, &limits);
@@ -36,19 +35,10 @@ int main(void)
         /* A sample that was left out shows in the time. */
         status = (int)t_run_push(&run, (unsigned)(row[0] / sample_time + 0.5) - skip, &sample);
     }
-    begin.m1 = (REAL)prior[0];
-    begin.m2 = (REAL)prior[1];
-    begin.k1 = (REAL)prior[2];
-    begin.k2 = (REAL)prior[3];
-    begin.k3 = (REAL)prior[4];
+    set_numbers(&begin, prior, 5);
     status = (int)t_run_identify(&run, &workspace, &begin, &estimate);
-    printf("%d\n", status);
-    if (status != 0) {
-        return 0;
-    }
-    for (i = 0; i < 5; ++i) {
-        printf("%.17g\n%.17g\n", (double)((REAL *)&estimate.parameters)[i], (double)((REAL *)&estimate.deviations)[i]);
-    }
-    printf("%.17g\n%.17g\n", (double)estimate.chi_squared, (double)estimate.noise.x1);
+    print_found(status, &estimate.parameters, &estimate.deviations, 5);
+    print_number(status, estimate.chi_squared);
+    print_number(status, estimate.noise.x1);
     return 0;
 }

@@ -30,19 +30,20 @@ fn agree(found: &Pooled) -> bool {
     all.fold(0.0_f64, |worst, own| worst.max(own.abs())) <= alarm::LOGS_CONTRADICT
 }
 
-/// Indices of the records that contradict a majority of records which agree; none where all agree, or where no majority does, or not one
-/// alone.
+/// The records that agree together, and the indices of those that contradict this majority; all records together where they agree, or
+/// where no majority of them does, or not one alone.
 ///
 /// # Errors
 /// As [`pool`].
-pub fn odd_ones(estimates: &[&Estimate], settings: &Settings) -> Result<Vec<usize>, EstimateError> {
+pub fn pool_majority(estimates: &[&Estimate], settings: &Settings) -> Result<(Pooled, Vec<usize>), EstimateError> {
     let of = |kept: &[usize]| pool(&kept.iter().map(|&i| estimates[i]).collect::<Vec<_>>(), settings);
     let mut kept: Vec<usize> = (0..estimates.len()).collect();
-    let mut odd = Vec::new();
-    while !agree(&of(&kept)?) {
+    let all = of(&kept)?;
+    let (mut found, mut odd) = (all.clone(), Vec::new());
+    while !agree(&found) {
         // What is kept must be more than half of all.
         if 2 * (kept.len() - 1) <= estimates.len() {
-            return Ok(Vec::new());
+            return Ok((all, Vec::new()));
         }
         let without: Vec<(usize, Pooled)> = kept
             .iter()
@@ -53,14 +54,16 @@ pub fn odd_ones(estimates: &[&Estimate], settings: &Settings) -> Result<Vec<usiz
             .collect::<Result<_, EstimateError>>()?;
         // Two ways to agree say that nobody knows which record is odd.
         if without.iter().filter(|(_, rest)| agree(rest)).count() > 1 {
-            return Ok(Vec::new());
+            return Ok((all, Vec::new()));
         }
-        let Some((worst, _)) = without.iter().min_by(|a, b| a.1.chi_squared.total_cmp(&b.1.chi_squared)) else { break };
-        kept.retain(|i| i != worst);
-        odd.push(*worst);
+        let least = without.into_iter().min_by(|a, b| a.1.chi_squared.total_cmp(&b.1.chi_squared));
+        let Some((worst, rest)) = least else { break };
+        kept.retain(|i| *i != worst);
+        odd.push(worst);
+        found = rest;
     }
     odd.sort_unstable();
-    Ok(odd)
+    Ok((found, odd))
 }
 
 /// The factor by which everything that a record tells is a multiple of what others tell, where one factor explains the whole difference
@@ -100,7 +103,7 @@ pub fn common_factor(odd: &Estimate, others: &Estimate) -> Option<CommonFactor> 
 
 #[cfg(test)]
 mod tests {
-    use super::{common_factor, odd_ones};
+    use super::{common_factor, pool_majority};
     use crate::pooled::tests::estimate;
     use crate::result::Estimate;
     use crate::settings::Settings;
@@ -114,7 +117,7 @@ mod tests {
     fn the_record_that_two_others_contradict_is_odd_and_its_factor_is_named() {
         let records = [told(&[1.0, 5.0], 0.01), told(&[1.201, 5.995], 0.01), told(&[1.01, 4.99], 0.01)];
         let all: Vec<&Estimate> = records.iter().collect();
-        assert_eq!(odd_ones(&all, &Settings::default()).expect("pools"), [1]);
+        assert_eq!(pool_majority(&all, &Settings::default()).expect("pools").1, [1]);
         let factor = common_factor(&records[1], &records[0]).expect("one factor");
         assert!((factor.value - 1.2).abs() < 3.0 * factor.std && factor.std < 0.01, "{factor:?}");
         // Only one of the parameters differs: no factor explains it.
@@ -125,7 +128,7 @@ mod tests {
     #[test]
     fn without_a_majority_none_is_odd() {
         let (a, b) = (told(&[1.0, 5.0], 0.01), told(&[1.2, 5.0], 0.01));
-        let odd = |records: &[&Estimate]| odd_ones(records, &Settings::default()).expect("pools");
+        let odd = |records: &[&Estimate]| pool_majority(records, &Settings::default()).expect("pools").1;
         assert_eq!(odd(&[&a, &b]), [0; 0], "one against one");
         assert_eq!(odd(&[&a, &a, &b, &b]), [0; 0], "two against two");
         assert_eq!(odd(&[&a, &a, &a]), [0; 0], "all agree");

@@ -49,7 +49,7 @@ mod table;
 mod time_domain;
 mod verdict;
 
-pub use agreement::{CommonFactor, common_factor, odd_ones};
+pub use agreement::{CommonFactor, common_factor, pool_majority};
 pub use along::Along;
 pub use bound::{RecordNoise, has_jumps, information_root};
 pub use combination::Combination;

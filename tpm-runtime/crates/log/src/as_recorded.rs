@@ -5,26 +5,24 @@
 
 use crate::columns::Columns;
 use crate::error::LogError;
-use crate::fingerprint::FingerprintReader;
-use crate::format::{open_columns, open_file};
 use crate::lone::lone_readings;
 use crate::names::Signal;
 use crate::options::ReadingSettings;
 use crate::read::{rate_signals, signals};
 use crate::repeated::repeated_readings;
-use crate::report::{ReadingReport, Repeated, SegmentReport, Wrapped};
+use crate::report::{ReadingReport, Repeated, SegmentReport};
 use crate::source::LogSource;
 use crate::table::Table;
-use crate::wraps::{unwrap, wraps};
+use crate::wraps::followed;
 use std::collections::BTreeSet;
 use tpm_core::model::Model;
 
 /// Time that goes back by more usual steps than this begins another recording.
 const MOST_BACK: f64 = 20.0;
 
-/// The readings or settings of one signal.
+/// The readings or settings of one signal, at times of its own.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct OwnTimes {
+pub struct ChannelReadings {
     /// Stamps, s, from the first stamp of the file.
     pub time: Vec<f64>,
     /// Values, in the unit of the signal.
@@ -50,11 +48,11 @@ pub struct AsRecorded {
     /// Name of the record's source, for messages.
     pub path: String,
     /// Readings of the coordinates; nothing for one that no sensor measures.
-    pub coordinates: Vec<Option<OwnTimes>>,
+    pub coordinates: Vec<Option<ChannelReadings>>,
     /// Readings of rates that have a column, by coordinate.
-    pub rates: Vec<Option<OwnTimes>>,
+    pub rates: Vec<Option<ChannelReadings>>,
     /// The inputs.
-    pub inputs: Vec<OwnTimes>,
+    pub inputs: Vec<ChannelReadings>,
     /// Readings that were left out.
     pub lone: Vec<Lone>,
     /// What was assumed and found.
@@ -78,16 +76,8 @@ impl AsRecorded {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         let source: LogSource<'_> = source.into();
-        let name = source.name();
-        let LogSource::File(path) = source else {
-            let read = Self::of(&mut *source.columns()?, &name, model, options)?;
-            return Ok(AsRecorded { fingerprint: source.fingerprint()?, ..read });
-        };
-        let mut file = FingerprintReader::new(open_file(path)?);
-        let mut recorded = Self::of(&mut *open_columns(&mut file, &name)?, &name, model, options)?;
-        std::io::copy(&mut file, &mut std::io::sink()).map_err(|source| LogError::Io { path: name, source })?;
-        recorded.fingerprint = file.fingerprint();
-        Ok(recorded)
+        let (read, fingerprint) = source.read(|columns, name| Self::of(columns, name, model, options))?;
+        Ok(AsRecorded { fingerprint, ..read })
     }
 
     fn of(
@@ -107,7 +97,7 @@ impl AsRecorded {
         let order = in_order(&table)?;
         let first = order.first().map_or(0.0, |&row| table.time[row]);
         let column = |values: &[f64]| {
-            let mut own = OwnTimes::default();
+            let mut own = ChannelReadings::default();
             for &row in order.iter().filter(|&&row| values[row].is_finite()) {
                 own.time.push((table.time[row] - first) * table.factor);
                 own.value.push(values[row]);
@@ -115,11 +105,12 @@ impl AsRecorded {
             }
             own
         };
-        let all: Vec<Option<OwnTimes>> = table.rates.iter().map(|values| values.as_deref().map(column)).collect();
+        let all: Vec<Option<ChannelReadings>> =
+            table.rates.iter().map(|values| values.as_deref().map(column)).collect();
         let mut all = all.into_iter();
         let mut report = ReadingReport { rows: table.time.len(), ..ReadingReport::default() };
         let mut lone = Vec::new();
-        let mut coordinates: Vec<Option<OwnTimes>> = Vec::with_capacity(n);
+        let mut coordinates: Vec<Option<ChannelReadings>> = Vec::with_capacity(n);
         let mut named = sensors.iter();
         for (coordinate, measured) in measured.iter().enumerate() {
             let (true, Some(signal)) = (*measured, named.as_slice().first()) else {
@@ -139,11 +130,11 @@ impl AsRecorded {
             own.leave_out(outliers.into_iter().map(|(k, _)| k));
             coordinates.push(Some(own));
         }
-        let inputs: Vec<OwnTimes> = inputs
+        let inputs: Vec<ChannelReadings> = inputs
             .iter()
             .map(|signal| with_readings(all.next().flatten().unwrap_or_default(), path, table.header_line, signal))
             .collect::<Result<_, _>>()?;
-        let inputs = inputs.into_iter().map(OwnTimes::last_of_each).collect();
+        let inputs = inputs.into_iter().map(ChannelReadings::last_of_each).collect();
         let rates = all.map(|own| own.filter(|own| !own.time.is_empty())).collect();
         let usual_step = table.stamps().usual_step() * table.factor;
         let line = |at: Option<&usize>| at.map_or(table.header_line, |&row| table.lines[row]);
@@ -160,7 +151,7 @@ impl AsRecorded {
     }
 }
 
-impl OwnTimes {
+impl ChannelReadings {
     /// Leaves out readings.
     fn leave_out(&mut self, places: impl IntoIterator<Item = usize>) {
         let places: BTreeSet<usize> = places.into_iter().collect();
@@ -182,7 +173,7 @@ impl OwnTimes {
 }
 
 /// A channel that has readings.
-fn with_readings(own: OwnTimes, path: &str, line: u64, signal: &Signal) -> Result<OwnTimes, LogError> {
+fn with_readings(own: ChannelReadings, path: &str, line: u64, signal: &Signal) -> Result<ChannelReadings, LogError> {
     if own.time.is_empty() {
         return Err(LogError::NoReading { path: path.into(), line, signal: signal.name.clone() });
     }
@@ -190,12 +181,8 @@ fn with_readings(own: OwnTimes, path: &str, line: u64, signal: &Signal) -> Resul
 }
 
 /// Follows the readings of a coordinate over their wraps, and leaves out those that repeat the reading before while it moves.
-fn follow(own: &mut OwnTimes, signal: &Signal, report: &mut ReadingReport) {
-    if let Some((range, places)) = wraps(&own.value, signal.unit.as_deref()) {
-        unwrap(&mut own.value, range, &places);
-        let (count, line) = (places.len(), own.lines[places[0]]);
-        report.wrapped.push(Wrapped { signal: signal.name.clone(), range, count, line });
-    }
+fn follow(own: &mut ChannelReadings, signal: &Signal, report: &mut ReadingReport) {
+    report.wrapped.extend(followed(signal, &mut own.value, &own.lines));
     let repeated: Vec<usize> = repeated_readings(&own.value).into_iter().map(|(k, _)| k).collect();
     if let Some(&first) = repeated.first() {
         let (count, line) = (repeated.len(), own.lines[first]);

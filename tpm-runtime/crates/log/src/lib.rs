@@ -60,7 +60,7 @@ mod unit;
 mod wpilog;
 mod wraps;
 
-pub use as_recorded::{AsRecorded, Lone, OwnTimes};
+pub use as_recorded::{AsRecorded, ChannelReadings, Lone};
 pub use assumption::{Assumption, Separator};
 pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;

@@ -7,7 +7,6 @@ use crate::answers::without_answers;
 use crate::assumption::Assumption;
 use crate::columns::Columns;
 use crate::error::LogError;
-use crate::fingerprint::FingerprintReader;
 use crate::format::{open_columns, open_file};
 use crate::joins::joins;
 use crate::names::Signal;
@@ -21,7 +20,7 @@ use crate::resample::{
 use crate::source::LogSource;
 use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
 use crate::table::{Hole, Table};
-use crate::wraps::{unwrap, wraps};
+use crate::wraps::followed;
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
@@ -63,18 +62,8 @@ impl Recording {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         let source: LogSource<'_> = source.into();
-        let name = source.name();
-        let LogSource::File(path) = source else {
-            let read = Self::of_model(&mut *source.columns()?, &name, model, options)?;
-            return Ok(Recording { fingerprint: source.fingerprint()?, ..read });
-        };
-        // The file is read and fingerprinted in one pass.
-        let mut file = FingerprintReader::new(open_file(path)?);
-        let mut recording = Self::read(&mut file, &name, model, options)?;
-        // The fingerprint includes the bytes at the end of the file that the reader leaves unread.
-        std::io::copy(&mut file, &mut std::io::sink()).map_err(|source| LogError::Io { path: name, source })?;
-        recording.fingerprint = file.fingerprint();
-        Ok(recording)
+        let (read, fingerprint) = source.read(|columns, name| Self::of_model(columns, name, model, options))?;
+        Ok(Recording { fingerprint, ..read })
     }
 
     /// Reads the signals of a model from bytes of any format; messages call them `name`.
@@ -215,14 +204,8 @@ impl Recording {
 
 /// Follows the readings of the coordinates (the first channels) over their wraps.
 fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Vec<Wrapped> {
-    let mut all = Vec::new();
-    for (signal, channel) in coordinates.iter().zip(&mut table.channels) {
-        let Some((range, places)) = wraps(channel, signal.unit.as_deref()) else { continue };
-        unwrap(channel, range, &places);
-        let (signal, line) = (signal.name.clone(), table.lines[places[0]]);
-        all.push(Wrapped { signal, range, count: places.len(), line });
-    }
-    all
+    let channels = coordinates.iter().zip(&mut table.channels);
+    channels.filter_map(|(signal, channel)| followed(signal, channel, &table.lines)).collect()
 }
 
 /// Replaces readings of the coordinates (the first channels) that repeat the reading before by values interpolated from

@@ -79,6 +79,27 @@ impl<'a> LogSource<'a> {
         }
     }
 
+    /// What is read of its columns, and their fingerprint; a file is read and fingerprinted in one pass. `read` takes the columns and
+    /// their name in messages.
+    ///
+    /// # Errors
+    /// Those of `read`, and [`LogError`] when a file cannot be read.
+    pub(super) fn read<T>(
+        self,
+        read: impl FnOnce(&mut dyn Columns, &str) -> Result<T, LogError>,
+    ) -> Result<(T, String), LogError> {
+        let name = self.name();
+        let LogSource::File(path) = self else {
+            let found = read(&mut *self.columns()?, &name)?;
+            return Ok((found, self.fingerprint()?));
+        };
+        let mut file = FingerprintReader::new(open_file(path)?);
+        let found = read(&mut *open_columns(&mut file, &name)?, &name)?;
+        // The fingerprint includes the bytes at the end of the file that the reader leaves unread.
+        std::io::copy(&mut file, &mut std::io::sink()).map_err(|source| LogError::Io { path: name, source })?;
+        Ok((found, file.fingerprint()))
+    }
+
     /// Fingerprint of the file's bytes, or of the samples in memory.
     ///
     /// # Errors

@@ -10,6 +10,9 @@
 //! at least one jump is of the second kind, and each of these leaves a change that is like the changes beside it. The reading is then
 //! followed over its wraps. A motion so fast that it moves by a quarter of the range in a sample cannot be told from a wrap, and is left.
 
+use crate::names::Signal;
+use crate::report::Wrapped;
+
 /// Largest change of an unwrapped reading over a sample, as a share of the range.
 const MOST_CHANGE: f64 = 0.25;
 /// Largest change that a wrap leaves, in multiples of the largest change over the samples beside it.
@@ -63,7 +66,7 @@ fn at_range(signal: &[f64], range: f64, step: f64) -> Option<Vec<usize>> {
 }
 
 /// The range at which a reading of a unit wraps around, with the samples before which it does; nothing where it does not.
-pub(super) fn wraps(signal: &[f64], unit: Option<&str>) -> Option<(f64, Vec<usize>)> {
+fn wraps(signal: &[f64], unit: Option<&str>) -> Option<(f64, Vec<usize>)> {
     let step = least_step(signal);
     let of_unit = unit.map(ranges_of).unwrap_or_default().iter().copied();
     // A counter has no unit, or one that says nothing of its range.
@@ -73,8 +76,15 @@ pub(super) fn wraps(signal: &[f64], unit: Option<&str>) -> Option<(f64, Vec<usiz
     ranges.find_map(|range| at_range(signal, range, step.unwrap_or(0.0)).map(|wraps| (range, wraps)))
 }
 
+/// Follows the readings of a signal over their wraps, and says so; nothing where they do not wrap. `lines` are those of the file.
+pub(super) fn followed(signal: &Signal, readings: &mut [f64], lines: &[u64]) -> Option<Wrapped> {
+    let (range, places) = wraps(readings, signal.unit.as_deref())?;
+    unwrap(readings, range, &places);
+    Some(Wrapped { signal: signal.name.clone(), range, count: places.len(), line: lines[places[0]] })
+}
+
 /// Follows a reading over its wraps.
-pub(super) fn unwrap(signal: &mut [f64], range: f64, wraps: &[usize]) {
+fn unwrap(signal: &mut [f64], range: f64, wraps: &[usize]) {
     let mut turns = 0.0;
     let mut next = wraps.iter().copied().peekable();
     let mut before = signal.first().copied().unwrap_or(0.0);

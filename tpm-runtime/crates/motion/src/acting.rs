@@ -153,30 +153,36 @@ mod tests {
         ]
     }
 
+    /// The force under a held command by Euler's rule with so many steps a sample; `step` takes the sample, the force, and the length of the
+    /// step.
+    fn finely(dynamics: Dynamics, command: &[f64], fine: usize, mut step: impl FnMut(usize, f64, f64)) {
+        let h = STEP / fine as f64;
+        let (mut value, mut rate, mut force) = (command[0], 0.0, command[0]);
+        for k in 0..command.len() {
+            for n in 0..fine {
+                let t = (k as f64 + (n as f64 + 0.5) / fine as f64) * STEP - dynamics.delay;
+                let u = command[(t / STEP).floor().max(0.0) as usize];
+                if let Some(filter) = dynamics.filter {
+                    let (dv, dr) = filter.rates(u, value, rate);
+                    (value, rate) = (value + h * dv, rate + h * dr);
+                } else {
+                    value = u;
+                }
+                force = dynamics.bandwidth.map_or(value, |w| force + h * w * (value - force));
+                step(k, force, h);
+            }
+        }
+    }
+
     #[test]
     fn means_of_a_held_command_are_those_of_a_fine_integration() {
         let command: Vec<f64> = (0..60).map(|k| (0.37 * f64::from(k)).sin() + 0.2 * f64::from(k % 5)).collect();
         for dynamics in cases() {
-            let found = dynamics.acting(&command, STEP, Hold::Zoh, false);
-            // Euler's rule with four thousand steps a sample.
-            let fine = 4000;
-            let h = STEP / f64::from(fine);
-            let (mut value, mut rate, mut force) = (command[0], 0.0, command[0]);
-            for (k, found) in found.iter().enumerate() {
-                let mut sum = 0.0;
-                for n in 0..fine {
-                    let t = (k as f64 + (f64::from(n) + 0.5) / f64::from(fine)) * STEP - dynamics.delay;
-                    let u = command[(t / STEP).floor().max(0.0) as usize];
-                    if let Some(filter) = dynamics.filter {
-                        let (dv, dr) = filter.rates(u, value, rate);
-                        (value, rate) = (value + h * dv, rate + h * dr);
-                    } else {
-                        value = u;
-                    }
-                    force = dynamics.bandwidth.map_or(value, |w| force + h * w * (value - force));
-                    sum += force;
-                }
-                let expected = sum / f64::from(fine);
+            let mut means = vec![0.0; command.len()];
+            finely(dynamics, &command, 4000, |k, force, h| means[k] += force * h / STEP);
+            for (k, (found, expected)) in
+                dynamics.acting(&command, STEP, Hold::Zoh, false).iter().zip(&means).enumerate()
+            {
                 assert!((found - expected).abs() < 2e-3, "{dynamics:?}, sample {k}: {found} {expected}");
             }
         }
@@ -186,29 +192,16 @@ mod tests {
     fn a_mass_moves_as_under_the_force_itself() {
         let command: Vec<f64> = (0..400).map(|k| (0.05 * f64::from(k)).sin()).collect();
         for dynamics in cases() {
-            let fine = 10_000;
-            let h = STEP / f64::from(fine);
-            let (mut value, mut rate, mut force) = (command[0], 0.0, command[0]);
             let (mut x, mut v) = (0.0, 0.0);
-            let mut exact = Vec::new();
-            for k in 0..command.len() {
-                exact.push(x);
-                for n in 0..fine {
-                    let t = (k as f64 + (f64::from(n) + 0.5) / f64::from(fine)) * STEP - dynamics.delay;
-                    let u = command[(t / STEP).floor().max(0.0) as usize];
-                    if let Some(filter) = dynamics.filter {
-                        let (dv, dr) = filter.rates(u, value, rate);
-                        (value, rate) = (value + h * dv, rate + h * dr);
-                    } else {
-                        value = u;
-                    }
-                    force = dynamics.bandwidth.map_or(value, |w| force + h * w * (value - force));
-                    (x, v) = (x + h * v + 0.5 * h * h * force, v + h * force);
-                }
-            }
+            let mut exact = vec![None; command.len()];
+            finely(dynamics, &command, 10_000, |k, force, h| {
+                exact[k].get_or_insert(x);
+                (x, v) = (x + h * v + 0.5 * h * h * force, v + h * force);
+            });
             let errors = [true, false].map(|accelerated| {
                 let (mut x, mut v, mut worst) = (0.0, 0.0, 0.0_f64);
-                for (held, exact) in dynamics.acting(&command, STEP, Hold::Zoh, accelerated).iter().zip(&exact) {
+                let held = dynamics.acting(&command, STEP, Hold::Zoh, accelerated);
+                for (held, exact) in held.iter().zip(exact.iter().flatten()) {
                     worst = worst.max((x - exact).abs());
                     (x, v) = (x + STEP * v + 0.5 * STEP * STEP * held, v + STEP * held);
                 }

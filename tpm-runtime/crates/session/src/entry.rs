@@ -12,7 +12,7 @@ use crate::rows::Rows;
 use crate::warning::Warning;
 use tpm_core::model::Model;
 use tpm_estimate::{Domain, EstimateError};
-use tpm_log::{AsRecorded, Log, LogSource, ReadingReport, Recording};
+use tpm_log::{AsRecorded, Log, LogSource, Lone, ReadingReport, Recording};
 
 /// How a log is identified.
 pub(super) struct Entry<'a> {
@@ -68,8 +68,10 @@ impl Entry<'_> {
         let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
         let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
         for log in &mut recording.segments {
-            let mended = log.mend(coordinates);
-            replaced.extend(lone_readings(model, log, &mended));
+            let mended = log.mend(coordinates).into_iter();
+            let lone: Vec<Lone> =
+                mended.map(|(coordinate, sample, by)| Lone { coordinate, line: log.lines[sample], by }).collect();
+            replaced.extend(lone_readings(model, &lone));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
         let mut part = with_delays(model, self.options, &|options| self.rows.identify(&segments, options))
@@ -102,19 +104,18 @@ fn of_pieces(error: LogFault, report: &ReadingReport) -> LogFault {
     }
 }
 
-/// One warning for every coordinate of which readings were replaced.
-fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64)]) -> Vec<Warning> {
-    let of = |c: usize| {
-        let own: Vec<_> = mended.iter().filter(|(channel, ..)| *channel == c).collect();
-        own.first().map(|(_, first, _)| Warning::LoneReadings {
+/// One warning for every coordinate of which readings were replaced or left out.
+pub(super) fn lone_readings<'a>(model: &'a dyn Model<f64>, lone: &'a [Lone]) -> impl Iterator<Item = Warning> + 'a {
+    (0..model.dims().coordinates).filter_map(|c| {
+        let own = || lone.iter().filter(move |lone| lone.coordinate == c);
+        own().next().map(|first| Warning::LoneReadings {
             coordinate: model.coordinate(c).name.into(),
-            count: own.len(),
-            line: log.lines[*first],
-            farthest: own.iter().map(|(.., by)| by.abs()).fold(0.0, f64::max),
+            count: own().count(),
+            line: first.line,
+            farthest: own().map(|lone| lone.by.abs()).fold(0.0, f64::max),
             unit: model.coordinate(c).unit.map(Into::into),
         })
-    };
-    (0..model.dims().coordinates).filter_map(of).collect()
+    })
 }
 
 /// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.

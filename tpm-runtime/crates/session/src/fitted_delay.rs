@@ -69,11 +69,7 @@ pub(super) fn with_delays(
         }
     }
     let told = EstimateReport::new(model, &options.stated_prior(), found.estimate.as_ref());
-    found.parameters = told.parameters;
-    found.unobservable = told.unobservable;
-    found.combinations = told.combinations;
-    found.covariance = told.covariance;
-    found.combination_covariance = told.combination_covariance;
+    let mut found = found.telling(told);
     if let Some(log) = &mut found.log {
         for &input in &options.fitted_delays {
             let own = log.actuators.entry(model.input(input).name.to_string()).or_default();

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use tpm_campaign::{Outcome, RunReport};
 use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
 use tpm_core::harmonics::Hold;
+use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, ResidualOf, Status};
 use tpm_plant::actuator::LimitUse;
 use tpm_plant::stability::LoopStability;
@@ -135,6 +136,12 @@ pub struct Identification {
 }
 
 impl Identification {
+    /// The result with what another estimate tells of the parameters.
+    pub(super) fn telling(self, told: EstimateReport) -> Self {
+        let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } = told;
+        Identification { parameters, unobservable, combinations, covariance, combination_covariance, ..self }
+    }
+
     /// Whether everything that was asked for was identified by a model that explains the data, and a campaign ended as planned.
     #[must_use]
     pub fn is_complete(&self) -> bool {

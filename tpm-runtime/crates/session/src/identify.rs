@@ -12,7 +12,7 @@ use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, is_static};
-use tpm_log::{AsRecorded, Log, OwnTimes, Periodic, ReadingReport};
+use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
@@ -151,7 +151,7 @@ pub(super) fn identify_recorded(
 ) -> Result<Identification, LogFault> {
     check_constants(model, options)?;
     let found = recorded_log::identify(model, recorded, unshown, options)?;
-    let mean = |own: &Option<OwnTimes>| {
+    let mean = |own: &Option<ChannelReadings>| {
         own.as_ref().map_or(0.0, |own| own.value.iter().sum::<f64>() / own.value.len().max(1) as f64)
     };
     let used = Used {

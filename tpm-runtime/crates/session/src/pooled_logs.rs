@@ -9,7 +9,7 @@ use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Contribution, Estimate, EstimateError, common_factor, odd_ones, pool};
+use tpm_estimate::{Contribution, Estimate, EstimateError, common_factor, pool, pool_majority};
 use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{Matrix, alarm};
 
@@ -32,16 +32,14 @@ pub(super) fn pooled(
     // A log without an estimate has no part in the pool.
     let told: Vec<usize> = (0..parts.len()).filter(|&i| parts[i].estimate.is_some()).collect();
     let estimates: Vec<&Estimate> = told.iter().filter_map(|&i| parts[i].estimate.as_ref()).collect();
-    let odd = odd_ones(&estimates, settings)?;
+    let (found, odd) = pool_majority(&estimates, settings)?;
     let agreeing: Vec<usize> = (0..estimates.len()).filter(|i| !odd.contains(i)).collect();
-    let of = |logs: &[usize]| pool(&logs.iter().map(|&i| estimates[i]).collect::<Vec<_>>(), settings);
-    let found = of(&agreeing)?;
     let mut contributions: BTreeMap<usize, Contribution> =
         agreeing.iter().map(|&i| told[i]).zip(found.contributions).collect();
     let mut factors = BTreeMap::new();
     for &i in &odd {
-        let beside: Vec<usize> = agreeing.iter().copied().chain([i]).collect();
-        if let Some(own) = of(&beside)?.contributions.pop() {
+        let beside: Vec<&Estimate> = agreeing.iter().copied().chain([i]).map(|i| estimates[i]).collect();
+        if let Some(own) = pool(&beside, settings)?.contributions.pop() {
             contributions.insert(told[i], Contribution { share: 0.0, ..own });
         }
         factors.insert(told[i], common_factor(estimates[i], &found.estimate));
@@ -84,15 +82,9 @@ pub(super) fn pooled(
         });
     }
     warnings.extend(summary::doubts(model, &estimate, Data::Logs));
-    let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
-        EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
+    let told = EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
     let first = parts.into_iter().next().ok_or(EstimateError::NoSignal)?;
     let result = Identification {
-        parameters,
-        unobservable,
-        combinations,
-        covariance,
-        combination_covariance,
         rank: estimate.rank,
         condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
         residual: estimate.residual,
@@ -102,7 +94,7 @@ pub(super) fn pooled(
         warnings,
         current: estimate.values.clone(),
         estimate: Some(estimate),
-        ..first
+        ..first.telling(told)
     };
     Ok(result)
 }

@@ -1,5 +1,6 @@
 //! A log whose model is simulated between its stamps, since it has coordinates that no sensor measures.
 
+use crate::entry::lone_readings;
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, RecordedReport, SensorReport, Way};
@@ -8,7 +9,7 @@ use crate::summary;
 use crate::warning::{Data, Warning};
 use tpm_core::model::Model;
 use tpm_estimate::{Channel, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded};
-use tpm_log::{AsRecorded, OwnTimes, rate_column};
+use tpm_log::{AsRecorded, ChannelReadings, rate_column};
 use tpm_motion::Dynamics;
 
 /// Whether what is known of a log lets it be simulated between its stamps: nothing lies between its inputs and the machine, and nobody asks
@@ -38,17 +39,7 @@ pub(super) fn identify(
     let fit = fit_recorded(model, &options.constants, &signals, unshown, &options.estimation)
         .map_err(|source| LogFault::Recorded { path: path(), source })?;
     let mut warnings = summary::doubts(model, &fit.estimate, Data::Log);
-    let of = |coordinate: usize| {
-        let own: Vec<_> = recorded.lone.iter().filter(|lone| lone.coordinate == coordinate).collect();
-        own.first().map(|first| Warning::LoneReadings {
-            coordinate: model.coordinate(coordinate).name.into(),
-            count: own.len(),
-            line: first.line,
-            farthest: own.iter().map(|lone| lone.by.abs()).fold(0.0, f64::max),
-            unit: model.coordinate(coordinate).unit.map(Into::into),
-        })
-    };
-    warnings.extend((0..model.dims().coordinates).filter_map(of));
+    warnings.extend(lone_readings(model, &recorded.lone));
     warnings.extend(recorded.report.repeated.iter().cloned().map(|repeated| Warning::RepeatedReadings { repeated }));
     let hold = options.reading.hold;
     Ok(Found {
@@ -63,9 +54,9 @@ pub(super) fn identify(
 }
 
 fn signals(recorded: &AsRecorded, options: &LogOptions) -> SignalsAsRecorded {
-    let channel = |own: &OwnTimes| Channel { time: own.time.clone(), value: own.value.clone() };
+    let channel = |own: &ChannelReadings| Channel { time: own.time.clone(), value: own.value.clone() };
     let sensed = |derivative: usize| {
-        move |(coordinate, own): (usize, &Option<OwnTimes>)| {
+        move |(coordinate, own): (usize, &Option<ChannelReadings>)| {
             Some(Sensed { coordinate, derivative, channel: channel(own.as_ref()?) })
         }
     };

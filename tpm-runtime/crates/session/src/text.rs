@@ -270,7 +270,7 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             Some(std) => {
                 parts.push(format!("a delay of {} s, found with the parameters", plus_minus(known.delay, std)))
             }
-            None if known.fitted => parts.push("no delay, since the record shows none".to_owned()),
+            None if known.fitted => text.push_str(&format!("the record shows no delay of {input}\n")),
             None if known.delay > 0.0 => parts.push(format!("a delay of {} s", number(known.delay))),
             None => {}
         }
@@ -280,7 +280,9 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
         if let Some(bandwidth) = known.bandwidth {
             parts.push(format!("a current loop of {} rad/s", number(bandwidth)));
         }
-        text.push_str(&format!("corrected behind {input}: {}\n", parts.join(", ")));
+        if !parts.is_empty() {
+            text.push_str(&format!("corrected behind {input}: {}\n", parts.join(", ")));
+        }
     }
     if !log.actuators.is_empty() {
         text.push('\n');

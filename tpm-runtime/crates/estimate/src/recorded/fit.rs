@@ -236,6 +236,20 @@ pub fn fit_recorded(
     })
 }
 
+/// What is left of every sensor at a point, as a sum of squares in the unit of what it reads, and the number of its readings. A block whose
+/// motion leaves all bounds does not count; of a point at which steps have settled there is none.
+fn squares(flow: &Flow<'_>, blocks: &[Block], point: &Point, noise: &[f64]) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0.0); noise.len()];
+    for (block, state) in blocks.iter().zip(&point.states) {
+        let Ok(left) = flow.left(block, &point.theta, state, noise) else { continue };
+        for (reading, e) in block.readings.iter().zip(left) {
+            sums[reading.sensor].0 += (e * noise[reading.sensor]).powi(2);
+            sums[reading.sensor].1 += 1.0;
+        }
+    }
+    sums
+}
+
 /// A deviation that is not zero.
 fn spread(deviation: f64) -> f64 {
     if deviation > 0.0 { deviation } else { 1.0 }
@@ -394,14 +408,7 @@ impl<'a, 'f> Work<'a, 'f> {
 
     /// The noise of every sensor as it is left.
     fn noise(&self, blocks: &[Block], point: &Point, noise: &[f64]) -> Vec<f64> {
-        let mut sums = vec![(0.0, 0.0); noise.len()];
-        for (block, state) in blocks.iter().zip(&point.states) {
-            let Ok(left) = self.flow.left(block, &point.theta, state, noise) else { continue };
-            for (reading, e) in block.readings.iter().zip(left) {
-                sums[reading.sensor].0 += (e * noise[reading.sensor]).powi(2);
-                sums[reading.sensor].1 += 1.0;
-            }
-        }
+        let sums = squares(&self.flow, blocks, point, noise);
         let readings: f64 = sums.iter().map(|(_, count)| count).sum();
         let unknowns = (self.free.len() + blocks.len() * self.flow.states.len()) as f64;
         let freedom = readings / (readings - unknowns).max(1.0);
@@ -450,14 +457,7 @@ impl<'a, 'f> Work<'a, 'f> {
         let blocks: Vec<Block> = blocks.iter().map(|block| signals.block(&block.readings)).collect();
         let course = Course { flow: &flow, blocks: &blocks, free: &self.free, typical, bounds: &self.bounds };
         let settled = course.settle(point.clone(), noise, STEPS_TRIED)?;
-        let mut sums = vec![(0.0, 0.0); noise.len()];
-        for (block, state) in blocks.iter().zip(&settled.point.states) {
-            let left = flow.left(block, &settled.point.theta, state, noise).ok()?;
-            for (reading, e) in block.readings.iter().zip(left) {
-                sums[reading.sensor].0 += (e * noise[reading.sensor]).powi(2);
-                sums[reading.sensor].1 += 1.0;
-            }
-        }
+        let sums = squares(&flow, &blocks, &settled.point, noise);
         let share = |(s, &(sum, count)): (usize, &(f64, f64))| {
             (sum / f64::max(count, 1.0)).sqrt() / spread(signals.sensors[s].channel.spread().1)
         };
