@@ -10,8 +10,8 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
 use tpm_runtime::session::{
-    Data, DeclaredModel, Exchange, Identification, LogRequest, LongSimulation, MissingTerm, NotRefined, Severity,
-    Warning, from_log, from_logs,
+    Calibration, Data, DeclaredModel, Exchange, Identification, LogRequest, LongSimulation, MissingTerm, NotRefined,
+    Severity, UnseenFaultReport, Warning, from_log, from_logs,
 };
 
 const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg], c [N*s/m], k [N/m];
@@ -67,6 +67,17 @@ fn findings() -> Vec<Warning> {
             left: 0.5,
             left_by_exchange: 0.01,
         },
+        Warning::ScaleUnknown { inputs: vec!["u".into(), "w".into()] },
+        Warning::UnseenFaults {
+            faults: vec![UnseenFaultReport {
+                signal: x(),
+                quantity: Calibration::Zero,
+                size: 0.02,
+                std: 0.1,
+                unit: Some(m()),
+                deviations: 5.0,
+            }],
+        },
         Warning::LongSimulation(LongSimulation { work: 1e12, most: 1e11 }),
         Warning::OnePeriod,
         Warning::PeriodNotUsed { period: 2.0, stretches: 2 },
@@ -114,6 +125,8 @@ fn findings() -> Vec<Warning> {
         match finding {
             Warning::OtherHold { .. }
             | Warning::Exchanged { .. }
+            | Warning::ScaleUnknown { .. }
+            | Warning::UnseenFaults { .. }
             | Warning::LongSimulation(_)
             | Warning::OnePeriod
             | Warning::PeriodNotUsed { .. }

@@ -9,8 +9,8 @@ use crate::model::DeclaredModel;
 use crate::options::LogOptions;
 use crate::periodic_log::repeats;
 use crate::rows::Rows;
+use crate::summary::lone_readings;
 use crate::warning::Warning;
-use tpm_core::model::Model;
 use tpm_estimate::{Domain, EstimateError};
 use tpm_log::{AsRecorded, Log, LogSource, Lone, ReadingReport, Recording};
 
@@ -102,20 +102,6 @@ fn of_pieces(error: LogFault, report: &ReadingReport) -> LogFault {
         },
         (error, _) => error,
     }
-}
-
-/// One warning for every coordinate of which readings were replaced or left out.
-pub(super) fn lone_readings<'a>(model: &'a dyn Model<f64>, lone: &'a [Lone]) -> impl Iterator<Item = Warning> + 'a {
-    (0..model.dims().coordinates).filter_map(|c| {
-        let own = || lone.iter().filter(move |lone| lone.coordinate == c);
-        own().next().map(|first| Warning::LoneReadings {
-            coordinate: model.coordinate(c).name.into(),
-            count: own().count(),
-            line: first.line,
-            farthest: own().map(|lone| lone.by.abs()).fold(0.0, f64::max),
-            unit: model.coordinate(c).unit.map(Into::into),
-        })
-    })
 }
 
 /// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.

@@ -106,8 +106,8 @@ pub use inspect::{
 };
 pub use log_fault::LogFault;
 pub use log_report::{
-    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, RecordedReport, SamplesReport,
-    SensorReport, SpectralReport, UntestedReport, Way,
+    ActuatorReport, Calibration, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, RecordedReport,
+    SamplesReport, SensorReport, SpectralReport, UnseenFaultReport, UntestedReport, Way,
 };
 pub use machine::Machine;
 pub use meaning::{About, Concern, Meaning, Severity};

@@ -3,7 +3,7 @@
 use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
-use crate::log_report::{HoldResiduals, SpectralReport, Way};
+use crate::log_report::{Calibration, HoldResiduals, SpectralReport, UnseenFaultReport, Way};
 use crate::options::LogOptions;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, period_not_used, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
@@ -14,7 +14,7 @@ use crate::warning::{Data, Warning};
 use tpm_core::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, Course, Differentiable, Estimate, EstimateError, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand, Sensor,
-    Stretch, TermKind, best_arrangement, estimate_any_motion,
+    Stretch, TermKind, UnseenFault, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 
@@ -119,8 +119,14 @@ pub(super) fn identify(
     if !settled {
         warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual }));
         warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
+        let inputs = || (0..dims.inputs).map(|i| model.input(i).name.to_string()).collect();
+        warnings.extend(found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() }));
     }
     warnings.extend(refined.warnings);
+    let faults: Vec<UnseenFaultReport> = found.unseen.iter().map(|own| unseen(model, own)).collect();
+    if !faults.is_empty() {
+        warnings.push(Warning::UnseenFaults { faults });
+    }
     Ok(Found {
         harmonics: 0,
         row_residuals: report.row_residuals.clone(),
@@ -224,6 +230,23 @@ fn whole_period(coordinates: &[Vec<f64>], periodic: &Periodic, stated: Option<f6
     (vertex.abs() <= LEAST_VERTEX.max(VERTEX_DEVIATIONS * spread)).then_some(best)
 }
 
+/// A fault that a log would not show in the words of the model.
+fn unseen(model: &dyn Model<f64>, fault: &UnseenFault) -> UnseenFaultReport {
+    let (label, quantity) = match fault.term.kind {
+        TermKind::InputGain => (model.input(fault.term.of), Calibration::Gain),
+        _ => (model.coordinate(fault.term.of), Calibration::Zero),
+    };
+    let unit = label.unit.filter(|_| quantity == Calibration::Zero).map(Into::into);
+    UnseenFaultReport {
+        signal: label.name.into(),
+        quantity,
+        size: fault.size,
+        std: fault.std,
+        unit,
+        deviations: fault.moves,
+    }
+}
+
 /// A term that the model lacks in the words of the model.
 fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
     let name = |label: Label<'_>| label.name.to_string();
@@ -280,6 +303,14 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
             let input = name(model.input(own.of));
             let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
             (term_words::late(&input), meaning.into())
+        }
+        TermKind::InputGain => {
+            let input = name(model.input(own.of));
+            let meaning = format!(
+                "what acts is {:.4} times the recorded {input}, as the other forces have it (gain of a sensor, or another unit)",
+                lacking.value
+            );
+            (input, meaning.into())
         }
         TermKind::PositionOffset => {
             let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));

@@ -101,6 +101,33 @@ pub struct SpectralReport {
     pub missing: Vec<MissingTerm>,
 }
 
+/// A fault of a sensor that a log would not show, though it would move parameters by more than their deviations.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UnseenFaultReport {
+    /// The input or coordinate.
+    pub signal: String,
+    /// What would be off.
+    pub quantity: Calibration,
+    /// By how much: a share of the gain, or a distance in the unit of the coordinate.
+    pub size: f64,
+    /// Standard deviation with which the log tells it, in the same unit.
+    pub std: f64,
+    /// Unit of the coordinate whose zero it is.
+    pub unit: Option<String>,
+    /// Largest change of a parameter, in its standard deviations.
+    pub deviations: f64,
+}
+
+/// What a sensor must know of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Calibration {
+    /// The factor from its reading to the force.
+    Gain,
+    /// Where its reading is zero.
+    Zero,
+}
+
 /// What was found about a log that repeats.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PeriodicReport {

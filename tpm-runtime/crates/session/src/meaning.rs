@@ -86,6 +86,8 @@ impl Warning {
             Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
             Warning::OtherHold { .. } => (Remark, Record, Nothing),
             Warning::Exchanged { .. } => (Distrust, Record, All),
+            Warning::ScaleUnknown { .. } => (Distrust, Record, All),
+            Warning::UnseenFaults { .. } => (Remark, Record, Nothing),
             Warning::RateDiffers { .. } => (Remark, Record, Nothing),
             Warning::Unsteady { .. } => (Remark, Record, Nothing),
             Warning::MostlyLeftOut { .. } => (Remark, Record, Nothing),

@@ -1,6 +1,5 @@
 //! A log whose model is simulated between its stamps, since it has coordinates that no sensor measures.
 
-use crate::entry::lone_readings;
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, RecordedReport, SensorReport, Way};
@@ -39,7 +38,7 @@ pub(super) fn identify(
     let fit = fit_recorded(model, &options.constants, &signals, unshown, &options.estimation)
         .map_err(|source| LogFault::Recorded { path: path(), source })?;
     let mut warnings = summary::doubts(model, &fit.estimate, Data::Log);
-    warnings.extend(lone_readings(model, &recorded.lone));
+    warnings.extend(summary::lone_readings(model, &recorded.lone));
     warnings.extend(recorded.report.repeated.iter().cloned().map(|repeated| Warning::RepeatedReadings { repeated }));
     let hold = options.reading.hold;
     Ok(Found {

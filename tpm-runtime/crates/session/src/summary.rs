@@ -8,6 +8,7 @@ use tpm_campaign::{Campaign, Contradiction, RunReport};
 use tpm_core::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Estimate, LARGE_RESIDUAL, ResidualOf, Status, Weights};
+use tpm_log::Lone;
 use tpm_motion::RunEnding;
 use tpm_numerics::tolerance;
 use tpm_physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
@@ -18,6 +19,20 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A step of more than so many of its own deviations went where its linearisation does not hold.
 const LONGEST_LAST_STEP: f64 = 3.0;
+
+/// One warning for every coordinate of which readings were replaced or left out.
+pub(super) fn lone_readings<'a>(model: &'a dyn Model<f64>, lone: &'a [Lone]) -> impl Iterator<Item = Warning> + 'a {
+    (0..model.dims().coordinates).filter_map(|c| {
+        let own = || lone.iter().filter(move |lone| lone.coordinate == c);
+        own().next().map(|first| Warning::LoneReadings {
+            coordinate: model.coordinate(c).name.into(),
+            count: own().count(),
+            line: first.line,
+            farthest: own().map(|lone| lone.by.abs()).fold(0.0, f64::max),
+            unit: model.coordinate(c).unit.map(Into::into),
+        })
+    })
+}
 
 /// Name and version of the program.
 pub(super) fn provenance() -> Provenance {

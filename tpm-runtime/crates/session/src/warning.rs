@@ -1,5 +1,6 @@
 //! What a user should know beside the numbers of a result.
 
+use crate::log_report::{Calibration, UnseenFaultReport};
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined};
 use serde::Serialize;
 use std::fmt;
@@ -84,6 +85,16 @@ pub enum Warning {
         left: f64,
         /// Share of the force that is left unexplained when this is undone.
         left_by_exchange: f64,
+    },
+    /// Inputs are multiples of what is recorded, and nothing says which of them are right.
+    ScaleUnknown {
+        /// The inputs of the model.
+        inputs: Vec<String>,
+    },
+    /// Faults of sensors that would move parameters, and that the log would not show.
+    UnseenFaults {
+        /// The faults.
+        faults: Vec<UnseenFaultReport>,
     },
     /// The estimates are not refined by a simulation, because that would take long.
     LongSimulation(LongSimulation),
@@ -395,6 +406,32 @@ impl fmt::Display for Warning {
                 100.0 * left,
                 100.0 * left_by_exchange
             ),
+            Warning::ScaleUnknown { inputs } => write!(
+                f,
+                "of {} some are multiples of what is recorded, and the log does not say which of them are right: \
+                 the parameters are known up to a common factor; state the gain of an input, or hold a parameter that is known",
+                inputs.join(", ")
+            ),
+            Warning::UnseenFaults { faults } => {
+                let list = |of: Calibration, name: &dyn Fn(&UnseenFaultReport) -> String| {
+                    let own = faults.iter().filter(|fault| fault.quantity == of).map(name);
+                    own.collect::<Vec<_>>().join(", ")
+                };
+                let gain = list(Calibration::Gain, &|own| format!("{} ({} %)", own.signal, number(100.0 * own.size)));
+                let zero = list(Calibration::Zero, &|own| {
+                    let unit = own.unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
+                    format!("{} ({:.2}{unit})", own.signal, own.size)
+                });
+                let named = [("a wrong gain of ", gain), ("a wrong zero of ", zero)];
+                let named = named.iter().filter(|(_, own)| !own.is_empty()).map(|(what, own)| format!("{what}{own}"));
+                let most = faults.iter().map(|fault| fault.deviations).fold(0.0, f64::max);
+                write!(
+                    f,
+                    "this log would not show {}, though one of these sizes moves a parameter by up to {most:.0} of its \
+                     deviations: make sure of them before the numbers are relied on",
+                    named.collect::<Vec<_>>().join(", nor ")
+                )
+            }
             Warning::LongSimulation(long) => long.fmt(f),
             Warning::OnePeriod => f.write_str(
                 "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",

@@ -7,8 +7,9 @@ use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
+use crate::likelihood::path::Entry;
 use crate::likelihood::split::{Solved, Split};
-use crate::likelihood::start::RANK;
+use crate::likelihood::start::{KNOWN_SHARE, RANK};
 use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::settings::Settings;
@@ -26,20 +27,27 @@ const SETTLED: f64 = 0.05;
 /// Steps of the noise in a pass.
 const NOISE_STEPS: usize = 6;
 /// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it. The offset of
-/// a joint is nearly another mass that is turned, and known as well as the parameters of the first fit are.
+/// a joint is nearly another mass that is turned, the gain of its torque nearly other parameters of its own row; both are made of the
+/// parameters of the first fit and known as well as these are.
 const SPANNED: f64 = 0.1;
-const SPANNED_OFFSET: f64 = 0.02;
+const SPANNED_SLIGHTLY: f64 = 0.02;
 /// A named term makes at least this share of the force of its row.
 const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
 const LEAST_EQUATIONS: f64 = 2.0;
 /// Largest leverage of a line in the covariance from residuals.
 const MOST_LEVERAGE: f64 = 0.9;
-/// A delay is applied to the input when the square of its standardised size is larger, and at most so many times, until it moves by less
-/// than `DELAY_SETTLED` seconds.
-const DELAY_SHOWN: f64 = 30.0;
-const DELAY_PASSES: usize = 4;
-const DELAY_SETTLED: f64 = 2e-5;
+/// A delay or a gain is applied to the input when the square of its standardised size is larger, and at most so many times, until it moves by
+/// less than this share of its deviation.
+const APPLIED_SHOWN: f64 = 30.0;
+const APPLIED_PASSES: usize = 4;
+const APPLIED_SETTLED: f64 = 0.1;
+/// Faults that are asked for whether the record would show them: a gain that is by this share off, and a zero by this share of the range of
+/// its coordinate.
+const GAIN_FAULT: f64 = 0.05;
+const ZERO_FAULT: f64 = 0.01;
+/// One that moves no parameter by so many deviations does no harm.
+const HARMFUL: f64 = 2.0;
 /// Longest delay that is looked for, s.
 const LONGEST_DELAY: f64 = 0.05;
 /// Largest share of the force of a row without an input, in which no force is recorded with noise, that may be left when the terms that the
@@ -57,6 +65,19 @@ pub struct Lacking {
     pub std: f64,
     /// Share that it takes of the sum of squares that the row, in which it makes most, would leave without it.
     pub gain: f64,
+}
+
+/// A fault of a sensor that the record would not show, though it would move parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnseenFault {
+    /// The gain of an input, or the zero of a coordinate.
+    pub term: Term,
+    /// How far it would be off: a share of the gain, or a distance in the unit of the coordinate.
+    pub size: f64,
+    /// Standard deviation with which the record tells it, in the same unit.
+    pub std: f64,
+    /// Largest change of a parameter, in its standard deviations.
+    pub moves: f64,
 }
 
 /// What was found on the way to an estimate.
@@ -99,6 +120,11 @@ pub struct OfAnyMotion {
     pub report: LineReport,
     /// Terms that the model lacks, the clearest first.
     pub lacking: Vec<Lacking>,
+    /// Faults of the sensors that the record would not show.
+    pub unseen: Vec<UnseenFault>,
+    /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
+    /// are known up to a factor.
+    pub scale_unknown: bool,
     /// What the rows leave of the forces, as a share, when the inputs do the other thing between samples.
     pub other_hold: Option<f64>,
     /// Samples in which the motion goes to and fro once, on the average.
@@ -144,25 +170,25 @@ pub fn estimate_any_motion(
     let rows = Rows { model, constants };
     let known = (record, &motion, circular);
     let mut look = Look::first(model);
-    let mut moved: f64 = f64::INFINITY;
-    for _ in 0..DELAY_PASSES {
+    let mut settled = false;
+    for _ in 0..APPLIED_PASSES {
         let mut pass = Pass::new(rows, known, &look, &free, settings)?;
         if let Some(taken) = pass.wider()? {
             look.taken = taken;
             pass = Pass::new(rows, known, &look, &free, settings)?;
         }
-        let fitted = pass.with_terms()?.fit(&free, &look.late)?;
-        let beyond = |(term, value): &(Term, f64)| (look.delays[term.of] + value).abs() > LONGEST_DELAY;
-        if fitted.delays.is_empty() || moved < DELAY_SETTLED || fitted.delays.iter().any(beyond) {
+        let fitted = pass.with_terms()?.fit(&free)?;
+        let beyond = |found: &Applied| {
+            let late = look.inputs[found.term.of].delay + found.value;
+            found.term.kind == TermKind::Delay && late.abs() > LONGEST_DELAY
+        };
+        if fitted.applied.is_empty() || settled || fitted.applied.iter().any(beyond) {
             return Ok(fitted.result);
         }
-        moved = fitted.delays.iter().map(|(_, value)| value.abs()).fold(0.0, f64::max);
-        for (term, value) in &fitted.delays {
-            look.delays[term.of] += value;
-            look.late[term.of] = true;
-        }
+        settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
+        fitted.applied.iter().for_each(|found| look.apply(found.term, found.value));
     }
-    Ok(Pass::new(rows, known, &look, &free, settings)?.with_terms()?.fit(&free, &look.late)?.result)
+    Ok(Pass::new(rows, known, &look, &free, settings)?.with_terms()?.fit(&free)?.result)
 }
 
 /// Columns that are asked for.
@@ -199,8 +225,15 @@ struct Weighed {
 /// What a fit gives.
 struct Outcome {
     result: OfAnyMotion,
-    /// Delays that were found beside those that were applied, s.
-    delays: Vec<(Term, f64)>,
+    /// Delays and gains of inputs that were found beside what was applied.
+    applied: Vec<Applied>,
+}
+
+/// A term of an input that was found beside what was applied of it.
+struct Applied {
+    term: Term,
+    value: f64,
+    std: f64,
 }
 
 impl Pass<'_> {
@@ -248,22 +281,22 @@ impl Pass<'_> {
         self.kept.iter().zip(solved.values.iter()).for_each(|(&j, value)| values[j] = *value);
         let mut missing = vec![0.0; self.terms.len()];
         asked.terms.iter().zip(solved.missing.iter()).for_each(|(&column, value)| missing[column - p] = *value);
-        let late = asked.fixed.iter().zip(solved.values.iter()).skip(kept);
-        late.for_each(|(&column, value)| missing[column - p] = *value);
+        let applied = asked.fixed.iter().zip(solved.values.iter()).skip(kept);
+        applied.for_each(|(&column, value)| missing[column - p] = *value);
         (values, missing)
     }
 
-    /// What is asked of the lines; a delay that was applied is a parameter.
-    fn asked(&self, late: &[bool]) -> Asked {
+    /// What is asked of the lines; what was applied to an input is a parameter.
+    fn asked(&self) -> Asked {
         let p = self.rows.model.dims().parameters;
-        let is_late = |i: usize| self.terms[i].kind == TermKind::Delay && late[self.terms[i].of];
-        let own = (0..self.terms.len()).filter(|&i| is_late(i)).map(|i| p + i);
+        let is_applied = |i: usize| self.look.applied.contains(&self.terms[i]);
+        let own = (0..self.terms.len()).filter(|&i| is_applied(i)).map(|i| p + i);
         let fixed: Vec<usize> = self.kept.iter().copied().chain(own).collect();
-        let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_late(i)).map(|i| p + i).collect();
+        let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_applied(i)).map(|i| p + i).collect();
         let all = fixed.iter().chain(&terms).copied().collect();
         let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
         let of = |column: &usize| match self.terms[column - p].kind {
-            TermKind::PositionOffset => SPANNED_OFFSET,
+            TermKind::PositionOffset | TermKind::InputGain => SPANNED_SLIGHTLY,
             _ => SPANNED,
         };
         let spanned = terms.iter().map(of).collect();
@@ -271,10 +304,10 @@ impl Pass<'_> {
     }
 
     /// Values, deviations and missing terms.
-    fn fit(mut self, free: &Free, late: &[bool]) -> Result<Outcome, EstimateError> {
+    fn fit(mut self, free: &Free) -> Result<Outcome, EstimateError> {
         let dims = self.rows.model.dims();
         let (p, right) = (dims.parameters, self.right());
-        let asked = self.asked(late);
+        let asked = self.asked();
         // With all candidates a misfit is not taken for noise at first; where they are too many for the record, the model alone tells.
         let independent: f64 = self.lines.iter().map(|row| 2.0 * row.lines() as f64 / row.correlation).sum();
         let many = independent < LEAST_EQUATIONS * asked.all.len() as f64;
@@ -297,6 +330,7 @@ impl Pass<'_> {
         }
         let (values, missing) = self.values(&asked, &weighed.solved);
         let Weighed { noise, variance, active, solved, split } = weighed;
+        let unseen = self.unseen(&asked, &noise, &solved.covariance);
         let Asked { fixed, terms, threshold, .. } = asked;
         let by_lines =
             self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
@@ -327,18 +361,32 @@ impl Pass<'_> {
                 lacking.push((shown, named(terms[i], (value, spread.sqrt()))));
             }
         }
-        let mut delays: Vec<(Term, f64)> = lacking
+        let of_input = |kind: TermKind| matches!(kind, TermKind::Delay | TermKind::InputGain);
+        let mut applied: Vec<Applied> = lacking
             .iter()
-            .filter(|(shown, own)| own.term.kind == TermKind::Delay && *shown > DELAY_SHOWN)
-            .map(|(_, own)| (own.term, own.value))
+            .filter(|(shown, own)| of_input(own.term.kind) && *shown > APPLIED_SHOWN)
+            .map(|(_, own)| Applied { term: own.term, value: own.value, std: own.std })
             .collect();
         for (a, &column) in fixed.iter().enumerate().skip(kept) {
             let (term, size) = (self.terms[column - p], self.sizes[column - p]);
-            delays.push((term, solved.values[a] / size));
-            let whole = self.delays[term.of] * size + solved.values[a];
-            lacking.push((f64::INFINITY, named(column, (whole, covariance[(a, a)].max(0.0).sqrt()))));
+            let (value, std) = (solved.values[a] / size, covariance[(a, a)].max(0.0).sqrt() / size);
+            let own = self.look.inputs[term.of];
+            let whole = if term.kind == TermKind::Delay { own.delay + value } else { (1.0 + value) / own.gain - 1.0 };
+            applied.push(Applied { term, value, std });
+            lacking.push((f64::INFINITY, named(column, (whole * size, std * size))));
+        }
+        // The column of a gain is what acts, so that its coefficient says by which share more is recorded.
+        for (_, own) in lacking.iter_mut().filter(|(_, own)| own.term.kind == TermKind::InputGain) {
+            let factor = 1.0 / (1.0 + own.value);
+            own.std *= factor * factor / self.look.inputs[own.term.of].gain;
+            own.value = factor;
         }
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let of_gain = |own: &&(f64, Lacking)| own.1.term.kind == TermKind::InputGain;
+        let scale_unknown = match lacking.iter().filter(of_gain).count() {
+            0 => false,
+            wrong => 2 * wrong >= dims.inputs && !self.has_scale(free)?,
+        };
         let none = vec![0.0; missing.len()];
         let row_residuals: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &none)).collect();
         let with_terms: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &missing)).collect();
@@ -396,11 +444,47 @@ impl Pass<'_> {
                 reach: crate::time_domain::band::reach(followed, self.paths.sample_time),
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
+                unseen,
+                scale_unknown,
                 report,
                 felt,
             },
-            delays,
+            applied,
         })
+    }
+
+    /// Faults of gains and zeros that would move parameters, whose covariance is given, and stay below what makes a term enter.
+    fn unseen(&self, asked: &Asked, noise: &Noise, covariance: &DMatrix<f64>) -> Vec<UnseenFault> {
+        let (p, fixed) = (self.rows.model.dims().parameters, asked.fixed.len());
+        let factor = triangle(&self.lines, &noise.variance, &asked.all, self.right());
+        let parameters = factor.view((0, 0), (fixed, fixed));
+        let of = |(at, &column): (usize, &usize)| {
+            let term = self.terms[column - p];
+            let size = match term.kind {
+                TermKind::InputGain => GAIN_FAULT,
+                TermKind::PositionOffset => ZERO_FAULT * self.scales.span(term.of),
+                _ => return None,
+            };
+            let own = factor.column(fixed + at);
+            let told = own.rows_range(fixed..).norm() * self.sizes[column - p];
+            let mut moved = own.rows(0, fixed).into_owned() * (size * self.sizes[column - p]);
+            let regular = parameters.solve_upper_triangular_mut(&mut moved);
+            let deviations = (0..self.kept.len()).map(|a| moved[a].abs() / covariance[(a, a)].sqrt());
+            let moves = deviations.filter(|share| share.is_finite()).fold(0.0, f64::max);
+            let unseen = (size * told).powi(2) < asked.threshold && moves > HARMFUL;
+            (regular && unseen).then(|| UnseenFault { term, size, std: 1.0 / told, moves })
+        };
+        asked.terms.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// Whether something that is known fixes the scale of the forces: a known term, or a parameter that is held.
+    fn has_scale(&self, free: &Free) -> Result<bool, EstimateError> {
+        let held = |j: usize| !free.indices.contains(&j) && self.theta[j] != 0.0;
+        if (0..self.theta.len()).any(|j| held(j) && self.along.iter().any(|own| own.has(Entry::Parameter(j)))) {
+            return Ok(true);
+        }
+        let shares = self.paths.paths.iter().map(|path| self.rows.known_share(path));
+        Ok(shares.collect::<Result<Vec<f64>, _>>()?.into_iter().any(|share| share > KNOWN_SHARE))
     }
 
     /// Root mean square of what a column makes, as a share of the force of the row where it makes most.
@@ -504,7 +588,7 @@ impl Pass<'_> {
     fn other_hold(&self, values: &[f64]) -> Result<Option<f64>, EstimateError> {
         let dims = self.rows.model.dims();
         let other = self.record.hold.other();
-        let inputs = self.paths.held_otherwise(self.record, self.motion, other, &self.delays);
+        let inputs = self.paths.held_otherwise(self.record, self.motion, other, &self.look.inputs);
         let mut lines: Vec<RowLines> = self.lines.clone();
         let rights: Vec<Vec<Vec<f64>>> = (self.paths.paths.iter().zip(&inputs))
             .map(|(path, inputs)| self.rows.right(path, inputs))

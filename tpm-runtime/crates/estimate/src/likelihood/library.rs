@@ -64,6 +64,8 @@ pub enum TermKind {
     DeadZone,
     /// An input that acts later than it is recorded; the value is the delay, s.
     Delay,
+    /// An input that is a multiple of what is recorded, as one that is recorded in another unit; the value is the factor.
+    InputGain,
     /// A coordinate that is by a constant larger than it is recorded, unit of the coordinate.
     PositionOffset,
     /// A power of the distance between two coordinates.
@@ -90,7 +92,7 @@ pub struct Term {
     pub kind: TermKind,
     /// The row on which it acts; nothing for an input, which acts where it acts.
     pub row: Option<usize>,
-    /// The coordinate on which it depends, or for a delay the input.
+    /// The coordinate on which it depends, or for a delay and a gain the input.
     pub of: usize,
     /// The other coordinate of a force between two.
     pub other: Option<usize>,
@@ -152,6 +154,12 @@ impl Scales {
             duration: paths.iter().map(|path| path.points as f64 * path.apart).sum(),
             driven: (0..dims.rows).map(driven).collect(),
         }
+    }
+
+    /// The range of a coordinate, its unit.
+    pub(super) fn span(&self, coordinate: usize) -> f64 {
+        let (low, high) = self.range[coordinate];
+        high - low
     }
 
     /// Whether an input acts in a row.
@@ -287,8 +295,13 @@ impl Scales {
                 }
             }
         }
+        let mut add = |kind: TermKind, input: usize| terms.push(Term { kind, row: None, of: input, other: None });
         for input in 0..dims.inputs {
-            terms.push(Term { kind: TermKind::Delay, row: None, of: input, other: None });
+            add(TermKind::Delay, input);
+            // The gain of a single input is that of all parameters.
+            if dims.inputs > 1 {
+                add(TermKind::InputGain, input);
+            }
         }
         // Of one coordinate such an offset is one of the terms above.
         if dims.coordinates > 1 {

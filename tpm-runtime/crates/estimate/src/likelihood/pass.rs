@@ -1,19 +1,32 @@
 //! A record as lines of its rows, looked at in one way.
 
 use crate::error::EstimateError;
-use crate::likelihood::library::{Columns, Scales, Term};
+use crate::likelihood::library::{Columns, Scales, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
 use crate::likelihood::path::{Along, Entry, Felt, Paths, band, lost};
 use crate::rows::Rows;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use tpm_core::model::Model;
 
+/// Smallest factor by which the gain of an input is changed in a step: the column of a gain is the force at values that a wrong gain has moved.
+const LEAST_STEP: f64 = 0.1;
+
+/// What an input does beyond what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Acting {
+    /// How much later it acts, s.
+    pub(super) delay: f64,
+    /// The multiple of what is recorded that acts.
+    pub(super) gain: f64,
+}
+
 /// How a record is looked at, as far as it is found on the way.
+#[derive(Clone, Debug)]
 pub(super) struct Look {
-    /// Delay of every input beyond the known ones, s.
-    pub(super) delays: Vec<f64>,
-    /// Whether it is a parameter.
-    pub(super) late: Vec<bool>,
+    /// What the inputs do.
+    pub(super) inputs: Vec<Acting>,
+    /// Terms of the inputs that were found and applied; they are parameters from then on.
+    pub(super) applied: Vec<Term>,
     /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
     pub(super) taken: Vec<f64>,
 }
@@ -21,8 +34,20 @@ pub(super) struct Look {
 impl Look {
     pub(super) fn first(model: &dyn Model<f64>) -> Self {
         let dims = model.dims();
-        let inputs = dims.inputs;
-        Look { delays: vec![0.0; inputs], late: vec![false; inputs], taken: vec![0.0; dims.coordinates] }
+        let inputs = vec![Acting { delay: 0.0, gain: 1.0 }; dims.inputs];
+        Look { inputs, applied: Vec::new(), taken: vec![0.0; dims.coordinates] }
+    }
+
+    /// Applies what was found of an input beside what was applied before.
+    pub(super) fn apply(&mut self, term: Term, value: f64) {
+        let own = &mut self.inputs[term.of];
+        match term.kind {
+            TermKind::InputGain => own.gain /= (1.0 + value).clamp(LEAST_STEP, 1.0 / LEAST_STEP),
+            _ => own.delay += value,
+        }
+        if !self.applied.contains(&term) {
+            self.applied.push(term);
+        }
     }
 }
 
@@ -31,8 +56,7 @@ pub(super) struct Pass<'a> {
     pub(super) rows: Rows<'a>,
     pub(super) record: &'a TimeRecord<'a>,
     pub(super) motion: &'a Motion,
-    pub(super) delays: Vec<f64>,
-    pub(super) taken: Vec<f64>,
+    pub(super) look: Look,
     pub(super) paths: Paths<'a>,
     pub(super) along: Vec<Along>,
     pub(super) scales: Scales,

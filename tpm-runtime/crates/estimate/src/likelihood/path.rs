@@ -1,6 +1,8 @@
 //! The smoothed motion of a stretch, the inputs that act on it, and the rows of the model along both, on an even grid.
 
 use crate::error::EstimateError;
+use crate::likelihood::library::Columns;
+use crate::likelihood::pass::{Acting, Look};
 use crate::likelihood::spectrum::{Spectrum, rate_deviation};
 use crate::rows::{Rows, Scratch};
 use crate::sensor::Sensor;
@@ -107,15 +109,8 @@ pub(super) struct Paths<'a> {
 }
 
 impl<'a> Paths<'a> {
-    /// Smooths the motion of a record; every input comes later by its delay, s, and every coordinate is taken up to a frequency, Hz, or
-    /// where this is zero as far as it stands out of its noise.
-    pub(super) fn new(
-        rows: Rows<'a>,
-        record: &TimeRecord<'_>,
-        motion: &Motion,
-        circular: bool,
-        (delays, taken): (&[f64], &[f64]),
-    ) -> Self {
+    /// Smooths the motion of a record, looked at in one way.
+    pub(super) fn new(rows: Rows<'a>, record: &TimeRecord<'_>, motion: &Motion, circular: bool, look: &Look) -> Self {
         let dims = rows.model.dims();
         let h = record.sample_time;
         let of = |c: usize| -> Vec<&[f64]> { record.stretches.iter().map(|stretch| stretch.coordinates[c]).collect() };
@@ -132,9 +127,9 @@ impl<'a> Paths<'a> {
                     spectrum.used = spectrum.used.max(own.used);
                 }
                 let narrow = spectrum.followed;
-                if taken[c] > 0.0 {
-                    spectrum.followed = spectrum.followed.max(taken[c]);
-                    spectrum.used = taken[c];
+                if look.taken[c] > 0.0 {
+                    spectrum.followed = spectrum.followed.max(look.taken[c]);
+                    spectrum.used = look.taken[c];
                 }
                 let rate_noise = rate.map(|rates| Sensor::of(&rates).noise);
                 let by_position = rate_deviation(spectrum.noise, spectrum.followed, h);
@@ -142,7 +137,7 @@ impl<'a> Paths<'a> {
                 Measured { spectrum, narrow, rate_noise, rate_deviation }
             })
             .collect();
-        let stretch = |moving: &Moving| on_grid(rows.model, record, &measured, moving, circular, delays);
+        let stretch = |moving: &Moving| on_grid(rows.model, record, &measured, moving, circular, &look.inputs);
         Paths { rows, sample_time: h, paths: motion.stretches.iter().map(stretch).collect(), measured }
     }
 
@@ -152,11 +147,11 @@ impl<'a> Paths<'a> {
         record: &TimeRecord<'_>,
         motion: &Motion,
         hold: Hold,
-        delays: &[f64],
+        acting: &[Acting],
     ) -> Vec<Vec<Vec<f64>>> {
         let fastest = self.fastest();
         let of = |(moving, path): (&Moving, &Path)| {
-            let input = |i: usize| force(record, moving, (i, hold, delays), path.points, fastest, 0);
+            let input = |i: usize| force(record, moving, (i, hold, acting[i]), path.points, fastest, 0);
             (0..moving.inputs.len()).map(input).collect()
         };
         motion.stretches.iter().zip(&self.paths).map(of).collect()
@@ -296,16 +291,16 @@ impl Path {
 fn force(
     record: &TimeRecord<'_>,
     moving: &Moving,
-    (input, hold, delays): (usize, Hold, &[f64]),
+    (input, hold, acting): (usize, Hold, Acting),
     points: usize,
     fastest: f64,
     derivative: u32,
 ) -> Vec<f64> {
     let mut actuator: Dynamics = record.actuators.get(input).copied().unwrap_or_default();
-    actuator.delay += delays.get(input).copied().unwrap_or(0.0);
+    actuator.delay += acting.delay;
     let wide = wide(fastest);
     moving.inputs[input].filtered(points, |w| {
-        let own = held(hold, w * record.sample_time) * actuator.response(w) * wide.response(w);
+        let own = held(hold, w * record.sample_time) * actuator.response(w) * wide.response(w) * acting.gain;
         own * Complex::new(0.0, w).powu(derivative)
     })
 }
@@ -320,7 +315,7 @@ fn on_grid(
     measured: &[Measured],
     moving: &Moving,
     circular: bool,
-    delays: &[f64],
+    acting: &[Acting],
 ) -> Path {
     let dims = model.dims();
     let fastest = measured.iter().map(|own| own.spectrum.followed).fold(0.0, f64::max);
@@ -339,7 +334,8 @@ fn on_grid(
             }
         }
     }
-    let of = |i: usize, derivative: u32| force(record, moving, (i, record.hold, delays), points, fastest, derivative);
+    let of =
+        |i: usize, derivative: u32| force(record, moving, (i, record.hold, acting[i]), points, fastest, derivative);
     let mut path = Path {
         coordinates: dims.coordinates,
         slots,
@@ -386,6 +382,11 @@ impl Along {
             _ => None,
         };
         self.entries.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// Whether an entry stands in any row.
+    pub(super) fn has(&self, entry: Entry) -> bool {
+        self.entries.iter().any(|(_, own)| *own == entry)
     }
 
     /// Where an entry stands.
@@ -482,6 +483,50 @@ impl<'a> Rows<'a> {
         };
         let any = columns.iter().any(changes);
         Ok(if any { columns.into_iter().enumerate().collect() } else { Vec::new() })
+    }
+
+    /// What every input makes in the rows in which it acts, as these have it at given parameters: what the other inputs leave of them. Noise of
+    /// the input's own record is not in it.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn of_inputs(self, path: &Path, theta: &[f64]) -> Result<Vec<Columns>, EstimateError> {
+        let dims = self.model.dims();
+        let mut columns = vec![vec![vec![0.0; path.points]; dims.rows]; dims.inputs];
+        let mut acts = vec![vec![false; dims.rows]; dims.inputs];
+        let (mut instant, mut scratch) = (vec![0.0; path.slots], self.scratch());
+        for k in 0..path.points {
+            self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
+            for row in 0..dims.rows {
+                let force = |i: usize| scratch.map[row * dims.inputs + i] * path.inputs[i][k];
+                let whole = self.made(&scratch, row, theta) - self.right_of(&scratch, row, &|i| path.inputs[i][k]);
+                for i in (0..dims.inputs).filter(|i| scratch.map[row * dims.inputs + i] != 0.0) {
+                    acts[i][row] = true;
+                    columns[i][row][k] = whole + force(i);
+                }
+            }
+        }
+        let of = |(columns, acts): (Vec<Vec<f64>>, Vec<bool>)| {
+            columns.into_iter().enumerate().zip(acts).filter_map(|(own, acts)| acts.then_some(own)).collect()
+        };
+        Ok(columns.into_iter().zip(acts).map(of).collect())
+    }
+
+    /// Root mean square of what is known of the rows along a path, over that of their right-hand sides.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`].
+    pub(super) fn known_share(self, path: &Path) -> Result<f64, EstimateError> {
+        let mut scratch = self.scratch();
+        let (mut known, mut right) = (0.0, 0.0);
+        for k in 0..path.points {
+            self.sides(path.instant(k), &mut scratch)?;
+            for row in 0..self.model.dims().rows {
+                known += scratch.known[row].powi(2);
+                right += self.right_of(&scratch, row, &|i| path.inputs[i][k]).powi(2);
+            }
+        }
+        Ok((known / right.max(f64::MIN_POSITIVE)).sqrt())
     }
 
     /// All rows along a path.

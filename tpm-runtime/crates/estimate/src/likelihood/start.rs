@@ -18,7 +18,7 @@ use tpm_numerics::{DMatrix, DVector};
 /// A direction of scaled parameters whose singular value is below this share of the largest is not shown.
 pub(super) const RANK: f64 = 1e-8;
 /// Known terms above this share of a row's force fix the scale of a row without an input.
-const KNOWN_SHARE: f64 = 1e-3;
+pub(super) const KNOWN_SHARE: f64 = 1e-3;
 
 impl<'a> Pass<'a> {
     pub(super) fn new(
@@ -29,7 +29,7 @@ impl<'a> Pass<'a> {
         settings: &Settings,
     ) -> Result<Self, EstimateError> {
         let dims = rows.model.dims();
-        let paths = Paths::new(rows, record, motion, circular, (&look.delays, &look.taken));
+        let paths = Paths::new(rows, record, motion, circular, look);
         let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
         let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
         let scales = Scales::of(rows, &paths.paths, &along, deviations);
@@ -38,8 +38,7 @@ impl<'a> Pass<'a> {
             rows,
             record,
             motion,
-            delays: look.delays.clone(),
-            taken: look.taken.clone(),
+            look: look.clone(),
             paths,
             along,
             scales,
@@ -92,7 +91,9 @@ impl<'a> Pass<'a> {
         self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c]);
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
+            let of_inputs = self.rows.of_inputs(path, &self.theta)?;
             let of = |term: &Term| match term.kind {
+                TermKind::InputGain => Ok(of_inputs[term.of].clone()),
                 TermKind::PositionOffset => self.rows.by_position(path, &self.theta, term.of),
                 _ => Ok(self.scales.columns(*term, path, along, from)),
             };

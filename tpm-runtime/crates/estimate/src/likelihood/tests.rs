@@ -87,3 +87,71 @@ fn a_delay_is_found() {
     assert!((delay.value - 3e-3).abs() < 1e-4, "{delay:?}");
     assert!(scores(&found).iter().all(|z| z.abs() < 4.0), "{:?}", found.estimate);
 }
+
+/// Three masses in a row, of which inputs are recorded by factors too small.
+fn masses(seed: u64, gains: [f64; 3]) -> OfAnyMotion {
+    let text = "
+        model masses {
+            coordinate x [m], y [m], z [m];
+            input u [N], v [N], w [N];
+            parameter m1 [kg], m2 [kg], m3 [kg], d1 [N*s/m], d2 [N*s/m], d3 [N*s/m], k [N/m];
+            m1*ddot(x) + d1*dot(x) + k*(x - y) = u;
+            m2*ddot(y) + d2*dot(y) + k*(2*y - x - z) = v;
+            m3*ddot(z) + d3*dot(z) + k*(z - y) = w;
+        }
+    ";
+    let (model, _) = tpm_test_support::models::differentiable(text);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut draw = || -> f64 { StandardNormal.sample(&mut rng) };
+    let mut columns = vec![Vec::with_capacity(SAMPLES); 6];
+    for sample in 0..SAMPLES {
+        let t = sample as f64 * SAMPLE_TIME;
+        let at = |slow: f64| {
+            let [x, v, a] = sweep(slow * t + 3.0 - 3.0 * slow);
+            [x, slow * v, slow * slow * a]
+        };
+        let q = [at(1.0), at(0.7), at(0.8)];
+        let [x, y, z] = q.map(|own| own[0]);
+        let springs = [x - y, 2.0 * y - x - z, z - y];
+        let force = |row: usize| MASSES[row] * q[row][2] + MASSES[3 + row] * q[row][1] + MASSES[6] * springs[row];
+        for (row, own) in q.iter().enumerate() {
+            columns[row].push(own[0] + NOISE[0] * draw());
+            columns[3 + row].push((force(row) + FORCE_NOISE * draw()) / gains[row]);
+        }
+    }
+    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let (coordinates, inputs) = columns.split_at(3);
+    let stretch = Stretch { coordinates: coordinates.to_vec(), rates: vec![None; 3], inputs: inputs.to_vec() };
+    let record = TimeRecord { sample_time: SAMPLE_TIME, hold: Hold::None, actuators: &[], stretches: vec![stretch] };
+    estimate_any_motion(&model, &[], &record, false, &Settings::default()).expect("a record")
+}
+
+/// Noise of their forces, N.
+const FORCE_NOISE: f64 = 0.3;
+/// Masses, kg, dampings, N s/m, and the springs, N/m.
+const MASSES: [f64; 7] = [2.0, 0.8, 1.2, 1.5, 4.0, 2.5, 60.0];
+
+/// An input that is recorded in another unit, or by a gain that is a little off, is corrected by what the other rows say, and named.
+#[test]
+fn the_gain_of_one_of_three_inputs_is_found() {
+    for gain in [1.0, 1.05, 12.0, 0.04] {
+        let found = masses(5, [1.0, gain, 1.0]);
+        let gains: Vec<_> = found.lacking.iter().filter(|own| own.term.kind == TermKind::InputGain).collect();
+        assert!(!found.scale_unknown && gains.len() == usize::from(gain != 1.0), "{gain}: {:?}", found.lacking);
+        for own in gains {
+            assert!(own.term.of == 1 && (own.value - gain).abs() < 4.0 * own.std, "{gain}: {own:?}");
+            assert!(own.std < 0.01 * gain, "{gain}: {own:?}");
+        }
+        for (j, truth) in MASSES.into_iter().enumerate() {
+            let (value, std) = (found.estimate.values[j], found.estimate.std[j]);
+            assert!((value - truth).abs() < 4.0 * std && std < 0.02 * truth, "{gain}: {value} +- {std} for {truth}");
+        }
+    }
+}
+
+/// Where as many inputs are off as are not, the scale of the parameters is not known.
+#[test]
+fn without_a_majority_of_inputs_the_scale_is_not_known() {
+    let found = masses(5, [1.0, 4.0, 0.3]);
+    assert!(found.scale_unknown, "{:?}", found.lacking);
+}

@@ -49,7 +49,7 @@ impl Pass<'_> {
     /// Frequencies up to which the coordinates are taken, Hz, where the noise of the forces allows more than their own noise, and zero for
     /// others: nothing where it does so for none, or where more is taken already.
     pub(super) fn wider(&self) -> Result<Option<Vec<f64>>, EstimateError> {
-        let Some(felt) = self.felt.as_ref().filter(|_| self.taken.iter().all(|taken| *taken <= 0.0)) else {
+        let Some(felt) = self.felt.as_ref().filter(|_| self.look.taken.iter().all(|taken| *taken <= 0.0)) else {
             return Ok(None);
         };
         let lines = self.above_floors()?;
