@@ -385,7 +385,11 @@ impl Pass<'_> {
         let of_gain = |own: &&(f64, Lacking)| own.1.term.kind == TermKind::InputGain;
         let scale_unknown = match lacking.iter().filter(of_gain).count() {
             0 => false,
-            wrong => 2 * wrong >= dims.inputs && !self.has_scale(free)?,
+            // An input whose gain the record does not tell says nothing of the others' gains either.
+            wrong => {
+                let untold = unseen.iter().filter(|own| own.term.kind == TermKind::InputGain).count();
+                2 * wrong + untold >= dims.inputs && !self.has_scale(free)?
+            }
         };
         let none = vec![0.0; missing.len()];
         let row_residuals: Vec<f64> = self.lines.iter().map(|row| left(row, (p, right), &values, &none)).collect();
