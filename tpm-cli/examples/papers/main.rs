@@ -129,8 +129,11 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<ExitCode, Failure> {
-    if !(args.duration.is_finite() && (70.0..=3600.0).contains(&args.duration)) {
-        return Err(Failure::Input(format!("--duration {}: give 70 to 3600 s", args.duration)));
+    if !(args.duration.is_finite() && (100.0..=3600.0).contains(&args.duration)) {
+        return Err(Failure::Input(format!(
+            "--duration {}: two halves of two segments of 32.8 s are needed, so give 100 to 3600 s",
+            args.duration
+        )));
     }
     let (chapters, unexplained) = chapters(args.duration)?;
     write(&args.output, &chapters)?;

@@ -15,7 +15,7 @@ fn the_page_holds_every_table_and_figure_and_the_reasons() {
     let test = std::env::current_exe().expect("this program has a path");
     let built = test.parent().and_then(Path::parent).expect("cargo's folder `deps` stands in that of the profile");
     let program = built.join("examples").join(format!("papers{}", std::env::consts::EXE_SUFFIX));
-    let run = Command::new(&program).args(["--duration", "70", "-o", "page"]).current_dir(folder.path()).output();
+    let run = Command::new(&program).args(["--duration", "100", "-o", "page"]).current_dir(folder.path()).output();
     let run = run.unwrap_or_else(|error| panic!("{}: {error}", program.display()));
     // Nothing differs from what is printed but for a reason that is known.
     assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));

@@ -126,7 +126,7 @@ fn a_pendulum_about_an_angle_that_is_known_at_run_time_has_a_table() {
     let parsed = parsed(text);
     let table = table_of(&parsed);
     let definitions: Vec<&str> = table.constants.iter().map(|c| c.definition.as_str()).collect();
-    assert!(definitions.contains(&"cos(th0)") && definitions.contains(&"1/(cos(th0) + 2)"), "{definitions:?}");
+    assert!(definitions.contains(&"cos(th0)") && definitions.contains(&"1/(2 + s1)"), "{definitions:?}");
     let values = values(&[("J", 1.3), ("g1", 2.1), ("th0", 0.7), ("lambda", 0.4), ("w", 2.0), ("u", 0.0)]);
     agrees(&parsed, &values, rest_to_rest, &[("th", 0.7, 0.4)]);
 }

@@ -88,15 +88,23 @@ fn written(sum: &Polynomial<usize>, symbols: &[EcoString]) -> String {
             (false, true) => " - ",
             (false, false) => " + ",
         });
-        let mut factors: Vec<String> = Vec::new();
+        let (mut above, mut below): (Vec<String>, Vec<String>) = (Vec::new(), Vec::new());
         if !size.is_one() {
-            factors.push(size.to_string());
+            above.push(size.to_string());
         }
         for (&symbol, power) in monomial.factors() {
             let name = &symbols[symbol];
-            factors.push(if power == 1 { name.to_string() } else { format!("{name}^{power}") });
+            let side = if power > 0 { &mut above } else { &mut below };
+            side.push(match power.unsigned_abs() {
+                1 => name.to_string(),
+                size => format!("{name}^{size}"),
+            });
         }
-        text.push_str(&if factors.is_empty() { "1".to_owned() } else { factors.join("*") });
+        text.push_str(&if above.is_empty() { "1".to_owned() } else { above.join("*") });
+        for divisor in below {
+            text.push('/');
+            text.push_str(&divisor);
+        }
     }
     text
 }
