@@ -290,7 +290,7 @@ pub(super) fn chapter(unexplained: &mut Vec<String>) -> Result<Chapter, Failure>
          Table 5.1, stands for it.\n\n![Figure 5.1: links 12, 3, 4 and 5 with the loop closed](linkage.svg)\n\nEqns A.3 to A.10, kg m^2:\n\n{}\n\
          Eqn A.11 and its like for f1, f2 and f3, in commanded units ({} per N m): exact Taylor coefficients of the model with its links, \
          evaluated; the printed formulas of a10 and a11; and differences of the simulated machine's own functions:\n\n{}\n\
-         The printed formulas agree within {}. In print a radical has l_(l^2) for l3 and l_l for l2, and cos th20^2 means the square of \
+         The printed formulas agree within {:.0e} of the value. In print a radical has l_(l^2) for l3 and l_l for l2, and cos th20^2 means the square of \
          the cosine.\n\nTable 5.1, from its first row, on the simulated arm:\n\n{}\n\
          The rows differ because the table is not unique: with both joints on one pattern and a fixed ratio of amplitudes the runs show \
          {} combinations of nine coefficients at any frequency; along (lambda2^2, lambda1^2, -2 lambda1 lambda2) in (a1k, a2k, a3k) every \
@@ -303,7 +303,7 @@ pub(super) fn chapter(unexplained: &mut Vec<String>) -> Result<Chapter, Failure>
         table(&["equation", "", "value"], &inertia_rows),
         number(ARM.torque_scale),
         table(&["", "series", "printed formula", "differences"], &coefficient_rows),
-        percent(largest),
+        largest,
         table(&head, &rows),
         result.rank,
         number(rms(first, 0)),
@@ -316,7 +316,7 @@ pub(super) fn chapter(unexplained: &mut Vec<String>) -> Result<Chapter, Failure>
         percent(feedback[1]),
     );
     let findings = vec![
-        format!("Eqn A.11: the printed a10 and a11 are the exact series within {}.", percent(largest)),
+        format!("Eqn A.11: the printed a10 and a11 are the exact series within {largest:.0e} of the value."),
         format!(
             "Table 5.1 cannot be a unique solution: its runs show {} combinations of nine parameters. On a simulated arm the error falls as \
              Figure 5.5 says.",
