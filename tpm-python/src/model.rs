@@ -194,20 +194,21 @@ impl Model {
         let declared = &*self.declared;
         let expanded = || {
             let (parsed, pattern) = (declared.parsed(), declared.pattern(pattern)?);
-            let (model, _) = parsed.for_tables().map_err(|error| at(declared, &error))?;
-            let prepared = prepare(model.into_owned()).map_err(|error| at(declared, &error))?;
+            let (model, _, constants) = parsed.for_read_tables().map_err(|error| at(declared, &error))?;
+            let prepared = prepare(model).map_err(|error| at(declared, &error))?;
             let mut step = |_| if requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
             let harmonics = harmonics.or_else(|| parsed.declared_harmonics(pattern));
             let mut options = ExpandOptions { progress: Some(&mut step), harmonics, ..ExpandOptions::default() };
             let table = expand_with(&prepared.model, &prepared.form, pattern, &mut options);
-            table.map_err(|error| match error {
+            let table = table.map_err(|error| match error {
                 ExpandError::Stopped { .. } => Fault::Interrupted,
                 ExpandError::TooLarge { .. } => {
                     let help = "to expand it all the same, give allow_large=True";
                     located(declared, &parsed.locate(&error).help(help))
                 }
                 error => at(declared, &error),
-            })
+            })?;
+            Ok(table.gathered(constants, prepared.model.is_constant()))
         };
         Ok(Table { table: detached(py, allow_large, expanded)? })
     }

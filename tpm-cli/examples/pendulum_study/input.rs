@@ -19,7 +19,7 @@ pub(super) struct Input {
 
 impl Input {
     /// A file of the folder `models`.
-    fn shipped(name: &str, text: &str) -> Self {
+    pub(super) fn shipped(name: &str, text: &str) -> Self {
         Self { path: Path::new("models").join(name), bytes: text.as_bytes().to_vec() }
     }
 

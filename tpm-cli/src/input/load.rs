@@ -11,6 +11,8 @@ use tpm_codegen::{Parsed, parse_model};
 use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_runtime::session::other_kind;
 use tpm_runtime::study::ShownError;
+use tpm_symbolic::linear::taylor::Truncation;
+use tpm_symbolic::mechanics::derived::Derived;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::plan::split::SplitError;
@@ -48,19 +50,25 @@ impl Loaded {
         prepare(self.model().clone()).map_err(|error| self.at(&error))
     }
 
-    /// The model prepared for tables: with the declared Taylor polynomials in place. Remarks on standard error name the
-    /// replaced terms.
-    pub(crate) fn for_tables(&self) -> Result<Prepared, Failure> {
-        prepare(self.model_for_tables()?).map_err(|error| self.at(&error))
+    /// The model prepared for tables that are read: with the declared Taylor polynomials in place, and constants in
+    /// place of functions of constants. Remarks on standard error name the replaced terms.
+    pub(crate) fn for_tables(&self) -> Result<(Prepared, Vec<Derived>), Failure> {
+        let (model, truncations, constants) = self.parsed.for_read_tables().map_err(|error| self.at(&error))?;
+        Self::remark_replaced(&model, &truncations);
+        Ok((prepare(model).map_err(|error| self.at(&error))?, constants))
     }
 
     /// The model with the declared Taylor polynomials in place. Remarks on standard error name the replaced terms.
     pub(crate) fn model_for_tables(&self) -> Result<ExactModel, Failure> {
         let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
-        for replaced in Parsed::replacements(&model, &truncations) {
+        Self::remark_replaced(&model, &truncations);
+        Ok(model.into_owned())
+    }
+
+    fn remark_replaced(model: &ExactModel, truncations: &[Truncation]) {
+        for replaced in Parsed::replacements(model, truncations) {
             file::remark(&format!("remark: {replaced}"));
         }
-        Ok(model.into_owned())
     }
 
     /// The declared number of harmonics of terms with infinitely many harmonics, under a pattern.

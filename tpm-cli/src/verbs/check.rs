@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if model.patterns.is_empty() {
         text.push_str("remark: no pattern, so `expand` has nothing to expand under; logs need none\n");
     }
-    let tables = loaded.for_tables()?;
+    let (tables, _) = loaded.for_tables()?;
     for pattern in &model.patterns {
         let name = pattern.name.as_ref().map_or_else(|| "the pattern".to_owned(), |name| format!("pattern {name}"));
         let harmonics = loaded.harmonics(pattern);

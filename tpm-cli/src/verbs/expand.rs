@@ -48,7 +48,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let pattern = loaded.pattern(args.pattern.as_deref())?;
-    let prepared = loaded.for_tables()?;
+    let (prepared, constants) = loaded.for_tables()?;
     let bar = progress::Bar::new("expanding");
     let expanded = interrupt::watched(|go_on| {
         let mut step = |step: tpm_symbolic::harmonic::expand::Progress| {
@@ -67,8 +67,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
         ExpandError::TooLarge { .. } => loaded.at_with_help(&error, "to expand it all the same, give --allow-large"),
         error => loaded.at(&error),
     })?;
+    let table = table.gathered(constants, prepared.model.is_constant());
     for tail in &table.tails {
         file::remark(&format!("remark: {}", table::left_out(&table, tail)));
+    }
+    if args.format == Format::Csv {
+        for constant in &table.constants {
+            file::remark(&format!("remark: {} = {}", constant.name, constant.definition));
+        }
     }
     let text = match args.format {
         Format::Json => file::json(&table)?,

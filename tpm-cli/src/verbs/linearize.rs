@@ -5,20 +5,22 @@ use crate::input::assignments::assignment;
 use crate::input::linear::{operating_point, state_space, tell_friction};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
-use crate::output::file;
+use crate::output::{file, picture};
 use crate::render::roots::{root_text, roots_text};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_runtime::frequency::{TransferError, TransferFunction};
+use tpm_runtime::frequency::{BodeSettings, NamedModel, TransferError, TransferFunction, bode_of_models};
+use tpm_runtime::plot::Figure;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::budget;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
 use tpm_symbolic::linear::linearize::{self, Linearization, Resolvent, StateSpace};
 use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
 use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::mechanics::unit::Unit;
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// Largest distance of a pole from a zero, as a share of their size, at which they are said nearly to cancel.
@@ -33,6 +35,7 @@ const ROOTS: u64 = 100;
 
 /// Options of `tpm linearize`.
 #[derive(clap::Args)]
+#[command(group(clap::ArgGroup::new("banded").args(["against", "plot"]).multiple(true)))]
 pub(crate) struct Args {
     /// The model file.
     file: PathBuf,
@@ -51,11 +54,14 @@ pub(crate) struct Args {
     /// denominator, highest power first, such as 2,1/1,3,2.
     #[arg(long, value_name = "B,../A,..", value_parser = coefficients, allow_hyphen_values = true)]
     against: Option<TransferFunction>,
-    /// Lowest frequency in Hz of the comparison; a tenth of the slowest pole's when not given.
-    #[arg(long, value_name = "HZ", requires = "against")]
+    /// Draw a Bode plot of the transfer function, with that of --against, into this file, .svg or .png.
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Lowest frequency in Hz of comparison and plot; a tenth of the slowest pole's when not given.
+    #[arg(long, value_name = "HZ", requires = "banded")]
     low: Option<f64>,
-    /// Highest frequency in Hz of the comparison; ten times the fastest pole's when not given.
-    #[arg(long, value_name = "HZ", requires = "against")]
+    /// Highest frequency in Hz of comparison and plot; ten times the fastest pole's when not given.
+    #[arg(long, value_name = "HZ", requires = "banded")]
     high: Option<f64>,
     /// Print JSON (tpm.linearization/1).
     #[arg(long)]
@@ -118,9 +124,15 @@ struct Linear {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    if let Some(path) = &args.plot {
+        picture::Picture::of(path)?;
+    }
     let loaded = Loaded::from_file(&args.file)?;
     let found = Linear::new(args, loaded.model().clone())?;
     let comparison = args.against.as_ref().map(|beside| found.beside(args, beside)).transpose()?;
+    if let Some(path) = &args.plot {
+        picture::draw(path, &found.bode(args)?)?;
+    }
     let text = if args.json {
         file::json(&found.json(comparison.as_ref()))?
     } else {
@@ -390,31 +402,68 @@ impl Linear {
         })
     }
 
-    fn beside(&self, args: &Args, other: &TransferFunction) -> Result<Comparison, Failure> {
+    /// The one transfer function that was chosen, in numbers; `flag` is what needs it.
+    fn single(&self, flag: &str) -> Result<(&Channel, &Numbers), Failure> {
         let [channel] = self.channels.as_slice() else {
             return Err(Failure::Input(format!(
-                "--against needs one transfer function to compare with, and there are {}; choose with --measured and --input",
+                "{flag} needs one transfer function, and there are {}; choose with --measured and --input",
                 self.channels.len()
             )));
         };
-        let Some(numbers) = &channel.numbers else {
-            return Err(Failure::Input(
-                "--against needs the model in numbers; give --params FILE or --value NAME=VALUE".to_owned(),
-            ));
+        let numbers = channel.numbers.as_ref().ok_or_else(|| {
+            Failure::Input(format!("{flag} needs the model in numbers; give --params FILE or --value NAME=VALUE"))
+        })?;
+        Ok((channel, numbers))
+    }
+
+    /// The Bode plot of the chosen transfer function, and of the one beside it.
+    fn bode(&self, args: &Args) -> Result<Figure, Failure> {
+        let (channel, numbers) = self.single("--plot")?;
+        let own = &numbers.function;
+        let both: Vec<&TransferFunction> = std::iter::once(own).chain(&args.against).collect();
+        let (low, high) = band(args, &both)?;
+        let unit = |unit: Option<&Unit>| unit.map_or_else(|| "1".to_owned(), ToString::to_string);
+        let model = &self.model;
+        let output = model.coordinates.get(channel.coordinate).and_then(|coordinate| coordinate.unit.as_ref());
+        let input = model.inputs().nth(channel.input).and_then(|symbol| model.quantity(symbol).unit.as_ref());
+        let unit = match (output, input) {
+            (None, None) => String::new(),
+            _ => match unit(input) {
+                single if single.chars().all(char::is_alphanumeric) => format!("{}/{single}", unit(output)),
+                product => format!("{}/({product})", unit(output)),
+            },
         };
+        let settings = BodeSettings { title: format!("{}: {}", model.name, self.name(channel)), unit, low, high };
+        let responses: Vec<_> = both.iter().map(|function| |w: f64| function.response(w)).collect();
+        let named: Vec<NamedModel<'_>> = ["model", "beside"]
+            .into_iter()
+            .zip(&responses)
+            .map(|(name, response)| (name, response as &dyn Fn(f64) -> Complex))
+            .collect();
+        Ok(bode_of_models(&named, &settings))
+    }
+
+    fn beside(&self, args: &Args, other: &TransferFunction) -> Result<Comparison, Failure> {
+        let (channel, numbers) = self.single("--against")?;
         let own = numbers.function.clone();
-        let sizes: Vec<f64> =
-            own.poles().iter().chain(&other.poles()).map(|pole| pole.norm() / TAU).filter(|size| *size > 0.0).collect();
-        let low = args.low.or_else(|| Some(0.1 * sizes.iter().copied().reduce(f64::min)?));
-        let high = args.high.or_else(|| Some(10.0 * sizes.iter().copied().reduce(f64::max)?));
-        let (Some(low), Some(high)) = (low, high) else {
-            return Err(Failure::Input("neither has a pole to choose a band by; give --low and --high".to_owned()));
-        };
-        if !(low > 0.0 && low < high && high.is_finite()) {
-            return Err(Failure::Input(format!("the band {low} to {high} Hz must rise from above 0")));
-        }
+        let (low, high) = band(args, &[&own, other])?;
         Ok(Comparison::new(self.name(channel), own, other.clone(), low, high))
     }
+}
+
+/// The band of comparison and plot in Hz: what was given, or what is around all poles.
+fn band(args: &Args, functions: &[&TransferFunction]) -> Result<(f64, f64), Failure> {
+    let poles = functions.iter().flat_map(|function| function.poles());
+    let sizes: Vec<f64> = poles.map(|pole| pole.norm() / TAU).filter(|size| *size > 0.0).collect();
+    let low = args.low.or_else(|| Some(0.1 * sizes.iter().copied().reduce(f64::min)?));
+    let high = args.high.or_else(|| Some(10.0 * sizes.iter().copied().reduce(f64::max)?));
+    let (Some(low), Some(high)) = (low, high) else {
+        return Err(Failure::Input("there is no pole to choose a band by; give --low and --high".to_owned()));
+    };
+    if !(low > 0.0 && low < high && high.is_finite()) {
+        return Err(Failure::Input(format!("the band {low} to {high} Hz must rise from above 0")));
+    }
+    Ok((low, high))
 }
 
 /// The index of the name that was given, or all indices when none was given.

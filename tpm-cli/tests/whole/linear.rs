@@ -106,6 +106,14 @@ fn fong_29_is_not_consistent_with_28() {
     assert!(other["median_difference"].as_f64().expect("finite") > 0.1);
     let text = printed(&[&arguments[..], &band[..]].concat());
     assert!(text.contains("the two are not consistent: from 0.2 to 23 Hz"), "{text}");
+    // Figure 6 without the measurement: both as curves.
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("bode.svg");
+    printed(&[&arguments[..], &band[..], &["--plot", path.to_str().expect("UTF-8")]].concat());
+    let picture = std::fs::read_to_string(&path).expect("drawn");
+    for text in ["Magnitude [rad/V]", "Phase [deg]", "Frequency [Hz]", "model", "beside", "alpha2 over e"] {
+        assert!(picture.contains(text), "{text}");
+    }
     // A model compared with its own transfer function is consistent.
     let same = json(&[
         "linearize",
@@ -135,6 +143,9 @@ fn faults_of_a_linearisation_name_their_remedy() {
     fails(&["linearize", UP, "--params", UP], 2, &[UP]);
     fails(&["linearize", UP, "--params", TABLE_1, "--against", "1/1,1"], 2, &["--measured"]);
     fails(&["linearize", UP, "--measured", "th1", "--against", "1/1,1"], 2, &["--params FILE"]);
+    fails(&["linearize", UP, "--params", TABLE_1, "--plot", "bode.svg"], 2, &["--plot needs one", "--measured"]);
+    fails(&["linearize", UP, "--params", TABLE_1, "--plot", "bode.pdf"], 2, &[".svg or .png"]);
+    fails(&["linearize", UP, "--params", TABLE_1, "--low", "1"], 2, &["--plot"]);
     fails(&["linearize", "models/mass_spring_drag.tpm", "--input", "v"], 2, &["it has u"]);
     fails(&["linearize", "models/emps.tpm"], 2, &["no equilibrium", "OF"]);
 }

@@ -25,6 +25,7 @@ mod linear;
 mod live;
 mod log;
 mod pages;
+mod papers;
 mod pendulum_study;
 mod physical;
 mod printed;

@@ -95,6 +95,12 @@ pub fn markdown(table: &HarmonicTable) -> String {
     if table.entries().any(|entry| !entry.sign.is_one()) {
         text.push_str("\nEntries with `sgn` hold for amplitudes of either sign; w > 0.\n");
     }
+    if !table.constants.is_empty() {
+        text.push_str("\n## Constants\n\n");
+        for constant in &table.constants {
+            let _ = writeln!(text, "- {} = {}", constant.name, constant.definition);
+        }
+    }
     text
 }
 
@@ -199,6 +205,10 @@ pub fn latex(table: &HarmonicTable) -> String {
             }
         }
         text.push_str("\n\\end{align*}\n");
+    }
+    for constant in &table.constants {
+        let _ =
+            writeln!(text, "\\par\\noindent\\texttt{{{} = {}}}", escape(&constant.name), escape(&constant.definition));
     }
     text.push_str("\\end{document}\n");
     text

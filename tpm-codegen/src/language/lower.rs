@@ -309,16 +309,14 @@ impl<'a> Lowering<'a, '_, '_> {
 
     /// Refuses equations that are too long for statements which require them multiplied out.
     fn refuse_too_long(&mut self) {
-        let (what, instead) = match (self.model.eliminations.is_empty(), self.taylor.is_empty()) {
-            (true, true) => return,
-            (false, _) => ("eliminating coordinates", "keep the coordinates"),
-            (true, false) => ("Taylor polynomials", "declare no order"),
-        };
+        if self.model.eliminations.is_empty() {
+            return;
+        }
         let mut sizes = Sizes::default();
         for term in self.model.equations.iter().flat_map(|equation| &equation.terms) {
             if sizes.of(&self.model.graph, term.expr) > expression::MOST_TERMS {
-                let fault = too_long(self.terms.span(term.id), what);
-                self.diagnostics.push(fault.help(format!("{instead}, or write the equations shorter")));
+                let fault = too_long(self.terms.span(term.id), "eliminating coordinates");
+                self.diagnostics.push(fault.help("keep the coordinates, or write the equations shorter"));
             }
         }
     }

@@ -25,6 +25,7 @@ use tpm_symbolic::expr::graph::ExprId;
 use tpm_symbolic::harmonic::bessel::BesselError;
 use tpm_symbolic::harmonic::expand::ExpandError;
 use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
+use tpm_symbolic::mechanics::derived::{Derived, derive_constants};
 use tpm_symbolic::mechanics::lagrange::LagrangeError;
 use tpm_symbolic::mechanics::model::{ExactModel, TermId};
 use tpm_symbolic::mechanics::pattern::Pattern;
@@ -148,6 +149,19 @@ impl Parsed {
         Ok((Cow::Owned(model), truncations))
     }
 
+    /// [`Self::for_tables`] with a new constant wherever an equation has a function of constants, or divides by a sum of
+    /// them: the table then holds these constants, of which the definitions are told. It is for tables that are read;
+    /// whoever gives its symbols values needs the values of these constants too.
+    ///
+    /// # Errors
+    /// See [`Self::for_tables`].
+    pub fn for_read_tables(&self) -> Result<(ExactModel, Vec<Truncation>, Vec<Derived>), SeriesError> {
+        let (model, truncations) = self.for_tables()?;
+        let mut model = model.into_owned();
+        let constants = derive_constants(&mut model);
+        Ok((model, truncations, constants))
+    }
+
     /// Sentences on the replacements by [`Self::for_tables`], one for each function.
     #[must_use]
     pub fn replacements(model: &ExactModel, truncations: &[Truncation]) -> Vec<String> {
@@ -163,7 +177,7 @@ impl Parsed {
                 format!("of order {} in {coordinate} about {}", expansion.order, model.display(expansion.point))
             });
             let points = points.collect::<Vec<String>>().join(", ");
-            let function = model.display(series.function);
+            let function = model.display_brief(series.function);
             sentences.push(format!("`{function}` is replaced by its Taylor polynomial {points}"));
         }
         sentences

@@ -3,6 +3,7 @@
 mod build;
 mod c;
 mod committed;
+mod constants_of_tables;
 mod derivation;
 mod format;
 mod generate;

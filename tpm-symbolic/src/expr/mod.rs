@@ -4,6 +4,7 @@ mod calculus;
 mod display;
 pub mod graph;
 mod node;
+mod nonzero;
 pub mod normal_form;
 pub mod point;
 mod polynomial;

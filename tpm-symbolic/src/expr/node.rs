@@ -144,7 +144,7 @@ pub enum Node {
 
 impl Node {
     /// The operands of this node.
-    pub(super) fn operands(&self) -> impl Iterator<Item = ExprId> + '_ {
+    pub(crate) fn operands(&self) -> impl Iterator<Item = ExprId> + '_ {
         let (list, pair): (&[ExprId], [Option<ExprId>; 2]) = match self {
             Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => {
                 (&[], [None, None])

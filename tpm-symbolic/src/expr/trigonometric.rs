@@ -75,6 +75,9 @@ pub fn simplify(graph: &mut Graph, expr: ExprId) -> ExprId {
 
 /// Whether the expression is shown to be zero wherever it is defined: the numerator of its normal form is zero.
 pub fn is_zero(graph: &mut Graph, expr: ExprId) -> bool {
+    if graph.is_shown_nonzero(expr) {
+        return false;
+    }
     let polynomial = normal(graph, expr);
     numerator(graph, &polynomial).is_zero()
 }

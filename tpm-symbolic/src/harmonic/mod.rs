@@ -4,6 +4,7 @@ pub mod bessel;
 pub mod content;
 mod error;
 pub mod expand;
+mod gathered;
 pub mod identifiability;
 pub mod motion;
 pub mod nonsmooth;

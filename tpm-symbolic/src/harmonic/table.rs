@@ -6,6 +6,7 @@
 use crate::algebra::fourier::Trig;
 use crate::algebra::polynomial::Monomial;
 use crate::budget;
+use crate::mechanics::derived::Derived;
 use crate::number::numerator::Numerator;
 use crate::number::rational::{self, Rational};
 use crate::number::words::{big_from_words, unsigned_from_words, write_unsigned};
@@ -141,6 +142,8 @@ pub struct HarmonicTable {
     pub symbols: Vec<EcoString>,
     /// The truncation errors, one for every infinite series in the table; empty when the table is complete.
     pub tails: Vec<Tail>,
+    /// Constants among the symbols that follow from the model's own, each defined by those before it.
+    pub constants: Vec<Derived>,
     /// Sorted by [`CoefficientSeries::key`].
     series: Vec<CoefficientSeries>,
     words: Vec<u64>,
@@ -153,7 +156,7 @@ impl PartialEq for HarmonicTable {
         (&self.model, &self.equations, &self.parameters, &self.symbols)
             == (&other.model, &other.equations, &other.parameters, &other.symbols)
             && self.len == other.len
-            && self.tails == other.tails
+            && (&self.tails, &self.constants) == (&other.tails, &other.constants)
             && self.entries().eq(other.entries())
     }
 }
@@ -233,16 +236,15 @@ impl HarmonicTable {
         if !series.is_sorted_by(|a, b| a.key() < b.key()) {
             series.sort_by(|a, b| a.key().cmp(&b.key()));
         }
-        Self { model, equations, parameters, symbols, tails: Vec::new(), series, words, len }
+        Self { model, equations, parameters, symbols, tails: Vec::new(), constants: Vec::new(), series, words, len }
     }
 
     /// The table with further entries, and with bounds of the truncation errors of these.
     #[must_use]
     pub(crate) fn with_infinite(self, entries: Vec<Entry>, tails: Vec<Tail>) -> Self {
         let all = self.entries().chain(entries).collect();
-        let mut table = Self::new(self.model, self.equations, self.parameters, self.symbols, all);
-        table.tails = tails;
-        table
+        let table = Self::new(self.model, self.equations, self.parameters, self.symbols, all);
+        Self { tails, constants: self.constants, ..table }
     }
 
     /// The number of entries.
@@ -440,6 +442,8 @@ struct JsonTable {
     entries: Vec<JsonEntry>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     tails: Vec<JsonTail>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    constants: Vec<Derived>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -501,6 +505,7 @@ impl Serialize for HarmonicTable {
             parameters: self.parameters.clone(),
             entries: entries.collect(),
             tails: tails.collect(),
+            constants: self.constants.clone(),
         }
         .serialize(serializer)
     }
@@ -557,6 +562,7 @@ impl<'de> Deserialize<'de> for HarmonicTable {
         }
         let mut table = Self::new(json.model, equations, json.parameters, symbols, entries);
         table.tails = tails;
+        table.constants = json.constants;
         Ok(table)
     }
 }

@@ -60,7 +60,19 @@ impl<A: Analytic> Jets<'_, A> {
     /// # Errors
     /// When a node has no Taylor series at the point; the error holds that node.
     pub fn of(&mut self, nodes: &[(ExprId, Node)]) -> Result<Jet<A::Element>, Singular> {
-        let mut memo: HashMap<ExprId, Jet<A::Element>> = HashMap::new();
+        self.of_beside(nodes, HashMap::new())
+    }
+
+    /// [`Self::of`] for an expression of which some parts are known: `memo` holds their jets, and neither they nor what
+    /// only they use is among the nodes.
+    ///
+    /// # Errors
+    /// See [`Self::of`].
+    pub fn of_beside(
+        &mut self,
+        nodes: &[(ExprId, Node)],
+        mut memo: HashMap<ExprId, Jet<A::Element>>,
+    ) -> Result<Jet<A::Element>, Singular> {
         let mut last = None;
         for (id, node) in nodes {
             let jet = self.node(*id, node, &memo).ok_or(Singular(*id))?;

@@ -11,12 +11,12 @@
 use crate::algebra::characteristic::Ring;
 use crate::expr::graph::{Coordinate, ExprId, Function, Graph, Node};
 use crate::expr::trigonometric;
-use crate::linear::jet::{Analytic, Index, Jets, Singular, nodes_of};
+use crate::linear::jet::{Analytic, Index, Jet, Jets, Singular, nodes_of};
 use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::number::rational::Rational;
 use num_traits::Zero;
 use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use thiserror::Error;
 
 /// A coordinate to expand in.
@@ -85,8 +85,7 @@ pub fn series(model: &mut ExactModel, function: ExprId, expansions: &[Expansion]
     let mut domain = Expressions(&mut model.graph);
     let jet = Jets { domain: &mut domain, degree, variables }.of(&nodes);
     let jet = jet.map_err(|Singular(atom)| SeriesError::Singular { term: None, atom: model.display_brief(atom) })?;
-    let kept = |index: &Index| index.iter().zip(expansions).all(|(&exponent, e)| exponent <= e.order);
-    let coefficients = jet.coefficients.into_iter().filter(|(index, _)| kept(index)).collect();
+    let coefficients = jet.coefficients.into_iter().filter(|(index, _)| is_kept(index, expansions)).collect();
     Ok(TaylorSeries { function, expansions: expansions.to_vec(), coefficients })
 }
 
@@ -168,64 +167,132 @@ pub struct Truncation {
 /// are not polynomials are expanded together, to the given total degree. Signs and absolute values without other such
 /// functions are unchanged, since they have exact series under a pattern.
 ///
+/// Series are cut at the degree while they are multiplied, so that equations are never multiplied out: a term that
+/// would have millions of products takes as many steps as it has nodes.
+///
 /// # Errors
 /// When a term is singular at the point; the model is then unchanged.
 pub fn truncate(model: &mut ExactModel, expansions: &[Expansion]) -> Result<Vec<Truncation>, SeriesError> {
     check_points(model, expansions)?;
     let mut truncations = Vec::new();
-    let mut known: HashMap<ExprId, (ExprId, TaylorSeries)> = HashMap::new();
+    let mut known: HashMap<ExprId, TaylorSeries> = HashMap::new();
     let mut equations = model.equations.clone();
     for source in equations.iter_mut().flat_map(|equation| &mut equation.terms) {
-        let polynomial = model.graph.polynomial(source.expr);
-        let mut terms = Vec::with_capacity(polynomial.len());
-        let mut changed = false;
-        for (monomial, coefficient) in polynomial.terms() {
-            let (infinite, rest) =
-                monomial.partition(|&atom| is_infinite(model, atom, monomial.exponent(&atom), expansions));
-            let mut factors = vec![model.graph.number(coefficient.clone())];
-            for (&atom, exponent) in rest.factors() {
-                factors.push(model.graph.pow(atom, exponent));
-            }
-            if !infinite.is_one() {
-                changed = true;
-                let powers: Vec<ExprId> =
-                    infinite.factors().map(|(&atom, exponent)| model.graph.pow(atom, exponent)).collect();
-                let function = model.graph.product(&powers);
-                if let Entry::Vacant(slot) = known.entry(function) {
-                    let found = series(model, function, expansions).map_err(|error| match error {
-                        SeriesError::Singular { atom, .. } => SeriesError::Singular { term: Some(source.id), atom },
-                        other => other,
-                    })?;
-                    let expr = found.polynomial(&mut model.graph);
-                    slot.insert((expr, found));
-                }
-                let (expr, series) = &known[&function];
-                factors.push(*expr);
-                truncations.push(Truncation { term: source.id, series: series.clone() });
-            }
-            terms.push(model.graph.product(&factors));
+        let parts = Parts::of(&nodes_of(&model.graph, source.expr), expansions);
+        if parts.infinite.is_empty() {
+            continue;
         }
-        if changed {
-            source.expr = model.graph.sum(&terms);
+        let mut memo: HashMap<ExprId, Jet<ExprId>> = HashMap::new();
+        for &function in &parts.infinite {
+            if let Entry::Vacant(slot) = known.entry(function) {
+                let found = series(model, function, expansions).map_err(|error| match error {
+                    SeriesError::Singular { atom, .. } => SeriesError::Singular { term: Some(source.id), atom },
+                    other => other,
+                })?;
+                slot.insert(found);
+            }
+            let series = known[&function].clone();
+            memo.insert(function, Jet { coefficients: series.coefficients.clone() });
+            truncations.push(Truncation { term: source.id, series });
         }
+        let none: Index = Index::from_elem(0, expansions.len());
+        for &part in &parts.finite {
+            memo.insert(part, Jet { coefficients: BTreeMap::from([(none.clone(), part)]) });
+        }
+        let degree = expansions.iter().map(|expansion| expansion.order).max().unwrap_or(0);
+        // What remains are sums, products and powers of the parts, in which the coordinates themselves no longer vary.
+        let variables = expansions.iter().map(|expansion| (None, expansion.point)).collect();
+        let mut domain = Expressions(&mut model.graph);
+        let jet = Jets { domain: &mut domain, degree, variables }.of_beside(&parts.combined, memo);
+        let jet = jet.map_err(|Singular(atom)| SeriesError::Singular {
+            term: Some(source.id),
+            atom: model.display_brief(atom),
+        })?;
+        let coefficients = jet.coefficients.into_iter().filter(|(index, _)| is_kept(index, expansions)).collect();
+        let whole = TaylorSeries { function: source.expr, expansions: expansions.to_vec(), coefficients };
+        source.expr = whole.polynomial(&mut model.graph);
     }
     model.equations = equations;
     Ok(truncations)
 }
 
-/// Whether a power of an atom depends on one of the coordinates and is not a polynomial.
-fn is_infinite(model: &ExactModel, atom: ExprId, exponent: i32, expansions: &[Expansion]) -> bool {
-    match model.graph.node(atom) {
-        Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Placeholder(_) => false,
-        Node::Derivative(coordinate, order) => {
-            exponent < 0 && *order == 0 && expansions.iter().any(|e| e.coordinate == *coordinate)
+/// Whether no exponent exceeds the order of its coordinate.
+fn is_kept(index: &Index, expansions: &[Expansion]) -> bool {
+    index.iter().zip(expansions).all(|(&exponent, expansion)| exponent <= expansion.order)
+}
+
+/// An expression as sums, products and powers of the parts that have a series and of those that stay.
+#[derive(Default)]
+struct Parts {
+    /// Functions and divisors that depend on a coordinate of the expansion, in the order of the graph.
+    infinite: Vec<ExprId>,
+    /// The largest parts without such a function.
+    finite: Vec<ExprId>,
+    /// The nodes that combine the parts, operands first, the expression last; nothing where it is a part itself.
+    combined: Vec<(ExprId, Node)>,
+}
+
+/// What is known of a node.
+#[derive(Clone, Copy)]
+struct Content {
+    /// Whether it depends on a coordinate of the expansion.
+    varies: bool,
+    /// Whether it is such a function, or holds one that is to be expanded.
+    infinite: bool,
+}
+
+impl Parts {
+    /// The parts of an expression; `nodes` are all nodes that it uses, operands first, the expression last.
+    fn of(nodes: &[(ExprId, Node)], expansions: &[Expansion]) -> Self {
+        let mut contents: HashMap<ExprId, Content> = HashMap::with_capacity(nodes.len());
+        for (id, node) in nodes {
+            let mut content = Content { varies: false, infinite: false };
+            for operand in node.operands() {
+                content.varies |= contents[&operand].varies;
+                content.infinite |= contents[&operand].infinite;
+            }
+            if let Node::Derivative(coordinate, 0) = node {
+                content.varies = expansions.iter().any(|expansion| expansion.coordinate == *coordinate);
+            }
+            content.infinite |= content.varies && is_infinite(node);
+            contents.insert(*id, content);
         }
-        Node::Function(Function::Sign | Function::Abs, _) if exponent > 0 => false,
-        _ => model.graph.leaves(atom).into_iter().any(|leaf| match model.graph.node(leaf) {
-            Node::Derivative(coordinate, 0) => expansions.iter().any(|e| e.coordinate == *coordinate),
-            _ => false,
-        }),
+        let mut parts = Self::default();
+        let Some(root) = nodes.last() else { return parts };
+        let mut reached = BTreeSet::from([root.0]);
+        for (id, node) in nodes.iter().rev() {
+            if !reached.contains(id) {
+                continue;
+            }
+            let content = contents[id];
+            if content.varies && is_infinite(node) {
+                parts.infinite.push(*id);
+            } else if !content.infinite || !is_combination(node) {
+                parts.finite.push(*id);
+            } else {
+                reached.extend(node.operands());
+                parts.combined.push((*id, node.clone()));
+            }
+        }
+        parts.infinite.reverse();
+        parts.combined.reverse();
+        parts
     }
+}
+
+/// Whether a node that depends on a coordinate of the expansion is no polynomial of its operands.
+fn is_infinite(node: &Node) -> bool {
+    match node {
+        Node::Power(_, exponent) => *exponent < 0,
+        Node::Function(Function::Sign | Function::Abs, _) => false,
+        Node::Function(..) | Node::Atan2(..) => true,
+        _ => false,
+    }
+}
+
+/// Whether a node is a sum, a product or a power.
+fn is_combination(node: &Node) -> bool {
+    matches!(node, Node::Sum(_) | Node::Product(_) | Node::Power(..))
 }
 
 /// Expressions as coefficients; values at the point are brought to their normal form where they contain pi.

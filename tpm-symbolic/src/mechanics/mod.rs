@@ -1,6 +1,7 @@
 //! Models of machines, their commanded motions, and the derivation of equations of motion from energies.
 
 pub mod constraint;
+pub mod derived;
 pub mod eliminate;
 pub mod lagrange;
 pub mod model;

@@ -266,6 +266,11 @@ impl ExactModel {
         self.symbols.iter().any(|quantity| matches!(quantity.kind, Kind::Constant { value: Some(_) }))
     }
 
+    /// Whether the symbol of an index is a constant.
+    pub fn is_constant(&self) -> impl Fn(usize) -> bool + '_ {
+        |index| self.symbols.get(index).is_some_and(|quantity| matches!(quantity.kind, Kind::Constant { .. }))
+    }
+
     /// The value of a leaf that is a constant of known value.
     #[must_use]
     pub fn known_value(&self, leaf: &Node) -> Option<Rational> {

@@ -29,8 +29,8 @@ fn of_model(parsed: &Parsed) -> Diagnostics {
         found.push(parsed.locate(&error));
         return found;
     }
-    let tables = match parsed.for_tables() {
-        Ok((model, _)) => prepare(model.into_owned()).map_err(|error| parsed.locate(&error)),
+    let tables = match parsed.for_read_tables() {
+        Ok((model, ..)) => prepare(model).map_err(|error| parsed.locate(&error)),
         Err(error) => Err(parsed.locate(&error)),
     };
     let tables = match tables {

@@ -69,15 +69,49 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
     phase.push(Trace::new("", 0, Curve::Band(band.collect())));
     let points = usable.iter().zip(&measured).map(|(line, angle)| (hertz(line), degrees(*angle)));
     phase.push(Trace::new("", 0, Curve::Points(points.collect())));
-    // 3. The models, at frequencies that are evenly spaced on the logarithmic axis, which has no place for zero.
-    let first = if low > 0.0 { low } else { high * 1e-3 };
+    // 3. The models, on the branch of the measured phases.
+    let (sizes, angles) = curves(models, settings, branch);
+    magnitude.extend(sizes);
+    phase.extend(angles);
+    // 4. The panels of magnitude, phase and coherence.
+    let coherence = response.band(low, high).map(|line| (line.hertz(), line.coherence)).collect();
+    let mut figure = panels(magnitude, phase, settings);
+    figure.panels.push(Panel {
+        x: abscissa(settings),
+        y: Axis::linear("Coherence").from_to(0.0, 1.05),
+        traces: vec![Trace::new("", 0, Curve::Line(coherence))],
+    });
+    Figure::new(&settings.title, figure.panels)
+}
+
+/// Magnitude and phase of models alone.
+#[must_use]
+pub fn bode_of_models(models: &[NamedModel<'_>], settings: &BodeSettings) -> Figure {
+    let (magnitude, phase) = curves(models, settings, None);
+    panels(magnitude, phase, settings)
+}
+
+/// The lowest frequency that is drawn, Hz: a logarithmic axis has no place for zero.
+fn first(settings: &BodeSettings) -> f64 {
+    if settings.low > 0.0 { settings.low } else { settings.high * 1e-3 }
+}
+
+fn abscissa(settings: &BodeSettings) -> Axis {
+    Axis::logarithmic("Frequency [Hz]").from_to(first(settings), settings.high)
+}
+
+/// Magnitudes and phases of the models, at frequencies that are evenly spaced on the logarithmic axis; phases begin within half a turn of
+/// `branch`, or of the first model's.
+fn curves(models: &[NamedModel<'_>], settings: &BodeSettings, branch: Option<f64>) -> (Vec<Trace>, Vec<Trace>) {
+    let (mut magnitude, mut phase) = (Vec::new(), Vec::new());
+    let (mut branch, first, high) = (branch, first(settings), settings.high);
     let frequencies: Vec<f64> =
         (0..=CURVE_POINTS).map(|i| first * (high / first).powf(i as f64 / CURVE_POINTS as f64)).collect();
     for (at, (name, model)) in models.iter().enumerate() {
         let values: Vec<Complex<f64>> = frequencies.iter().map(|f| model(2.0 * PI * f)).collect();
         let mut angles = unwrapped(values.iter().copied());
-        if let (Some(branch), Some(&own)) = (branch, angles.first()) {
-            let turns = turns(branch - own);
+        if let Some(&own) = angles.first() {
+            let turns = turns(*branch.get_or_insert(own) - own);
             angles.iter_mut().for_each(|angle| *angle += turns);
         }
         let sizes = frequencies.iter().zip(&values).map(|(f, h)| (*f, h.norm())).collect();
@@ -88,9 +122,11 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         magnitude.push(Trace::new(name, colour, curve(sizes)));
         phase.push(Trace::new("", colour, curve(angles)));
     }
-    // 4. The panels of magnitude, phase and coherence.
-    let coherence = response.band(low, high).map(|line| (line.hertz(), line.coherence)).collect();
-    let x = || Axis::logarithmic("Frequency [Hz]").from_to(first, high);
+    (magnitude, phase)
+}
+
+/// The panels of magnitude and phase.
+fn panels(magnitude: Vec<Trace>, phase: Vec<Trace>, settings: &BodeSettings) -> Figure {
     let size = match settings.unit.as_str() {
         "" => String::from("Magnitude"),
         unit => format!("Magnitude [{unit}]"),
@@ -103,13 +139,8 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         ordinate = ordinate.from_to((low / 45.0).floor() * 45.0 - 15.0, (high / 45.0).ceil() * 45.0 + 15.0);
     }
     let panels = vec![
-        Panel { x: x(), y: Axis::logarithmic(&size), traces: magnitude },
-        Panel { x: x(), y: ordinate, traces: phase },
-        Panel {
-            x: x(),
-            y: Axis::linear("Coherence").from_to(0.0, 1.05),
-            traces: vec![Trace::new("", 0, Curve::Line(coherence))],
-        },
+        Panel { x: abscissa(settings), y: Axis::logarithmic(&size), traces: magnitude },
+        Panel { x: abscissa(settings), y: ordinate, traces: phase },
     ];
     Figure::new(&settings.title, panels)
 }
@@ -145,7 +176,20 @@ fn unwrapped(values: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::unwrapped;
+    #[test]
+    fn models_alone_lie_on_one_branch() {
+        // The same response, once with the opposite sign twice: half a turn less and half a turn more.
+        let lag = |w: f64| Complex::new(1.0, 0.0) / Complex::new(1.0, w);
+        let turned = |w: f64| lag(w) * Complex::from_polar(1.0, 3.0);
+        let settings = BodeSettings { title: "lags".into(), unit: "m/N".into(), low: 0.01, high: 10.0 };
+        let figure = bode_of_models(&[("lag", &lag), ("turned", &turned)], &settings);
+        assert_eq!(figure.panels.len(), 2);
+        assert_eq!(figure.panels[0].y.label, "Magnitude [m/N]");
+        let starts: Vec<f64> = figure.panels[1].traces.iter().map(|trace| super::angles_of(trace)[0]).collect();
+        assert!((starts[1] - starts[0]).abs() <= 180.0, "{starts:?}");
+    }
+
+    use super::{BodeSettings, bode_of_models, unwrapped};
     use num_complex::Complex;
 
     #[test]

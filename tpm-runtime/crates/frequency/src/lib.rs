@@ -18,7 +18,7 @@ mod response;
 mod structured;
 mod transfer;
 
-pub use bode::{BodeSettings, NamedModel, bode};
+pub use bode::{BodeSettings, NamedModel, bode, bode_of_models};
 pub use excitation::{Excitation, ExcitationError, Phases, crest_factor};
 pub use orders::{OrderComparison, OrderError, OrderTrial, compare_orders};
 pub use rational::{Delay, FitError, FitWarning, FittedValue, RationalFit, RationalSettings, Root, fit_rational};
