@@ -97,7 +97,8 @@ impl BetweenStamps {
     }
 }
 
-/// Follows a log with parameters of which `open` directions are not determined: the free run, or why there is none, and how the log was read.
+/// Follows a log with parameters of which `open` directions are not determined: the free run, or why there is none, and how the log was
+/// read.
 ///
 /// # Errors
 /// [`SessionError`] when the log cannot be read, or holds too little for a simulation.

@@ -215,7 +215,7 @@ fn what_needs_inputs_that_stand_alone_refuses_the_others() {
     assert_eq!(rows.regressor(&[0.1, 0.2, 0.3], &[], &mut scratch, &mut phi), Err(EvalError::InputsNeeded));
     let fault =
         tpm_symbolic::regressor::prepare::prepare(model.parsed().model.clone()).expect_err("u*abs(u)").to_string();
-    assert!(fault.contains("must stand alone") && fault.contains("u*abs(u)"), "{fault}");
+    assert!(fault.contains("must stand alone") && fault.contains("kT*abs(u)"), "{fault}");
     // The rows under inputs are those of the equation: J phi'' + d phi' - kT u |u| + mgl sin phi = 0.
     let mut known = vec![0.0];
     rows.rows_under(&[0.1, 0.2, 0.3], &[-2.0], &[], &mut scratch, (&mut phi, &mut known)).expect("fits");

@@ -124,7 +124,8 @@ impl DeclaredModel {
         Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
     }
 
-    /// Whether only a simulation tells its parameters from a log: a coordinate is not measured, an input does not stand alone, or there is none.
+    /// Whether only a simulation tells its parameters from a log: a coordinate is not measured, an input does not stand alone, or there is
+    /// none.
     pub(super) fn is_only_simulated(&self) -> bool {
         let model = &self.prepared.model;
         model.coordinates.iter().any(|coordinate| coordinate.unmeasured) || self.prepared.form.is_only_simulated(model)
