@@ -110,6 +110,8 @@ pub enum EvalError {
         /// Coordinates of the model.
         coordinates: usize,
     },
+    /// The rows depend on the inputs otherwise than by `B u`, so that the regressor has no value without them.
+    InputsNeeded,
     /// The matrix of the highest derivatives is singular, so that the rows do not determine them (a zero mass, for example).
     Singular {
         /// Coordinate whose highest derivative is not determined.
@@ -126,6 +128,9 @@ impl fmt::Display for EvalError {
             EvalError::NotSquare { rows, coordinates } => write!(
                 f,
                 "the model has {rows} equations for {coordinates} coordinates, so that its motion is not determined by them"
+            ),
+            EvalError::InputsNeeded => f.write_str(
+                "an input stands in a function, beside the motion or with a gain of its own, so that the equations have no value without the inputs; only a simulation uses this model",
             ),
             EvalError::Singular { coordinate } => write!(
                 f,
@@ -243,6 +248,30 @@ pub trait Model<T: Real>: Send + Sync {
     /// # Errors
     /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn input_map(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
+
+    /// Whether the rows depend on the inputs otherwise than by `B u`. [`regressor`](Model::regressor) and [`known`](Model::known)
+    /// then are [`EvalError::InputsNeeded`], and [`rows_under`](Model::rows_under) takes their place.
+    fn needs_inputs(&self) -> bool {
+        false
+    }
+
+    /// Phi and the known terms under given inputs, into `phi` and `known`; the workspace is as long as that of
+    /// [`regressor`](Model::regressor).
+    ///
+    /// # Errors
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
+    fn rows_under(
+        &self,
+        motion: &[T],
+        inputs: &[T],
+        constants: &[T],
+        workspace: &mut [T],
+        (phi, known): (&mut [T], &mut [T]),
+    ) -> Result<(), EvalError> {
+        require_len(Buffer::Inputs, inputs.len(), self.dims().inputs)?;
+        self.regressor(motion, constants, workspace, phi)?;
+        self.known(motion, constants, workspace, known)
+    }
 
     /// The derivative of the rows with respect to the parameters at given values; it equals the regressor where the
     /// rows are linear in all of them. Rows x parameters, row-major, into `out`; the workspace is as long as that of

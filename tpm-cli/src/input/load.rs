@@ -16,7 +16,7 @@ use tpm_symbolic::mechanics::derived::Derived;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::plan::split::SplitError;
-use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{Prepared, prepare, prepare_any};
 
 /// A parsed model with the text it came from, so that later stages can still point at places.
 pub(crate) struct Loaded {
@@ -45,9 +45,9 @@ impl Loaded {
         &self.parsed.model
     }
 
-    /// The model with its coordinates eliminated, in the form that is linear in its parameters.
+    /// The model with its coordinates eliminated, in the form that is linear in its parameters; its inputs may stand anywhere.
     pub(crate) fn prepared(&self) -> Result<Prepared, Failure> {
-        prepare(self.model().clone()).map_err(|error| self.at(&error))
+        prepare_any(self.model().clone()).map_err(|error| self.at(&error))
     }
 
     /// The model prepared for tables that are read: with the declared Taylor polynomials in place, and constants in

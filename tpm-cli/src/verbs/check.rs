@@ -40,6 +40,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if model.patterns.is_empty() {
         text.push_str("remark: no pattern, so `expand` has nothing to expand under; logs need none\n");
     }
+    if let Err(fault) = prepared.require_inputs_alone() {
+        text.push_str("remark: logs identify and validate this model by simulation, and nothing else uses it:\n");
+        text.push_str(&loaded.remark(&fault));
+        return file::print(&text);
+    }
     let (tables, _) = loaded.for_tables()?;
     for pattern in &model.patterns {
         let name = pattern.name.as_ref().map_or_else(|| "the pattern".to_owned(), |name| format!("pattern {name}"));

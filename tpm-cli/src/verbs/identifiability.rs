@@ -85,7 +85,8 @@ fn setting(text: &str, experiments: usize) -> Result<Setting, Failure> {
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let unmeasured = loaded.model().coordinates.iter().any(|coordinate| coordinate.unmeasured);
-    if unmeasured && !args.any_motion && args.pattern.is_empty() && args.rest.is_empty() {
+    let simulated = || loaded.prepared().is_ok_and(|own| own.form.is_only_simulated(&own.model));
+    if (unmeasured || simulated()) && !args.any_motion && args.pattern.is_empty() && args.rest.is_empty() {
         return sensors::run(&loaded, args.json, args.output.as_deref());
     }
     if args.any_motion || loaded.model().patterns.is_empty() && args.pattern.is_empty() {

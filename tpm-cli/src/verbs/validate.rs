@@ -13,7 +13,7 @@ use tpm_runtime::document::Document;
 use tpm_runtime::estimate::Domain;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::session::{
-    CorrelationTest, Fit, Identifiable as _, LAGS, SessionError, Simulation, Validation, validate,
+    BetweenStamps, CorrelationTest, Fit, Identifiable as _, LAGS, SessionError, Simulation, Validation, validate,
 };
 
 /// Options of `tpm validate`.
@@ -71,6 +71,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn describe(result: &Validation) -> String {
+    if let Some(run) = &result.between_stamps {
+        return followed(result, run);
+    }
     let mut text = format!(
         "model {} on {}\n{} from sample {}; hold {}; {}; nothing is fitted\n\n",
         result.model,
@@ -119,6 +122,42 @@ fn describe(result: &Validation) -> String {
         (None, None) => {}
     }
     text
+}
+
+/// The free run between stamps.
+fn followed(result: &Validation, run: &BetweenStamps) -> String {
+    let stretches = match run.stretches {
+        1 => "one stretch".to_owned(),
+        count => format!("{count} stretches"),
+    };
+    let mut text = format!(
+        "model {} on {}\nsimulated between the stamps of {stretches}, {} s at most, from the state at its beginning that leaves least; hold {}; \
+         nothing else is fitted\n\n",
+        result.model,
+        result.log,
+        number(run.duration),
+        result.hold
+    );
+    for remark in result.reading.remarks().into_iter().chain(result.reading.repeated.iter().map(ToString::to_string)) {
+        text.push_str(&format!("remark: {remark}\n"));
+    }
+    let mut table = TextTable::new(&[
+        ("sensor", Align::Left),
+        ("unit", Align::Left),
+        ("readings", Align::Right),
+        ("free run, rms", Align::Right),
+        ("fit", Align::Right),
+    ]);
+    for own in &run.sensors {
+        table.row(&[
+            own.signal.clone(),
+            own.unit.as_deref().unwrap_or("-").to_owned(),
+            own.readings.to_string(),
+            number(own.free_run.rms),
+            own.free_run.fit.map_or_else(|| "-".to_owned(), |fit| format!("{fit:.2} %")),
+        ]);
+    }
+    text + &table.finish()
 }
 
 fn simulated(simulation: &Simulation) -> String {

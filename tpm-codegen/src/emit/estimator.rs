@@ -25,6 +25,7 @@ use super::number::{Rounded, resembles_constant};
 use super::part::{Parts, RUN_HARMONICS};
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
+use crate::language::ast::{Ident, Item, ModelDeclaration};
 
 pub use super::part::{Part, PartError};
 pub use crate::identified::{Identified, IdentifiedError, IdentifiedParameter, READABLE_SCHEMAS, SCHEMA};
@@ -95,6 +96,15 @@ pub enum EmitError {
     Layout(String),
 }
 
+/// A coordinate that no sensor measures, where it is declared.
+fn unmeasured(model: &ModelDeclaration) -> Option<&Ident> {
+    let declarations = model.items.iter().filter_map(|item| match item {
+        Item::Declaration(own) if own.unmeasured => own.quantities.first(),
+        _ => None,
+    });
+    declarations.map(|quantity| &quantity.name).next()
+}
+
 impl EstimatorSource {
     /// Checks that low passes exist, and that there is a feed-forward for them to pass.
     ///
@@ -139,9 +149,12 @@ impl EstimatorSource {
     /// the tables; the dynamics stay exact.
     ///
     /// # Errors
-    /// When a coordinate cannot be eliminated, the model is not linear in its parameters, a number is beyond double
-    /// precision, or a declared Taylor polynomial does not exist; the place in the text is named.
+    /// When a coordinate is not measured or cannot be eliminated, the model is not linear in its parameters, an input does not stand alone, a
+    /// number is beyond double precision, or a declared Taylor polynomial does not exist; the place in the text is named.
     pub fn of(parsed: &Parsed) -> Result<Self, Diagnostic> {
+        if let Some(name) = unmeasured(&parsed.ast) {
+            return Err(Diagnostic::error(name.span, EmitError::Unmeasured(name.name.to_string()).to_string()));
+        }
         let at = |error: &PrepareError| parsed.locate(error);
         let Prepared { model, form, .. } = prepare(parsed.model.clone()).map_err(|error| at(&error))?;
         let (truncated, truncations) = parsed.for_tables().map_err(|error| parsed.locate(&error))?;

@@ -15,7 +15,7 @@ pub struct Example {
 }
 
 /// All examples, in the order in which the language is told.
-pub const EXAMPLES: [Example; 9] = [
+pub const EXAMPLES: [Example; 11] = [
     Example { title: "Equations of motion", text: include_str!("examples/equations.tpm") },
     Example { title: "Energies", text: include_str!("examples/energies.tpm") },
     Example { title: "Friction", text: include_str!("examples/friction.tpm") },
@@ -24,6 +24,8 @@ pub const EXAMPLES: [Example; 9] = [
     Example { title: "Unknown functions", text: include_str!("examples/series.tpm") },
     Example { title: "Coordinates without a sensor", text: include_str!("examples/elimination.tpm") },
     Example { title: "Coordinates that logs identify", text: include_str!("examples/unmeasured.tpm") },
+    Example { title: "Functions of inputs", text: include_str!("examples/inputs.tpm") },
+    Example { title: "Motions that nothing drives", text: include_str!("examples/free.tpm") },
     Example { title: "Functions of the motion", text: include_str!("examples/functions.tpm") },
 ];
 
@@ -64,7 +66,7 @@ mod tests {
     use crate::language::function::Function;
     use crate::language::keywords::KEYWORDS;
     use crate::{Source, parse_model};
-    use tpm_symbolic::regressor::prepare::prepare;
+    use tpm_symbolic::regressor::prepare::prepare_any;
 
     #[test]
     fn every_word_and_function_is_explained_by_a_model_that_passes() {
@@ -75,7 +77,7 @@ mod tests {
             let source = Source::new(example.title, example.text);
             let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
             assert!(parsed.warnings.is_empty(), "{}", parsed.warnings.render(&source));
-            let prepared = prepare(parsed.model).unwrap_or_else(|fault| panic!("{}: {fault}", example.title));
+            let prepared = prepare_any(parsed.model).unwrap_or_else(|fault| panic!("{}: {fault}", example.title));
             assert!(!prepared.form.columns.is_empty(), "{}", example.title);
             let formatted =
                 crate::language::format(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));

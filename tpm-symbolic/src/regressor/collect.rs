@@ -1,15 +1,17 @@
 //! Equations separated into parameter and motion monomials, row by row.
 //!
 //! Every term of an equation is a rational number times powers of parameters, constants and motion atoms (derivatives of
-//! coordinates and functions of them).
+//! coordinates and functions of them). An input that is multiplied by parameters and constants alone stands on the right-hand side; an input
+//! beside the motion, beside another input or in a function is an atom like those of the motion.
 
 use crate::algebra::monomial::{Factorisation, Monomial};
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Names, Node, Symbol};
 use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::number::rational::{self, Rational};
+use crate::regressor::entries::RegressorForm;
 use ecow::EcoString;
-use num_traits::{One, Zero};
+use num_traits::Zero;
 use std::collections::BTreeMap;
 use thiserror::Error;
 
@@ -27,8 +29,10 @@ pub enum RegressorError {
         /// The function.
         inside: String,
     },
-    /// An input is multiplied by a motion or by another input, or stands inside a function.
-    #[error("the input `{input}` must stand alone, multiplied by parameters and constants only, not as in `{found}`")]
+    /// An input is multiplied by a motion or by another input, or stands inside a function, where it has to stand alone.
+    #[error(
+        "the input `{input}` stands in `{found}`: here it must stand alone, multiplied by parameters and constants only; logs identify and validate such a model all the same"
+    )]
     InputNotLinear {
         /// The source term at fault.
         term: TermId,
@@ -66,7 +70,15 @@ pub enum RegressorError {
         divisor: String,
     },
     /// No equation has an input.
-    #[error("no equation has an input, so nothing fixes the scale of the parameters")]
+    #[error(
+        "no equation has an input, and every term has an unknown parameter, so that nothing fixes the scale of the parameters: set an equation equal to an `input`, or declare what is known as a `constant`"
+    )]
+    NoScale {
+        /// A term of the equations.
+        term: Option<TermId>,
+    },
+    /// No equation has an input, where a machine has to be driven.
+    #[error("no equation has an input, so nothing drives this model; logs of its free motion identify it all the same")]
     NoInput,
     /// The terms of an equation cancel completely.
     #[error("equation {name} cancels to nothing")]
@@ -88,7 +100,7 @@ impl RegressorError {
             | Self::InputFactor { term, .. }
             | Self::ZeroDivisor { term, .. }
             | Self::TooLarge { term, .. } => Some(*term),
-            Self::Empty { term, .. } => *term,
+            Self::Empty { term, .. } | Self::NoScale { term } => *term,
             Self::NoInput => None,
         }
     }
@@ -103,7 +115,9 @@ enum Class {
     /// A run-time constant, pi, or a function of constants.
     Constant,
     Motion,
-    /// A factor that depends on both a parameter (or input) and the motion.
+    /// A function of inputs, and of the motion or not.
+    Driven,
+    /// A factor that depends on both a parameter and the motion or an input.
     Mixed(Symbol),
 }
 
@@ -117,23 +131,24 @@ fn classify(model: &ExactModel, atom: ExprId) -> Class {
         },
         Node::Derivative(..) => Class::Motion,
         _ => {
-            let (mut motion, mut unknown) = (false, None);
+            let (mut motion, mut driven, mut unknown) = (false, false, None);
             for leaf in model.graph.leaves(atom) {
                 match model.graph.node(leaf) {
                     Node::Derivative(..) => motion = true,
                     Node::Symbol(symbol) => match model.quantity(*symbol).kind {
-                        Kind::Input => return Class::Mixed(*symbol),
+                        Kind::Input => driven = true,
                         Kind::Parameter => unknown = unknown.or(Some(*symbol)),
                         _ => {}
                     },
                     _ => {}
                 }
             }
-            match (unknown, motion) {
-                (Some(symbol), true) => Class::Mixed(symbol),
-                (Some(_), false) => Class::Parameter,
-                (None, true) => Class::Motion,
-                (None, false) => Class::Constant,
+            match unknown {
+                Some(symbol) if motion || driven => Class::Mixed(symbol),
+                Some(_) => Class::Parameter,
+                None if driven => Class::Driven,
+                None if motion => Class::Motion,
+                None => Class::Constant,
             }
         }
     }
@@ -154,6 +169,11 @@ impl CollectedTerm {
     fn sides(&self) -> (&ParameterMonomial, &Monomial<ExprId>) {
         (&self.parameters, &self.motion)
     }
+
+    /// Whether an input stands in it.
+    fn is_driven(&self, model: &ExactModel) -> bool {
+        self.motion.factors().any(|(&atom, _)| matches!(classify(model, atom), Class::Input(_) | Class::Driven))
+    }
 }
 
 /// An equation separated into parameter and motion monomials: each pair once, in increasing order, with a nonzero
@@ -164,10 +184,9 @@ pub(crate) struct CollectedRow {
     pub(crate) inputs: Vec<(Symbol, Polynomial<ExprId>)>,
 }
 
-/// A source term as a Laurent polynomial over atoms, with its written expression.
+/// A source term as a Laurent polynomial over atoms.
 pub(crate) struct WrittenTerm {
     pub(crate) id: TermId,
-    pub(crate) source: ExprId,
     pub(crate) polynomial: Polynomial<ExprId>,
 }
 
@@ -176,8 +195,40 @@ pub(crate) struct WrittenTerm {
 pub(crate) struct Gathered {
     /// Terms in any order; a pair of parameter side and motion side may occur several times.
     pub(crate) terms: Vec<CollectedTerm>,
-    /// The factor of every input, with the first source term that has the input.
-    pub(crate) inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
+    /// Inputs that stand alone.
+    pub(crate) inputs: BTreeMap<Symbol, Applied>,
+}
+
+/// An input of an equation with its factor there.
+pub(crate) struct Applied {
+    /// The input as an atom.
+    pub(crate) atom: ExprId,
+    /// Its factor, of parameters and constants.
+    pub(crate) factor: Polynomial<ExprId>,
+    /// The first source term that has it.
+    pub(crate) source: TermId,
+}
+
+impl Applied {
+    pub(crate) fn new(atom: ExprId, source: TermId) -> Self {
+        Self { atom, factor: Polynomial::zero(), source }
+    }
+
+    /// Whether the factor has unknown parameters.
+    fn is_unknown(&self, model: &ExactModel) -> bool {
+        let is_parameter = |(&atom, _): (&ExprId, i32)| matches!(classify(model, atom), Class::Parameter);
+        self.factor.terms().any(|(monomial, _)| monomial.factors().any(is_parameter))
+    }
+
+    /// The input with its factor as terms of the left-hand side.
+    fn terms<'a>(&'a self, model: &'a ExactModel) -> impl Iterator<Item = CollectedTerm> + 'a {
+        let own = Monomial::power_of(self.atom, 1);
+        self.factor.terms().map(move |(monomial, coefficient)| {
+            let (parameters, constants) = monomial.partition(|&atom| matches!(classify(model, atom), Class::Parameter));
+            let motion = constants.mul(&own);
+            CollectedTerm { parameters, motion, coefficient: coefficient.clone(), source: self.source }
+        })
+    }
 }
 
 /// One equation that was multiplied out, with its terms sorted and added up.
@@ -195,19 +246,20 @@ pub(crate) fn collect_terms(
 
 fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered, RegressorError> {
     let mut terms = Vec::with_capacity(written.iter().map(|source| source.polynomial.len()).sum());
-    let mut inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)> = BTreeMap::new();
+    let mut inputs: BTreeMap<Symbol, Applied> = BTreeMap::new();
     for source in written {
         for (monomial, coefficient) in source.polynomial.terms() {
             let mut coefficient = coefficient.clone();
             // Both are parts of a sorted list, and therefore sorted.
             let (mut parameters, mut motion) = (Factorisation::new(), Factorisation::new());
-            let mut input = None;
-            let mut moves = false;
+            // An input, and whether the term has nothing else that changes with time.
+            let (mut input, mut alone) = (None, true);
             for (&atom, exponent) in monomial.factors() {
                 match classify(model, atom) {
-                    Class::Input(symbol) if exponent == 1 && input.is_none() => input = Some(symbol),
                     Class::Input(symbol) => {
-                        return Err(input_not_linear(model, source.id, symbol, source.source));
+                        alone &= exponent == 1 && input.is_none();
+                        input = Some((symbol, atom));
+                        motion.push((atom, exponent));
                     }
                     Class::Parameter => parameters.push((atom, exponent)),
                     Class::Value(value) if value.is_zero() && exponent < 0 => {
@@ -218,12 +270,9 @@ fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered,
                     }
                     Class::Value(value) => coefficient *= rational::power(&value, exponent),
                     Class::Constant => motion.push((atom, exponent)),
-                    Class::Motion => {
-                        moves = true;
+                    Class::Motion | Class::Driven => {
+                        alone = false;
                         motion.push((atom, exponent));
-                    }
-                    Class::Mixed(symbol) if model.quantity(symbol).kind == Kind::Input => {
-                        return Err(input_not_linear(model, source.id, symbol, source.source));
                     }
                     Class::Mixed(symbol) => {
                         return Err(RegressorError::InsideFunction {
@@ -235,14 +284,13 @@ fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered,
                 }
             }
             let parameters: ParameterMonomial = Monomial::from_sorted(parameters);
-            let motion: Monomial<ExprId> = Monomial::from_sorted(motion);
-            if let Some(symbol) = input {
-                if moves {
-                    return Err(input_not_linear(model, source.id, symbol, source.source));
-                }
-                let slot = inputs.entry(symbol).or_insert_with(|| (Polynomial::zero(), source.id));
-                slot.0.add_term(parameters.mul(&motion), coefficient);
+            if let (Some((symbol, atom)), true) = (input, alone) {
+                motion.retain(|(own, _)| *own != atom);
+                let motion: Monomial<ExprId> = Monomial::from_sorted(motion);
+                let slot = inputs.entry(symbol).or_insert_with(|| Applied::new(atom, source.id));
+                slot.factor.add_term(parameters.mul(&motion), coefficient);
             } else {
+                let motion: Monomial<ExprId> = Monomial::from_sorted(motion);
                 terms.push(CollectedTerm { parameters, motion, coefficient, source: source.id });
             }
         }
@@ -262,17 +310,8 @@ pub(crate) fn row_of(
     first: Option<TermId>,
 ) -> Result<CollectedRow, RegressorError> {
     let Gathered { mut terms, mut inputs } = gathered;
-    // The sort is stable, so that a pair keeps its first source term.
-    terms.sort_by(|a, b| a.sides().cmp(&b.sides()));
-    terms.dedup_by(|next, kept| {
-        let same = next.sides() == kept.sides();
-        if same {
-            kept.coefficient += &next.coefficient;
-        }
-        same
-    });
-    terms.retain(|term| !term.coefficient.is_zero());
-    inputs.retain(|_, (factor, _)| !factor.is_zero());
+    sort(&mut terms);
+    inputs.retain(|_, own| !own.factor.is_zero());
     if terms.is_empty() {
         return Err(RegressorError::Empty { name: name.to_owned(), term: first });
     }
@@ -283,68 +322,121 @@ pub(crate) fn row_of(
     };
     // The input is moved to the right-hand side.
     let minus_one = rational::integer(-1);
-    let inputs = inputs.into_iter().map(|(symbol, (factor, _))| (symbol, factor.scale(&minus_one))).collect();
+    let inputs = inputs.into_iter().map(|(symbol, own)| (symbol, own.factor.scale(&minus_one))).collect();
     Ok(CollectedRow { name, terms, inputs })
 }
 
-/// Divides the row by the factor of its input when that factor has unknown parameters, or is the row's only one and a
-/// plain number.
+/// Sorts terms and adds up equal ones. The sort is stable, so that a pair keeps its first source term.
+fn sort(terms: &mut Vec<CollectedTerm>) {
+    terms.sort_by(|a, b| a.sides().cmp(&b.sides()));
+    terms.dedup_by(|next, kept| {
+        let same = next.sides() == kept.sides();
+        if same {
+            kept.coefficient += &next.coefficient;
+        }
+        same
+    });
+    terms.retain(|term| !term.coefficient.is_zero());
+}
+
+/// Divides the row by the factor of an input where every input's factor has unknown parameters, or it is the row's only one and a plain
+/// number. Where inputs have unknown factors beside it, these are columns like those of other terms; so are all of them in a row of which
+/// other terms have inputs too and one has no unknown parameter. A row in which no input stands alone and every term has an unknown
+/// parameter shows its parameters only up to a common factor, which is that of its first term with an input.
 fn normalise(
     model: &ExactModel,
     terms: &mut Vec<CollectedTerm>,
-    inputs: &mut BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
+    inputs: &mut BTreeMap<Symbol, Applied>,
 ) -> Result<(), RegressorError> {
-    let unknown = |factor: &Polynomial<ExprId>| {
-        factor.terms().any(|(m, _)| m.factors().any(|(&atom, _)| matches!(classify(model, atom), Class::Parameter)))
-    };
-    let single = inputs.len() == 1;
-    let Some((&symbol, (factor, term))) = inputs.iter().find(|(_, (factor, _))| unknown(factor) || single) else {
-        return Ok(());
-    };
-    let has_unknown = unknown(factor);
-    let divisor = match factor.as_term() {
-        Some((monomial, coefficient)) if has_unknown || monomial.is_one() => (monomial.clone(), coefficient.clone()),
-        _ if !has_unknown => return Ok(()),
-        _ => {
-            let mut graph = model.graph.clone();
-            let expr = graph.from_polynomial(factor);
-            return Err(RegressorError::InputFactor {
-                term: *term,
-                input: model.symbol_name(symbol),
-                factor: graph.display_brief(expr, model),
-            });
+    let unknown = inputs.values().filter(|own| own.is_unknown(model)).count();
+    let is_driven = terms.iter().any(|term| term.is_driven(model));
+    let is_scaled = terms.iter().any(|term| term.parameters.is_one());
+    let divisor = match inputs.values().next() {
+        Some(only) if inputs.len() == 1 && unknown == 0 => {
+            only.factor.as_term().filter(|(monomial, _)| monomial.is_one())
         }
-    };
-    let (parameters, constants) = divisor.0.partition(|&atom| matches!(classify(model, atom), Class::Parameter));
-    let scale = -divisor.1.recip();
-    if !scale.is_one() {
-        terms.iter_mut().for_each(|term| term.coefficient *= &scale);
-    }
-    if !divisor.0.is_one() {
-        let (parameters, constants) = (parameters.pow(-1), constants.pow(-1));
-        for term in &mut *terms {
-            term.parameters = term.parameters.mul(&parameters);
-            term.motion = term.motion.mul(&constants);
+        Some(_) if unknown == inputs.len() && !(is_driven && is_scaled) => {
+            inputs.values().find_map(|own| own.factor.as_term())
         }
-        terms.sort_unstable_by(|a, b| a.sides().cmp(&b.sides()));
+        _ => None,
+    };
+    match divisor.map(|(monomial, coefficient)| (monomial.clone(), coefficient.clone())) {
+        Some((monomial, coefficient)) => divide(model, (terms, inputs), &monomial, &-coefficient),
+        None if unknown > 0 && unknown == inputs.len() && !is_driven => {
+            return Err(input_factor(model, inputs));
+        }
+        None => {}
     }
-    let inverse = divisor.0.pow(-1);
-    for (factor, _) in inputs.values_mut() {
-        *factor = factor.mul_monomial(&inverse).scale(&scale);
+    for own in inputs.values().filter(|own| own.is_unknown(model)) {
+        terms.extend(own.terms(model));
     }
-    // With several inputs, another factor may now carry unknown parameters.
-    if let Some((&symbol, (factor, term))) = inputs.iter().find(|(_, (factor, _))| unknown(factor)) {
-        let mut graph = model.graph.clone();
-        let expr = graph.from_polynomial(factor);
-        return Err(RegressorError::InputFactor {
-            term: *term,
-            input: model.symbol_name(symbol),
-            factor: graph.display_brief(expr, model),
-        });
+    inputs.retain(|_, own| !own.is_unknown(model));
+    sort(terms);
+    if inputs.is_empty() && terms.iter().all(|term| !term.parameters.is_one()) {
+        let driven = terms.iter().filter(|term| term.is_driven(model)).min_by_key(|term| term.source);
+        if let Some(parameters) = driven.map(|term| term.parameters.clone()) {
+            divide(model, (terms, inputs), &parameters, &rational::integer(1));
+        }
     }
     Ok(())
 }
 
-pub(crate) fn input_not_linear(model: &ExactModel, term: TermId, symbol: Symbol, found: ExprId) -> RegressorError {
-    RegressorError::InputNotLinear { term, input: model.symbol_name(symbol), found: model.display_short(found) }
+/// Divides a row by a product of parameters and constants and by a number.
+fn divide(
+    model: &ExactModel,
+    (terms, inputs): (&mut Vec<CollectedTerm>, &mut BTreeMap<Symbol, Applied>),
+    monomial: &Monomial<ExprId>,
+    number: &Rational,
+) {
+    let (inverse, scale) = (monomial.pow(-1), number.recip());
+    let (parameters, constants) = inverse.partition(|&atom| matches!(classify(model, atom), Class::Parameter));
+    for term in &mut *terms {
+        term.coefficient *= &scale;
+        term.parameters = term.parameters.mul(&parameters);
+        term.motion = term.motion.mul(&constants);
+    }
+    sort(terms);
+    for own in inputs.values_mut() {
+        own.factor = own.factor.mul_monomial(&inverse).scale(&scale);
+    }
+}
+
+/// The fault of a row of which no input's factor can be divided out.
+fn input_factor(model: &ExactModel, inputs: &BTreeMap<Symbol, Applied>) -> RegressorError {
+    let Some((&symbol, own)) = inputs.iter().next() else { return RegressorError::NoInput };
+    let mut graph = model.graph.clone();
+    let expr = graph.from_polynomial(&own.factor);
+    RegressorError::InputFactor {
+        term: own.source,
+        input: model.symbol_name(symbol),
+        factor: graph.display_brief(expr, model),
+    }
+}
+
+/// Requires that something fixes the scale of the parameters.
+///
+/// # Errors
+/// [`RegressorError::NoScale`] where no row has an input or a term without an unknown parameter.
+pub(crate) fn require_scale(rows: &[CollectedRow]) -> Result<(), RegressorError> {
+    let fixes = |row: &CollectedRow| !row.inputs.is_empty() || row.terms.iter().any(|term| term.parameters.is_one());
+    if rows.iter().any(fixes) {
+        return Ok(());
+    }
+    Err(RegressorError::NoScale { term: rows.iter().flat_map(|row| &row.terms).map(|term| term.source).min() })
+}
+
+/// Requires that a form is that of a machine which is driven, with inputs that stand alone.
+///
+/// # Errors
+/// [`RegressorError::InputNotLinear`] with the source term of an input that does not stand alone, [`RegressorError::NoInput`] where no row has
+/// an input.
+pub(crate) fn require_inputs_alone(model: &ExactModel, form: &RegressorForm) -> Result<(), RegressorError> {
+    if let Some((term, input)) = form.driven(model) {
+        return Err(RegressorError::InputNotLinear {
+            term: term.source,
+            input: model.symbol_name(input),
+            found: model.display_source(term.source),
+        });
+    }
+    if form.rows.iter().all(|row| row.inputs.is_empty()) { Err(RegressorError::NoInput) } else { Ok(()) }
 }

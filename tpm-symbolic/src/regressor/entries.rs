@@ -11,7 +11,7 @@
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{ExprId, Graph, Node, Symbol};
 use crate::expr::size::Sizes;
-use crate::mechanics::model::TermId;
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::unit::Unit;
 use crate::number::rational::{self, Rational};
 use ecow::EcoString;
@@ -109,6 +109,27 @@ impl RegressorForm {
     pub fn is_whole(&self) -> bool {
         let stands = |column| self.rows.iter().flat_map(|row| &row.terms).any(|term| term.column == Some(column));
         (0..self.columns.len()).all(stands)
+    }
+
+    /// A term in which an input stands beside the motion, beside another input or in a function, with that input; `model` is the form's.
+    #[must_use]
+    pub fn driven(&self, model: &ExactModel) -> Option<(&Term, Symbol)> {
+        let input = |leaf: ExprId| match *model.graph.node(leaf) {
+            Node::Symbol(symbol) if model.quantity(symbol).kind == Kind::Input => Some(symbol),
+            _ => None,
+        };
+        // Leaves are looked for once in all terms, which share most of their expressions, before they are in single ones.
+        self.leaves(&model.graph).into_iter().find_map(input)?;
+        self.rows.iter().flat_map(|row| &row.terms).find_map(|term| {
+            let leaves = model.graph.leaves_of(term.atoms.factors().map(|(&atom, _)| atom));
+            Some((term, leaves.into_iter().find_map(input)?))
+        })
+    }
+
+    /// Whether only a simulation tells the parameters of such rows from a log: an input does not stand alone, or there is none.
+    #[must_use]
+    pub fn is_only_simulated(&self, model: &ExactModel) -> bool {
+        self.driven(model).is_some() || self.rows.iter().all(|row| row.inputs.is_empty())
     }
 
     /// The form with every term multiplied out; `graph` is that of its model. The number of terms may be exponential in the number of

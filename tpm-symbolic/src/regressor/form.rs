@@ -6,7 +6,7 @@
 use crate::budget;
 use crate::expr::size::Sizes;
 use crate::mechanics::model::ExactModel;
-use crate::regressor::collect::{Gathered, WrittenTerm, collect_terms, row_of};
+use crate::regressor::collect::{Gathered, WrittenTerm, collect_terms, require_scale, row_of};
 use crate::regressor::gather::Gather;
 use crate::regressor::lump::{assemble, groups_of, merge_by_traces, merge_proportional};
 use crate::regressor::traces::Traces;
@@ -23,7 +23,7 @@ const MOST_TERMS: f64 = 5_000.0;
 /// The regressor form of a model with its equations multiplied out.
 ///
 /// # Errors
-/// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
+/// When a parameter does not enter linearly, nothing fixes the scale of the parameters, or an equation vanishes; the source term is named.
 pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorError> {
     // Equations share functions of the motion, such as the elements of an inertia matrix.
     let mut known = FxHashMap::default();
@@ -32,13 +32,11 @@ pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorErro
         let written = equation.terms.iter().map(|term| {
             let name = || model.display_brief(term.expr);
             let polynomial = budget::within(name, || model.graph.polynomial_beside(term.expr, &mut known));
-            WrittenTerm { id: term.id, source: term.expr, polynomial }
+            WrittenTerm { id: term.id, polynomial }
         });
         rows.push(collect_terms(model, &equation.name, &written.collect::<Vec<_>>())?);
     }
-    if rows.iter().all(|row| row.inputs.is_empty()) {
-        return Err(RegressorError::NoInput);
-    }
+    require_scale(&rows)?;
     let groups = merge_proportional(&rows);
     Ok(assemble(model, rows, groups))
 }
@@ -47,7 +45,7 @@ pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorErro
 /// the model's graph.
 ///
 /// # Errors
-/// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
+/// When a parameter does not enter linearly, nothing fixes the scale of the parameters, or an equation vanishes; the source term is named.
 pub fn structured_form(model: &mut ExactModel) -> Result<RegressorForm, RegressorError> {
     structured(model, None)
 }
@@ -70,9 +68,7 @@ fn structured(model: &mut ExactModel, columns: Option<&[Column]>) -> Result<Regr
     for (equation, gathered) in equations.iter().zip(gathered) {
         rows.push(row_of(model, &equation.name, gathered, equation.terms.first().map(|term| term.id))?);
     }
-    if rows.iter().all(|row| row.inputs.is_empty()) {
-        return Err(RegressorError::NoInput);
-    }
+    require_scale(&rows)?;
     let mut traces = Traces::new(&model.graph, &rows);
     traces.drop_zeros(&mut rows);
     if let Some((row, equation)) = rows.iter().zip(&equations).find(|(row, _)| row.terms.is_empty()) {

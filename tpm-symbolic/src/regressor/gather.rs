@@ -10,11 +10,10 @@
 //! input, and none is the number zero.
 
 use crate::algebra::monomial::{Factorisation, Monomial};
-use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph, Node, Symbol};
 use crate::mechanics::model::{ExactModel, Kind, SourceTerm};
 use crate::number::rational::{self, Rational};
-use crate::regressor::collect::{CollectedTerm, Gathered, RegressorError, input_not_linear};
+use crate::regressor::collect::{Applied, CollectedTerm, Gathered, RegressorError};
 use num_traits::{One, Zero};
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
@@ -51,10 +50,8 @@ pub(crate) struct Gather<'m> {
 
 /// Why a node cannot be separated.
 enum Obstacle {
-    /// A parameter inside an expression that depends on the motion.
+    /// A parameter inside an expression that depends on the motion or an input.
     Inside(Symbol, ExprId),
-    /// An input inside a function or in a denominator.
-    Input(Symbol),
     /// Too many monomials.
     TooLarge,
 }
@@ -75,7 +72,7 @@ impl<'m> Gather<'m> {
     /// The terms of an equation.
     ///
     /// # Errors
-    /// When a parameter or an input does not enter linearly; the source term is named.
+    /// When a parameter does not enter linearly; the source term is named.
     pub(crate) fn equation(&mut self, terms: &[SourceTerm]) -> Result<Gathered, RegressorError> {
         let mut gathered = Gathered::default();
         for &SourceTerm { id, expr } in terms {
@@ -87,25 +84,25 @@ impl<'m> Gather<'m> {
                     parameter: self.model.quantity(parameter).name.to_string(),
                     inside: self.model.display_short(inside),
                 },
-                Obstacle::Input(input) => input_not_linear(self.model, id, input, expr),
                 Obstacle::TooLarge => RegressorError::TooLarge { term: id, most: MOST_MONOMIALS },
             })?;
             for (monomial, &coefficient) in parts.iter() {
-                let (inputs, parameters) = monomial.partition(|&atom| self.input(atom).is_some());
-                let input = inputs.factors().next().and_then(|(&atom, _)| self.input(atom));
-                let Some(input) = input else {
-                    let (number, motion) = factors(&self.model.graph, coefficient);
-                    gathered.terms.push(CollectedTerm { parameters, motion, coefficient: number, source: id });
-                    continue;
+                let (inputs, parameters) = monomial.partition(|&atom| self.of(atom).input.is_some());
+                let single = match inputs.factors().next() {
+                    Some((&atom, 1)) if inputs.factors().len() == 1 => self.input(atom).map(|symbol| (symbol, atom)),
+                    _ => None,
                 };
                 let leaves = self.model.graph.leaves(coefficient);
                 let moves = leaves.iter().any(|&leaf| matches!(self.model.graph.node(leaf), Node::Derivative(..)));
-                if inputs.degree() != 1 || inputs.factors().len() != 1 || moves {
-                    return Err(input_not_linear(self.model, id, input, expr));
+                if let (Some((symbol, atom)), false) = (single, moves) {
+                    let factor = self.model.graph.polynomial(coefficient).mul_monomial(&parameters);
+                    let slot = gathered.inputs.entry(symbol).or_insert_with(|| Applied::new(atom, id));
+                    slot.factor.add_assign(&factor);
+                    continue;
                 }
-                let factor = self.model.graph.polynomial(coefficient).mul_monomial(&parameters);
-                let slot = gathered.inputs.entry(input).or_insert_with(|| (Polynomial::zero(), id));
-                slot.0.add_assign(&factor);
+                let (number, motion) = factors(&self.model.graph, coefficient);
+                let motion = motion.mul(&inputs);
+                gathered.terms.push(CollectedTerm { parameters, motion, coefficient: number, source: id });
             }
         }
         Ok(gathered)
@@ -225,12 +222,11 @@ impl<'m> Gather<'m> {
         }
     }
 
-    /// A leaf, a function of parameters, or a negative power of a sum of parameters.
+    /// A leaf, a function of parameters or inputs, or a negative power of a sum of such.
     fn atom(&self, id: ExprId, exponent: i32, one: ExprId) -> Result<Parts, Obstacle> {
         let of = self.of(id);
-        match (of.input, of.parameter) {
-            (Some(input), _) if self.input(id).is_none() => Err(Obstacle::Input(input)),
-            (_, Some(parameter)) if of.moves => Err(Obstacle::Inside(parameter, id)),
+        match of.parameter {
+            Some(parameter) if of.moves || of.input.is_some() => Err(Obstacle::Inside(parameter, id)),
             _ => Ok(Parts::from([(Monomial::power_of(id, exponent), one)])),
         }
     }

@@ -15,7 +15,9 @@ use crate::mechanics::eliminate::{EliminateError, RemainingRow, eliminate, expre
 use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
-use crate::regressor::collect::{CollectedRow, CollectedTerm, RegressorError, WrittenTerm, collect_terms};
+use crate::regressor::collect::{
+    CollectedRow, CollectedTerm, RegressorError, WrittenTerm, collect_terms, require_inputs_alone, require_scale,
+};
 use crate::regressor::form::{Column, RegressorForm, Row, Term, is_short, regressor_form, structured_form};
 use crate::regressor::lump::names;
 use num_traits::One;
@@ -81,8 +83,19 @@ impl PrepareError {
 /// rational multiples of each other are one parameter, which takes the first's place.
 ///
 /// # Errors
-/// When a coordinate cannot be eliminated, or a parameter or an input does not enter linearly.
-pub fn prepare(mut model: ExactModel) -> Result<Prepared, PrepareError> {
+/// When a coordinate cannot be eliminated, a parameter or an input does not enter linearly, or no equation has an input.
+pub fn prepare(model: ExactModel) -> Result<Prepared, PrepareError> {
+    let prepared = prepare_any(model)?;
+    prepared.require_inputs_alone()?;
+    Ok(prepared)
+}
+
+/// [`prepare`] for whoever simulates the equations: inputs may stand beside the motion, beside each other and in functions, and there may
+/// be none where a term without an unknown parameter fixes the scale.
+///
+/// # Errors
+/// When a coordinate cannot be eliminated, a parameter does not enter linearly, or nothing fixes the scale of the parameters.
+pub fn prepare_any(mut model: ExactModel) -> Result<Prepared, PrepareError> {
     let targets: Vec<Coordinate> = model.eliminations.iter().flat_map(|e| e.coordinates.iter().copied()).collect();
     if targets.is_empty() {
         let form = if is_short(&model) { regressor_form(&model)? } else { structured_form(&mut model)? };
@@ -94,9 +107,7 @@ pub fn prepare(mut model: ExactModel) -> Result<Prepared, PrepareError> {
         let terms = written_terms(&mut model.graph, row);
         rows.push(collect_terms(&model, &row.name, &terms)?);
     }
-    if rows.iter().all(|row| row.inputs.is_empty()) {
-        return Err(RegressorError::NoInput.into());
-    }
+    require_scale(&rows)?;
     let prefix = model.eliminations.last().map_or_else(String::new, |elimination| elimination.prefix.clone());
     let form = lump(&model, rows, &prefix);
     let reconstructions = solutions.into_iter().map(|solution| Reconstruction {
@@ -110,6 +121,14 @@ pub fn prepare(mut model: ExactModel) -> Result<Prepared, PrepareError> {
 }
 
 impl Prepared {
+    /// Requires that every input stands alone, multiplied by parameters and constants only, and that there is one.
+    ///
+    /// # Errors
+    /// [`PrepareError::Regressor`] with the term at fault.
+    pub fn require_inputs_alone(&self) -> Result<(), PrepareError> {
+        Ok(require_inputs_alone(&self.model, &self.form)?)
+    }
+
     /// The highest time derivative of any coordinate in the regressor form.
     #[must_use]
     pub fn order(&self) -> u32 {
@@ -145,14 +164,11 @@ fn derivative_orders(graph: &Graph, atom: ExprId) -> Vec<u32> {
 /// monomial then gets its whole coefficient, assigned to the first source term that contributes.
 fn written_terms(graph: &mut Graph, row: &RemainingRow) -> Vec<WrittenTerm> {
     if row.terms.iter().all(|term| term.value.as_polynomial().is_some()) {
-        let plain = row.terms.iter().map(|term| WrittenTerm {
-            id: term.id,
-            source: term.source,
-            polynomial: term.value.numerator().clone(),
-        });
+        let plain =
+            row.terms.iter().map(|term| WrittenTerm { id: term.id, polynomial: term.value.numerator().clone() });
         return plain.collect();
     }
-    let mut coefficients: BTreeMap<Monomial<ExprId>, (TermId, ExprId, Fraction<ExprId>)> = BTreeMap::new();
+    let mut coefficients: BTreeMap<Monomial<ExprId>, (TermId, Fraction<ExprId>)> = BTreeMap::new();
     for term in &row.terms {
         let mut parts: BTreeMap<Monomial<ExprId>, Vec<(Monomial<ExprId>, Rational)>> = BTreeMap::new();
         for (monomial, coefficient) in term.value.numerator().terms() {
@@ -161,15 +177,13 @@ fn written_terms(graph: &mut Graph, row: &RemainingRow) -> Vec<WrittenTerm> {
         }
         for (motion, part) in parts {
             let part = term.value.with_numerator(part.into_iter().collect());
-            let slot = coefficients.entry(motion).or_insert_with(|| (term.id, term.source, Fraction::zero()));
-            slot.2 = slot.2.add(&part);
+            let slot = coefficients.entry(motion).or_insert_with(|| (term.id, Fraction::zero()));
+            slot.1 = slot.1.add(&part);
         }
     }
-    let terms = coefficients.into_iter().map(|(motion, (id, source, value))| WrittenTerm {
-        id,
-        source,
-        polynomial: over_atoms(graph, &value).mul_monomial(&motion),
-    });
+    let terms = coefficients
+        .into_iter()
+        .map(|(motion, (id, value))| WrittenTerm { id, polynomial: over_atoms(graph, &value).mul_monomial(&motion) });
     terms.collect()
 }
 

@@ -1,4 +1,4 @@
-//! What sensors show of a model with coordinates that none of them measures.
+//! What sensors show of a model that only a simulation compares with them.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
@@ -25,12 +25,14 @@ pub(super) fn run(loaded: &Loaded, json: bool, output: Option<&Path>) -> Outcome
 
 fn describe(found: &Observed) -> String {
     let mut text = format!(
-        "rank {} of {} parameters by sensors of {} (exact modulo a prime, at random motions; initial states unknown)\nnot measured: {}\n",
+        "rank {} of {} parameters by sensors of {} (exact modulo a prime, at random motions; initial states unknown)\n",
         found.rank,
         found.parameters.len(),
-        found.sensors.join(", "),
-        found.unmeasured.join(", ")
+        found.sensors.join(", ")
     );
+    if !found.unmeasured.is_empty() {
+        let _ = writeln!(text, "not measured: {}", found.unmeasured.join(", "));
+    }
     for coordinate in &found.unfelt {
         let _ = writeln!(text, "no sensor feels {coordinate}: measure {coordinate} or dot({coordinate})");
     }

@@ -5,7 +5,7 @@ use tpm_codegen::source::{Source, Span};
 use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::budget::{self, Budget};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
-use tpm_symbolic::regressor::prepare::prepare;
+use tpm_symbolic::regressor::prepare::{prepare, prepare_any};
 
 /// Faults and remarks in the order of their places.
 pub(super) fn of(source: &Source, allows_large: bool) -> Diagnostics {
@@ -25,9 +25,20 @@ pub(super) fn of(source: &Source, allows_large: bool) -> Diagnostics {
 /// What only the algebra finds: parameters that are not linear, coordinates that cannot be eliminated, patterns without a table.
 fn of_model(parsed: &Parsed) -> Diagnostics {
     let mut found = parsed.warnings.clone();
-    if let Err(error) = prepare(parsed.model.clone()) {
-        found.push(parsed.locate(&error));
-        return found;
+    match prepare_any(parsed.model.clone()) {
+        Err(error) => {
+            found.push(parsed.locate(&error));
+            return found;
+        }
+        // Logs identify a model whose inputs do not stand alone; nothing else uses it.
+        Ok(prepared) => {
+            if let Err(fault) = prepared.require_inputs_alone() {
+                let mut remark = parsed.locate(&fault);
+                remark.severity = Severity::Warning;
+                found.push(remark);
+                return found;
+            }
+        }
     }
     let tables = match parsed.for_read_tables() {
         Ok((model, ..)) => prepare(model).map_err(|error| parsed.locate(&error)),

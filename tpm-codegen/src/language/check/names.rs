@@ -466,25 +466,13 @@ impl<'a> Names<'a, '_, '_> {
         let used = self.reachable();
         let inputs: Vec<_> = quantities(model, Role::Input).collect();
         let driven = inputs.iter().any(|(name, _)| used.contains(name));
-        // A model needs an input in some equation.
-        if !driven
-            && model
-                .items
-                .iter()
-                .any(|item| matches!(item, Item::Equation(_) | Item::Force(_) | Item::Energy(_) | Item::Mechanism(_)))
-        {
-            let span = inputs.first().map_or(model.name.span, |&(_, span)| span);
-            let (message, help) = match inputs.first() {
-                Some((name, _)) => (
-                    "no equation has an input".to_owned(),
-                    format!("`{name}` must stand in an equation, as in `... = {name};`"),
-                ),
-                None => (
-                    format!("no equation of `{}` has an input", model.name.name),
-                    "declare one, `input u [N];`, and set an equation equal to it".to_owned(),
-                ),
-            };
-            self.diagnostics.push(Diagnostic::error(span, message).note("nothing drives this model").help(help));
+        // Inputs that are declared have to stand in some equation; free motions have none.
+        let dynamics =
+            |item: &Item| matches!(item, Item::Equation(_) | Item::Force(_) | Item::Energy(_) | Item::Mechanism(_));
+        if let (false, Some(&(name, span)), true) = (driven, inputs.first(), model.items.iter().any(dynamics)) {
+            let help = format!("`{name}` must stand in an equation, as in `... = {name};`");
+            let fault = Diagnostic::error(span, "no equation has an input".to_owned());
+            self.diagnostics.push(fault.note("nothing drives this model").help(help));
         }
         // Names of the model.
         for item in &model.items {

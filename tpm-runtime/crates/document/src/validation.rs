@@ -6,7 +6,7 @@ use crate::page::Document;
 use crate::residuals;
 use tpm_plot::Figure;
 use tpm_report::{digits, number};
-use tpm_session::{CorrelationTest, LAGS, Validation};
+use tpm_session::{BetweenStamps, CorrelationTest, LAGS, SensorFollowed, Validation};
 
 impl From<&Validation> for Document {
     /// The page of the comparison between a log and its prediction with given parameters.
@@ -60,11 +60,14 @@ fn facts(found: &Validation) -> Vec<(String, Cell)> {
         let text = format!("{} % of the force", digits(100.0 * share, SHARE_DIGITS));
         ("largest share missed".to_owned(), Cell::shown(text, Some(share)))
     }));
-    let used = match found.period {
-        Some(period) => {
+    let used = match (found.period, &found.between_stamps) {
+        (_, Some(run)) => {
+            format!("{} stretches between their stamps, the longest of {} s", run.stretches, number(run.duration))
+        }
+        (Some(period), _) => {
             format!("{} periods of {} s, harmonics up to {}", found.periods, number(period), found.harmonics)
         }
-        None => format!("every sample, low pass at {} Hz", number(found.cut_off.unwrap_or(f64::NAN))),
+        (None, None) => format!("every sample, low pass at {} Hz", number(found.cut_off.unwrap_or(f64::NAN))),
     };
     facts.push(("used".to_owned(), Cell::text(used)));
     facts.push(("hold of the inputs".to_owned(), Cell::text(found.hold.clone())));
@@ -90,6 +93,13 @@ impl Document {
         }
         for found in all {
             let named = |what: &str| if all.len() > 1 { format!("{}: {what}", found.log) } else { what.to_owned() };
+            if let Some(run) = &found.between_stamps {
+                against.push(followed(run, &named("free run from the recorded inputs, between the stamps of the log")));
+                let figure = run.figure(&format!("{} on {}", found.model, found.log));
+                let low = Figure { height: AROUND + PANEL * figure.panels.len() as u32, ..figure };
+                against.push(self.figure("motion", low, &named("Readings, the free run, and the difference")));
+                continue;
+            }
             // Predicted forces.
             against.push(row_table(
                 found,
@@ -189,6 +199,22 @@ fn row_table(found: &Validation, caption: &str) -> Block {
     };
     let rows = found.rows.iter().map(row).collect();
     Block::table(&["row", "unit", "#applied, rms", "#missed, rms", "#share missed"], rows, caption)
+}
+
+/// Fits of the free run between stamps.
+fn followed(run: &BetweenStamps, caption: &str) -> Block {
+    let row = |own: &SensorFollowed| {
+        let fit = own.free_run.fit;
+        vec![
+            Cell::text(own.signal.clone()),
+            Cell::text(own.unit.clone().unwrap_or_else(|| "-".to_owned())),
+            Cell::text(own.readings.to_string()),
+            Cell::size(Some(own.free_run.rms)),
+            Cell::shown(fit.map_or_else(|| "-".to_owned(), |fit| format!("{fit:.2} %")), fit),
+        ]
+    };
+    let rows = run.sensors.iter().map(row).collect();
+    Block::table(&["sensor", "unit", "#readings", "#free run, rms", "#fit"], rows, caption)
 }
 
 fn fits(found: &Validation, caption: &str) -> Block {

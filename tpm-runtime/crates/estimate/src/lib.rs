@@ -77,7 +77,10 @@ pub use output_error::{
 pub use physical_remark::PhysicalRemark;
 pub use pooled::{Contribution, Pooled, pool};
 pub use projected::{Known, Projector};
-pub use recorded::{Channel, RecordedFault, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded};
+pub use recorded::{
+    Channel, Followed, FollowedSensor, RecordedFault, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded,
+    follow_recorded,
+};
 pub use response::ErrorResponse;
 pub use result::{Estimate, ResidualOf};
 pub use run::error_lines;

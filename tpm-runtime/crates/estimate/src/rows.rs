@@ -33,6 +33,18 @@ impl Rows<'_> {
         self.sides(instant, scratch)
     }
 
+    /// The rows under inputs that may stand in them otherwise than alone.
+    pub(crate) fn evaluate_under(
+        self,
+        instant: &[f64],
+        inputs: &[f64],
+        scratch: &mut Scratch,
+    ) -> Result<(), EvalError> {
+        let Scratch { work, regressor, known, map } = scratch;
+        self.model.rows_under(instant, inputs, self.constants, work, (regressor, known))?;
+        self.model.input_map(instant, self.constants, work, map)
+    }
+
     /// The rows without their regressor: known terms and factors of the inputs.
     pub(crate) fn sides(self, instant: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
         let Scratch { work, known, map, .. } = scratch;

@@ -142,12 +142,13 @@ fn equations(
     for stretch in &record.stretches {
         let Some(motion) = motion(model, stretch, record.sample_time, reach) else { continue };
         for (k, instant) in motion.chunks_exact(dims.motion_len()).enumerate() {
-            of.evaluate(instant, &mut scratch)?;
+            let inputs: Vec<f64> = stretch.inputs.iter().map(|input| input[k]).collect();
+            of.evaluate_under(instant, &inputs, &mut scratch)?;
             for (row, own) in entries.iter_mut().enumerate() {
                 let phi = |j: usize| scratch.regressor[row * dims.parameters + j];
                 let held: f64 = settings.frozen.iter().map(|frozen| frozen.value * phi(frozen.parameter)).sum();
                 own.extend(free.indices.iter().map(|&j| phi(j)));
-                own.push(of.right_of(&scratch, row, &|i| stretch.inputs[i][k]) - held);
+                own.push(of.right_of(&scratch, row, &|i| inputs[i]) - held);
             }
         }
     }

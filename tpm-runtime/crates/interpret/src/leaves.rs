@@ -55,7 +55,13 @@ impl Leaves {
         Self { dims, list }
     }
 
-    /// Motion and constants: the only leaves of the regressor, the known terms and the input map.
+    /// Motion, constants and inputs: the leaves of the regressor and the known terms where inputs do not stand alone.
+    pub(super) fn without_parameters(&self) -> Vec<Leaf> {
+        let inputs = self.list.len() - self.dims.inputs;
+        self.of_motion().iter().chain(&self.list[inputs..]).copied().collect()
+    }
+
+    /// Motion and constants: the leaves of the input map and, where inputs stand alone, of the regressor and the known terms.
     pub(super) fn of_motion(&self) -> &[Leaf] {
         &self.list[..self.dims.motion_len() + self.dims.constants]
     }

@@ -41,6 +41,8 @@ pub struct Interpreted {
     constants: Vec<Name>,
     rows: Vec<Name>,
     workspace_len: usize,
+    /// Whether an input does not stand alone, so that it is a leaf of the regressor and the known terms.
+    needs_inputs: bool,
     regressor: Program,
     known: Program,
     input_map: Program,
@@ -82,8 +84,10 @@ impl Interpreted {
             })
             .collect();
         let leaves = Leaves::new(&evaluation, form);
-        let [regressor, known, input_map] = [&evaluation.regressor, &evaluation.known, &evaluation.input_map]
-            .map(|plan| Program::new(plan, leaves.of_motion()));
+        let needs_inputs = form.driven(model).is_some();
+        let of_rows = if needs_inputs { leaves.without_parameters() } else { leaves.of_motion().to_vec() };
+        let [regressor, known] = [&evaluation.regressor, &evaluation.known].map(|plan| Program::new(plan, &of_rows));
+        let input_map = Program::new(&evaluation.input_map, leaves.of_motion());
         let dynamics = dynamics.map(|dynamics| Program::new(&dynamics.plan, leaves.all()));
         let workspace_len = [&regressor, &known, &input_map].map(|program| program.workspace_len).into_iter().max();
         Self {
@@ -99,6 +103,7 @@ impl Interpreted {
             constants: evaluation.constants.iter().map(quantity).collect(),
             rows,
             workspace_len: workspace_len.unwrap_or(0),
+            needs_inputs,
             regressor,
             known,
             input_map,
@@ -119,6 +124,11 @@ impl Interpreted {
         let (scratch, _) = split_workspace(workspace, self.workspace_len)?;
         program.run(&[motion, constants], scratch, out);
         Ok(())
+    }
+
+    /// Refuses to evaluate rows without the inputs that they depend on.
+    const fn require_no_inputs(&self) -> Result<(), EvalError> {
+        if self.needs_inputs { Err(EvalError::InputsNeeded) } else { Ok(()) }
     }
 }
 
@@ -174,6 +184,7 @@ impl Model<f64> for Interpreted {
         workspace: &mut [f64],
         out: &mut [f64],
     ) -> Result<(), EvalError> {
+        self.require_no_inputs()?;
         self.run(&self.regressor, motion, constants, workspace, out)
     }
 
@@ -184,7 +195,32 @@ impl Model<f64> for Interpreted {
         workspace: &mut [f64],
         out: &mut [f64],
     ) -> Result<(), EvalError> {
+        self.require_no_inputs()?;
         self.run(&self.known, motion, constants, workspace, out)
+    }
+
+    fn needs_inputs(&self) -> bool {
+        self.needs_inputs
+    }
+
+    fn rows_under(
+        &self,
+        motion: &[f64],
+        inputs: &[f64],
+        constants: &[f64],
+        workspace: &mut [f64],
+        (phi, known): (&mut [f64], &mut [f64]),
+    ) -> Result<(), EvalError> {
+        require_motion(self.dims, motion, constants)?;
+        require_len(Buffer::Inputs, inputs.len(), self.dims.inputs)?;
+        let (scratch, _) = split_workspace(workspace, self.workspace_len)?;
+        // Programs of rows in which inputs stand alone have no leaves for them.
+        let own = if self.needs_inputs { inputs } else { &[] };
+        for (program, out) in [(&self.regressor, phi), (&self.known, known)] {
+            require_len(Buffer::Output, out.len(), program.output_len())?;
+            program.run(&[motion, constants, own], scratch, out);
+        }
+        Ok(())
     }
 
     fn input_map(

@@ -132,10 +132,10 @@ impl Separable {
         Ok(())
     }
 
-    /// The derivative `dr/dz` at given parameters.
+    /// The derivative `dr/dz` at given parameters and inputs.
     fn slopes(
         &self,
-        motion: &[f64],
+        (motion, inputs): (&[f64], &[f64]),
         constants: &[f64],
         parameters: &[f64],
         workspace: &mut [f64],
@@ -143,12 +143,29 @@ impl Separable {
     ) -> Result<(), EvalError> {
         require_motion(self.dims, motion, constants)?;
         require_len(Buffer::Parameters, parameters.len(), self.dims.parameters)?;
-        let (inputs, rest) = split_workspace(workspace, self.dims.inputs)?;
-        let (scratch, _) = split_workspace(rest, self.slopes.workspace_len)?;
-        // No input is multiplied by a nonlinear parameter, so the derivative does not depend on the inputs.
-        inputs.fill(0.0);
+        require_len(Buffer::Inputs, inputs.len(), self.dims.inputs)?;
+        let (scratch, _) = split_workspace(workspace, self.slopes.workspace_len)?;
         self.slopes.run(&[motion, constants, parameters, inputs], scratch, out);
         Ok(())
+    }
+}
+
+impl Separable {
+    /// Takes from the known terms what the derivative by z gives at the point of linearisation.
+    fn less_than_linear(&self, slopes: &[f64], known: &mut [f64]) {
+        let z = &self.point[self.linear()..];
+        for (known, slopes) in known.iter_mut().zip(slopes.chunks_exact(z.len())) {
+            *known -= slopes.iter().zip(z).map(|(slope, z)| slope * z).sum::<f64>();
+        }
+    }
+
+    /// Phi beside the derivative by z, row by row.
+    fn side_by_side(&self, phi: &[f64], slopes: &[f64], out: &mut [f64]) {
+        let (linear, whole) = (self.linear(), self.dims.parameters);
+        for (r, row) in out.chunks_exact_mut(whole).enumerate() {
+            row[..linear].copy_from_slice(&phi[r * linear..(r + 1) * linear]);
+            row[linear..].copy_from_slice(&slopes[r * (whole - linear)..(r + 1) * (whole - linear)]);
+        }
     }
 }
 
@@ -223,13 +240,38 @@ impl Model<f64> for Separable {
     ) -> Result<(), EvalError> {
         let z = &self.point[self.linear()..];
         let (all, rest) = split_workspace(workspace, self.places.len())?;
-        let (slopes, scratch) = split_workspace(rest, self.dims.rows * z.len())?;
+        let (slopes, rest) = split_workspace(rest, self.dims.rows * z.len())?;
+        let (inputs, scratch) = split_workspace(rest, self.dims.inputs)?;
         self.constants(constants, z, all)?;
         self.rows.known(motion, all, scratch, out)?;
-        self.slopes(motion, constants, &self.point, scratch, slopes)?;
-        for (known, slopes) in out.iter_mut().zip(slopes.chunks_exact(z.len())) {
-            *known -= slopes.iter().zip(z).map(|(slope, z)| slope * z).sum::<f64>();
-        }
+        // Where inputs stand alone none is multiplied by a nonlinear parameter, so that the derivative does not depend on them.
+        inputs.fill(0.0);
+        self.slopes((motion, inputs), constants, &self.point, scratch, slopes)?;
+        self.less_than_linear(slopes, out);
+        Ok(())
+    }
+
+    fn needs_inputs(&self) -> bool {
+        self.rows.needs_inputs()
+    }
+
+    fn rows_under(
+        &self,
+        motion: &[f64],
+        inputs: &[f64],
+        constants: &[f64],
+        workspace: &mut [f64],
+        (phi, known): (&mut [f64], &mut [f64]),
+    ) -> Result<(), EvalError> {
+        require_len(Buffer::Output, phi.len(), self.dims.regressor_len())?;
+        let (all, rest) = split_workspace(workspace, self.places.len())?;
+        let (parts, scratch) = split_workspace(rest, self.dims.regressor_len())?;
+        let (linear, slopes) = parts.split_at_mut(self.dims.rows * self.linear());
+        self.constants(constants, &self.point[self.linear()..], all)?;
+        self.rows.rows_under(motion, inputs, all, scratch, (linear, known))?;
+        self.slopes((motion, inputs), constants, &self.point, scratch, slopes)?;
+        self.less_than_linear(slopes, known);
+        self.side_by_side(linear, slopes, phi);
         Ok(())
     }
 
@@ -255,17 +297,16 @@ impl Model<f64> for Separable {
     ) -> Result<(), EvalError> {
         require_len(Buffer::Parameters, parameters.len(), self.dims.parameters)?;
         require_len(Buffer::Output, out.len(), self.dims.regressor_len())?;
-        let (linear, whole) = (self.linear(), self.dims.parameters);
+        let linear = self.linear();
         let (all, rest) = split_workspace(workspace, self.places.len())?;
-        let (parts, scratch) = split_workspace(rest, self.dims.regressor_len())?;
+        let (parts, rest) = split_workspace(rest, self.dims.regressor_len())?;
+        let (inputs, scratch) = split_workspace(rest, self.dims.inputs)?;
         let (phi, slopes) = parts.split_at_mut(self.dims.rows * linear);
         self.constants(constants, &parameters[linear..], all)?;
         self.rows.regressor(motion, all, scratch, phi)?;
-        self.slopes(motion, constants, parameters, scratch, slopes)?;
-        for (r, row) in out.chunks_exact_mut(whole).enumerate() {
-            row[..linear].copy_from_slice(&phi[r * linear..(r + 1) * linear]);
-            row[linear..].copy_from_slice(&slopes[r * (whole - linear)..(r + 1) * (whole - linear)]);
-        }
+        inputs.fill(0.0);
+        self.slopes((motion, inputs), constants, parameters, scratch, slopes)?;
+        self.side_by_side(phi, slopes, out);
         Ok(())
     }
 

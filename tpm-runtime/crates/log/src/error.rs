@@ -213,9 +213,17 @@ pub enum LogError {
         /// Why they are not read, and what to do.
         why: &'static str,
     },
+    /// An input does not stand alone where rows are asked for without the inputs.
+    #[error(
+        "an input of the model stands in a function, beside the motion or with a gain of its own: {path} is read for its parameters and to validate them (`tpm identify`, `tpm validate`); what else is asked for needs inputs that stand alone"
+    )]
+    InputInside {
+        /// The file.
+        path: String,
+    },
     /// A coordinate that no sensor measures stands where all have to be measured.
     #[error(
-        "`{coordinate}` of the model is unmeasured: {path} is read for its parameters alone (`tpm identify`); what else is asked for needs a column of every coordinate, declare it as `coordinate` for that"
+        "`{coordinate}` of the model is unmeasured: {path} is read for its parameters and to validate them (`tpm identify`, `tpm validate`); what else is asked for needs a column of every coordinate, declare it as `coordinate` for that"
     )]
     Unmeasured {
         /// The file.

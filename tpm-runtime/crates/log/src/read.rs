@@ -187,8 +187,13 @@ pub(super) fn signals(model: &dyn Model<f64>) -> Vec<Signal> {
         .collect()
 }
 
-/// Refuses a model with a coordinate that no sensor measures.
+/// Refuses a model with a coordinate that no sensor measures, or with an input beside the motion or in a function: even samples do not tell
+/// what such an input does between them. A static map has nothing between its samples.
 pub(super) fn all_measured(model: &dyn Model<f64>, path: &str) -> Result<(), LogError> {
+    let moves = (0..model.dims().coordinates).any(|c| model.coordinate_order(c) > 0);
+    if model.needs_inputs() && moves {
+        return Err(LogError::InputInside { path: path.into() });
+    }
     match (0..model.dims().coordinates).find(|&c| !model.is_measured(c)) {
         Some(c) => Err(LogError::Unmeasured { path: path.into(), coordinate: model.coordinate(c).name.into() }),
         None => Ok(()),

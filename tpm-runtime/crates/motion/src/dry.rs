@@ -15,6 +15,9 @@ const LEAST_JUMP: f64 = 1e-100;
 #[derive(Clone, Debug)]
 pub struct FrictionJump {
     scratch: Vec<f64>,
+    /// Inputs of a model whose rows need them: friction that grows with an input is there where that is one.
+    inputs: Vec<f64>,
+    phi: Vec<f64>,
     forward: Vec<f64>,
     backward: Vec<f64>,
 }
@@ -22,8 +25,11 @@ pub struct FrictionJump {
 impl FrictionJump {
     pub(crate) fn new(model: &dyn Model<f64>) -> Self {
         let rows = model.dims().rows;
+        let needs_inputs = model.needs_inputs();
         FrictionJump {
             scratch: vec![0.0; model.inverse_workspace_len()],
+            inputs: vec![1.0; if needs_inputs { model.dims().inputs } else { 0 }],
+            phi: vec![0.0; if needs_inputs { model.dims().regressor_len() } else { 0 }],
             forward: vec![0.0; rows],
             backward: vec![0.0; rows],
         }
@@ -46,7 +52,15 @@ impl FrictionJump {
         let velocity = motion[slot];
         for (side, out) in [(CREEP, &mut self.forward), (-CREEP, &mut self.backward)] {
             motion[slot] = side;
-            model.inverse_dynamics(motion, parameters, constants, &mut self.scratch, out)?;
+            if model.needs_inputs() {
+                let parts = (self.phi.as_mut_slice(), out.as_mut_slice());
+                model.rows_under(motion, &self.inputs, constants, &mut self.scratch, parts)?;
+                for (force, row) in out.iter_mut().zip(self.phi.chunks_exact(parameters.len().max(1))) {
+                    *force += row.iter().zip(parameters).map(|(entry, value)| entry * value).sum::<f64>();
+                }
+            } else {
+                model.inverse_dynamics(motion, parameters, constants, &mut self.scratch, out)?;
+            }
         }
         motion[slot] = velocity;
         Ok(self.forward.iter().zip(&self.backward).map(|(forward, backward)| 0.5 * (forward - backward)))

@@ -15,7 +15,7 @@ use tpm_physical::is_lumped;
 use tpm_symbolic::expr::graph::{Node, Symbol};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
-use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, prepare_any};
 
 /// The search for the nearest solution, until a step is a small share of every parameter.
 const SEARCH: Iteration = Iteration { most: 60, settled: 1e-13 };
@@ -73,7 +73,7 @@ pub fn agreeing(
     identified: &Identified,
     given: &BTreeMap<String, f64>,
 ) -> Result<Agreeing, AgreeingError> {
-    let prepared = prepare(model.clone())?;
+    let prepared = prepare_any(model.clone())?;
     let map = ParameterMap::new(&prepared);
     let search = Search::new(&map, identified, given, is_lumped(&prepared));
     let nothing = AgreeingError::NotFound { names: search.free.iter().map(|&i| search.names[i].clone()).collect() };

@@ -8,10 +8,13 @@ use crate::log_fault::LogFault;
 use crate::model::DeclaredModel;
 use crate::options::LogOptions;
 use crate::periodic_log::repeats;
+use crate::recorded_log;
 use crate::rows::Rows;
 use crate::summary::lone_readings;
 use crate::warning::Warning;
-use tpm_estimate::{Domain, EstimateError};
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+use tpm_estimate::{Domain, EstimateError, LARGE_RESIDUAL, is_static};
 use tpm_log::{AsRecorded, Log, LogSource, Lone, ReadingReport, Recording};
 
 /// How a log is identified.
@@ -56,10 +59,30 @@ impl Entry<'_> {
         Ok((part, recorded.fingerprint))
     }
 
-    /// The result of a log as even samples, with its fingerprint.
+    /// The result of a log as even samples, with its fingerprint. Stamps that are not even had to be resampled, which moves the steps of a
+    /// held input; where that leaves the log unexplained, it is simulated between its stamps.
     pub(super) fn evenly(&self, source: LogSource<'_>) -> Result<(Identification, String), SessionError> {
+        let mut resampled = false;
+        let even = self.on_even_samples(source, &mut resampled);
+        let left = even.as_ref().map_or(f64::INFINITY, |(part, _)| part.residual);
+        let held = resampled && self.options.reading.hold == Hold::Zoh && self.options.domain.is_none();
+        if left < LARGE_RESIDUAL || !held || !recorded_log::may_be(self.options) || is_static(self.rows.model()) {
+            return even;
+        }
+        match self.as_recorded(source) {
+            Ok((part, hash)) if part.residual < left.min(LARGE_RESIDUAL) => Ok((part, hash)),
+            _ => even,
+        }
+    }
+
+    fn on_even_samples(
+        &self,
+        source: LogSource<'_>,
+        resampled: &mut bool,
+    ) -> Result<(Identification, String), SessionError> {
         let model = self.rows.model();
         let mut recording = Recording::open(source, model, &self.options.reading.columns)?;
+        *resampled = recording.report.uneven.as_ref().is_some_and(|uneven| uneven.resampled);
         let coordinates = model.dims().coordinates;
         let hash = std::mem::take(&mut recording.fingerprint);
         if self.options.domain == Some(Domain::Harmonics) {

@@ -49,6 +49,9 @@ pub enum MachineError {
         /// The coordinate.
         coordinate: String,
     },
+    /// An input does not stand alone, or there is none.
+    #[error("no campaign drives this model: {0}")]
+    Inputs(PrepareError),
     /// Its own equations have no regressor form.
     #[error("before coordinates are eliminated: {0}")]
     Own(#[from] PrepareError),

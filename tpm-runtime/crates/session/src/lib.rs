@@ -20,6 +20,7 @@
 #[cfg(test)]
 mod actuator_tests;
 mod agreeing;
+mod between_stamps;
 mod campaign;
 mod compare;
 #[cfg(test)]
@@ -37,6 +38,8 @@ mod folder;
 mod found;
 mod identification;
 mod identify;
+#[cfg(test)]
+mod input_function_tests;
 mod inspect;
 mod judge;
 mod lines_log;
@@ -91,6 +94,7 @@ mod whiteness;
 
 pub use self::log::{LogRequest, from_log, from_logs};
 pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
+pub use between_stamps::{BetweenStamps, SensorFollowed};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
 pub use compare::{
     CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,

@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::Frozen;
+use tpm_estimate::{Frozen, is_static};
 use tpm_log::{LogSource, Recording, Samples};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
@@ -135,8 +135,8 @@ pub fn from_logs<R: Into<LogRequest>>(
         result.warnings.insert(0, used);
         return Ok(result);
     }
-    let unmeasured = declared.as_deref().filter(|declared| declared.has_unmeasured());
-    let rows = match unmeasured {
+    let simulated = declared.as_deref().filter(|declared| declared.is_only_simulated());
+    let rows = match simulated {
         // A compiled model does not say which of its coordinates are measured; its declaration does.
         Some(declared) => Rows::new(declared, Some(declared)),
         None => Rows::new(model, declared.as_deref()),
@@ -164,9 +164,9 @@ pub fn from_logs<R: Into<LogRequest>>(
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
         let entry = Entry { rows: &rows, declared: declared.as_deref(), options: &options };
-        let (part, hash) = match unmeasured {
-            Some(_) => entry.as_recorded(request.source())?,
-            None => entry.evenly(request.source())?,
+        let (part, hash) = match simulated {
+            Some(_) if !is_static(evaluated) => entry.as_recorded(request.source())?,
+            _ => entry.evenly(request.source())?,
         };
         let path = request.path.display().to_string();
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {

@@ -13,7 +13,7 @@ use tpm_symbolic::expr::graph::Coordinate;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::to_f64;
 use tpm_symbolic::plan::observability::{Shown, shown};
-use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare_any};
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +69,7 @@ pub(super) fn with_all_coordinates(prepared: &Prepared) -> Result<Cow<'_, Prepar
     }
     let mut model = prepared.model.clone();
     model.eliminations.clear();
-    prepare(model).map(Cow::Owned)
+    prepare_any(model).map(Cow::Owned)
 }
 
 impl DeclaredModel {
@@ -101,7 +101,7 @@ impl DeclaredModel {
     /// [`ModelFault::Text`].
     pub fn of_source(source: Source) -> Result<Self, ModelFault> {
         let parsed = parse_model(&source).map_err(|faults| ModelFault::Text { diagnostics: faults.render(&source) })?;
-        let prepared = prepare(parsed.model.clone())
+        let prepared = prepare_any(parsed.model.clone())
             .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
         let evaluated = Interpreted::new(&prepared.model, &prepared.form);
         Ok(Self { source, parsed, prepared, evaluated })
@@ -124,9 +124,11 @@ impl DeclaredModel {
         Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
     }
 
-    /// Whether it has a coordinate that no sensor measures.
-    pub(super) fn has_unmeasured(&self) -> bool {
-        self.prepared.model.coordinates.iter().any(|coordinate| coordinate.unmeasured)
+    /// Whether only a simulation tells its parameters from a log: a coordinate is not measured, an input does not stand alone, or there is
+    /// none.
+    pub(super) fn is_only_simulated(&self) -> bool {
+        let model = &self.prepared.model;
+        model.coordinates.iter().any(|coordinate| coordinate.unmeasured) || self.prepared.form.is_only_simulated(model)
     }
 
     /// What the sensors of its measured coordinates, and of the rates of those that are named, show of its columns at all while the columns

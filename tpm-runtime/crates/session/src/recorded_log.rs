@@ -1,4 +1,4 @@
-//! A log whose model is simulated between its stamps, since it has coordinates that no sensor measures.
+//! A log whose model is simulated between its stamps, since only a simulation tells its parameters.
 
 use crate::found::Found;
 use crate::log_fault::LogFault;
@@ -13,7 +13,7 @@ use tpm_motion::Dynamics;
 
 /// Whether what is known of a log lets it be simulated between its stamps: nothing lies between its inputs and the machine, and nobody asks
 /// for its harmonics.
-fn may_be(options: &LogOptions) -> bool {
+pub(super) fn may_be(options: &LogOptions) -> bool {
     let asked = options.domain == Some(tpm_estimate::Domain::Harmonics);
     let part = options.reading.period.is_some() || options.reading.from_sample.is_some();
     options.actuators.iter().all(Dynamics::is_ideal) && options.fitted_delays.is_empty() && !asked && !part
@@ -52,7 +52,8 @@ pub(super) fn identify(
     })
 }
 
-fn signals(recorded: &AsRecorded, options: &LogOptions) -> SignalsAsRecorded {
+/// The signals of a record for a simulation.
+pub(super) fn signals(recorded: &AsRecorded, options: &LogOptions) -> SignalsAsRecorded {
     let channel = |own: &ChannelReadings| Channel { time: own.time.clone(), value: own.value.clone() };
     let sensed = |derivative: usize| {
         move |(coordinate, own): (usize, &Option<ChannelReadings>)| {

@@ -43,7 +43,7 @@ pub struct Fit {
 }
 
 impl Fit {
-    fn of(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
+    pub(super) fn of(pairs: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
         let count = pairs.clone().count().max(1) as f64;
         let mean = pairs.clone().map(|(y, _)| y).sum::<f64>() / count;
         let rms = root_mean_square(pairs.clone().map(|(y, simulated)| y - simulated));

@@ -5,6 +5,7 @@
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a
 //! direction of the parameters that is open is not predicted: it is named.
 
+use crate::between_stamps::{self, BetweenStamps, follow};
 use crate::entry::alone;
 use crate::error::SessionError;
 use crate::log::LogRequest;
@@ -99,16 +100,45 @@ pub struct Validation {
     /// The motion simulated from the inputs; nothing where the model cannot be simulated with what is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulation: Option<Simulation>,
+    /// The free run between the stamps of a model that only a simulation compares with a log; rows are not predicted then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub between_stamps: Option<BetweenStamps>,
     /// Why the motion is not simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_simulated: Option<String>,
 }
 
 impl Validation {
+    /// A prediction of which nothing is known yet.
+    fn begun(model: &dyn Model<f64>, log: String, options: &LogOptions) -> Self {
+        Self {
+            schema: "tpm.validation/1",
+            model: model.name().into(),
+            log,
+            reading: ReadingReport::default(),
+            from_sample: options.reading.from_sample.unwrap_or(0),
+            period: None,
+            periods: 0,
+            cut_off: None,
+            hold: options.reading.hold.to_string(),
+            harmonics: 0,
+            rows: Vec::new(),
+            unpredicted: Vec::new(),
+            prediction_error: None,
+            simulation: None,
+            between_stamps: None,
+            not_simulated: None,
+        }
+    }
+
     /// Why the log is not predicted as it should be; nothing when it is. The bound on what may be missed is that of an identification.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
-        self.not_determined().or_else(|| self.not_predicted()).or_else(|| self.not_followed())
+        self.not_determined()
+            .or_else(|| self.not_predicted())
+            .or_else(|| self.not_followed())
+            .or_else(|| self.between_stamps.as_ref()?.shortfall())
+            .or_else(|| self.rows.is_empty().then(|| self.not_simulated.clone())?)
     }
 
     /// The rows on which the parameters say nothing.
@@ -166,7 +196,10 @@ pub fn validate(
 ) -> Result<Validation, SessionError> {
     let (request, known) = (log.into(), known.into());
     let declared = model.declaration()?;
-    let rows = Rows::new(model, declared.as_deref());
+    let rows = match declared.as_deref().filter(|declared| declared.is_only_simulated()) {
+        Some(declared) => Rows::new(declared, Some(declared)),
+        None => Rows::new(model, declared.as_deref()),
+    };
     let evaluated = rows.model();
     let unknown = |name: &str| SessionError::NotIdentified { name: name.to_string() };
     let settled = known.settled().map_err(|error| match error {
@@ -179,6 +212,20 @@ pub fn validate(
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
+    if between_stamps::is_for(declared.as_deref(), evaluated) {
+        let (run, reading) = follow(evaluated, request.source(), &options, (&parameters, &settled.open))?;
+        let (between_stamps, not_simulated) = match run {
+            Ok(run) => (Some(run), None),
+            Err(why) => (None, Some(why)),
+        };
+        let log = request.path.display().to_string();
+        return Ok(Validation {
+            reading,
+            between_stamps,
+            not_simulated,
+            ..Validation::begun(evaluated, log, &options)
+        });
+    }
     let mut recording = Recording::open(request.source(), evaluated, &options.reading.columns)?;
     if options.domain == Some(Domain::Harmonics) {
         recording = alone(recording, evaluated.dims().coordinates, &options);
@@ -261,23 +308,7 @@ fn validate_segments(
         ([log], Some(Domain::Harmonics)) => Some(spectra(log, dims.coordinates, options)?),
         _ => None,
     };
-    let mut found = Validation {
-        schema: "tpm.validation/1",
-        model: model.name().into(),
-        log: path.clone(),
-        reading: ReadingReport::default(),
-        from_sample: options.reading.from_sample.unwrap_or(0),
-        period: None,
-        periods: 0,
-        cut_off: None,
-        hold: options.reading.hold.to_string(),
-        harmonics: 0,
-        rows: Vec::new(),
-        unpredicted: Vec::new(),
-        prediction_error: None,
-        simulation: None,
-        not_simulated: None,
-    };
+    let mut found = Validation::begun(model, path.clone(), options);
     let rows: Vec<(Missed, Option<Vec<_>>)> = match (&periodic, segments.first()) {
         (Some((periodic, spectra)), Some(log)) => {
             let record =

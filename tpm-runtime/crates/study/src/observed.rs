@@ -5,7 +5,7 @@ use serde::Serialize;
 use tpm_codegen::Parsed;
 use tpm_symbolic::expr::graph::Coordinate;
 use tpm_symbolic::plan::observability;
-use tpm_symbolic::regressor::prepare::prepare;
+use tpm_symbolic::regressor::prepare::prepare_any;
 
 /// What sensors show while initial states are unknown. It serialises as `tpm.observed/1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,7 +38,7 @@ pub struct Observed {
 /// # Errors
 /// [`ShownError`] where the model has no form that is linear in parameters, or its motion does not follow from its rows.
 pub fn observed(parsed: &Parsed) -> Result<Observed, ShownError> {
-    let prepared = prepare(parsed.model.clone()).map_err(|error| located(parsed, &error))?;
+    let prepared = prepare_any(parsed.model.clone()).map_err(|error| located(parsed, &error))?;
     let model = &prepared.model;
     let all = || (0..).map(Coordinate).zip(&model.coordinates);
     let measured: Vec<(Coordinate, u32)> =

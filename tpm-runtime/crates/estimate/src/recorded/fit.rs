@@ -5,10 +5,11 @@ use crate::information::Information;
 use crate::recorded::colour::Colour;
 use crate::recorded::flow::Flow;
 use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
-use crate::recorded::starts::{Scales, first_state, start};
+use crate::recorded::starts::{Pace, Scales, first_state, start};
 use crate::recorded::steps::{Course, Point, Settled, beside_states};
 use crate::result::{Estimate, LeastSquares, ResidualOf};
 use crate::settings::Settings;
+use crate::verdict::LARGE_RESIDUAL;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_motion::Plant;
@@ -22,11 +23,13 @@ const MOST_STEPS: usize = 60;
 /// Blocks over which starts are tried, their length in cycles of the motion, and bounds of their readings: fewest per state of the model.
 const BLOCKS_TRIED: usize = 6;
 const CYCLES_TRIED: f64 = 0.75;
+/// Starts are tried where the readings move by this share of what they do where they move most.
+const MOVES: f64 = 0.3;
 const LEAST_PER_STATE: usize = 6;
 const MOST_TRIED: usize = 100;
 /// Readings over which blocks grow, and those over which they settle at last; a longer record is simulated in blocks spread over it.
 const READINGS_GROWN: usize = 2_000;
-const READINGS_SETTLED: usize = 20_000;
+pub(super) const READINGS_SETTLED: usize = 20_000;
 /// How much longer blocks become from one stage to the next.
 const GROWTH: usize = 4;
 /// Blocks stay as long as they are where longer ones leave more than so many times the mean square: noise that acts on the machine, or
@@ -42,6 +45,8 @@ const STEP_SETTLED: f64 = 0.02;
 const MOST_HALVINGS: usize = 6;
 /// Longest step of the integration at first, as a share of a cycle of the motion.
 const FIRST_STEP: f64 = 0.02;
+/// A motion is tried once more at the pace with which it turns back where that is so many times faster than its crossings.
+const LEAST_FASTER: f64 = 2.0;
 /// A direction of the parameters is not shown where it moves the readings by less than this share of what the others do.
 const UNSHOWN: f64 = 1e-5;
 
@@ -108,10 +113,10 @@ pub enum RecordedFault {
 }
 
 /// Everything that does not change from stage to stage.
-struct Work<'a, 'f> {
-    flow: Flow<'f>,
-    scales: Scales,
-    stretches: Vec<Vec<Reading>>,
+pub(super) struct Work<'a, 'f> {
+    pub(super) flow: Flow<'f>,
+    pub(super) scales: Scales,
+    pub(super) stretches: Vec<Vec<Reading>>,
     free: Vec<usize>,
     bounds: Vec<[f64; 2]>,
     settings: &'a Settings,
@@ -129,28 +134,41 @@ pub fn fit_recorded(
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
+    let at = |pace: Pace| fit_at_pace((model, constants), signals, pace, unshown, settings);
+    let first = at(Pace::Crossings);
+    let left = match &first {
+        Ok(found) => found.estimate.residual,
+        Err(RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }) => f64::INFINITY,
+        Err(_) => return first,
+    };
+    if left <= LARGE_RESIDUAL
+        || Scales::of(model, signals, Pace::Turns).frequency
+            < LEAST_FASTER * Scales::of(model, signals, Pace::Crossings).frequency
+    {
+        return first;
+    }
+    match at(Pace::Turns) {
+        Ok(found) if found.estimate.residual < left => Ok(found),
+        _ => first,
+    }
+}
+
+/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests.
+fn fit_at_pace(
+    (model, constants): (&dyn Model<f64>, &[f64]),
+    signals: &SignalsAsRecorded,
+    pace: Pace,
+    unshown: Option<usize>,
+    settings: &Settings,
+) -> Result<RecordedFit, RecordedFault> {
     let dims = model.dims();
     let free = settings.free(dims.parameters)?;
-    let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
-    if dims.rows != dims.coordinates || orders.contains(&0) || !signals.fit(model) {
-        return Err(RecordedFault::NotSimulable);
-    }
-    let states: Vec<(usize, usize)> =
-        orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect();
-    let stretches = signals.stretches();
-    let of: usize = stretches.iter().map(Vec::len).sum();
-    let unknowns = free.indices.len() + states.len();
+    let mut work = Work::new((model, constants), signals, pace, free.indices.clone(), settings)?;
+    let of: usize = work.stretches.iter().map(Vec::len).sum();
+    let unknowns = free.indices.len() + work.flow.states.len();
     if of <= unknowns {
         return Err(RecordedFault::TooFew { readings: of, unknowns });
     }
-    let scales = Scales::of(model, signals);
-    let sizes = states.iter().map(|&state| scales.size(state)).collect();
-    let longest_step = FIRST_STEP * std::f64::consts::TAU / scales.frequency;
-    let jumps = Plant::new(model, &vec![1.0; dims.parameters], constants).map_err(EstimateError::Model)?.rubs();
-    let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps };
-    let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
-    let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
-    let mut work = Work { flow, scales, stretches, free: free.indices.clone(), bounds, settings };
     let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
     let (typical, settled, noise) = work.begun(&noise)?;
     let (blocks, settled, noise) = work.grown(&typical, settled, noise)?;
@@ -251,7 +269,7 @@ fn squares(flow: &Flow<'_>, blocks: &[Block], point: &Point, noise: &[f64]) -> V
 }
 
 /// A deviation that is not zero.
-fn spread(deviation: f64) -> f64 {
+pub(super) fn spread(deviation: f64) -> f64 {
     if deviation > 0.0 { deviation } else { 1.0 }
 }
 
@@ -271,18 +289,63 @@ fn hidden(rows: &DMatrix<f64>, unshown: Option<usize>) -> Vec<Vec<f64>> {
 }
 
 impl<'a, 'f> Work<'a, 'f> {
-    fn course<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
+    /// A model with the record that it is compared with; `free` are the parameters to be found.
+    pub(super) fn new(
+        (model, constants): (&'f dyn Model<f64>, &'f [f64]),
+        signals: &'f SignalsAsRecorded,
+        pace: Pace,
+        free: Vec<usize>,
+        settings: &'a Settings,
+    ) -> Result<Self, RecordedFault> {
+        let dims = model.dims();
+        let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
+        if dims.rows != dims.coordinates || orders.contains(&0) || !signals.fit(model) {
+            return Err(RecordedFault::NotSimulable);
+        }
+        let states: Vec<(usize, usize)> =
+            orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect();
+        let scales = Scales::of(model, signals, pace);
+        let sizes = states.iter().map(|&state| scales.size(state)).collect();
+        let longest_step = FIRST_STEP * std::f64::consts::TAU / scales.frequency;
+        let jumps = Plant::new(model, &vec![1.0; dims.parameters], constants).map_err(EstimateError::Model)?.rubs();
+        let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps };
+        let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
+        let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
+        Ok(Self { flow, scales, stretches: signals.stretches(), free, bounds, settings })
+    }
+
+    pub(super) fn course<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
         Course { flow: &self.flow, blocks, free: &self.free, typical, bounds: &self.bounds }
     }
 
     /// Blocks of about so many readings, of which as many as have so many readings in all, spread over the record.
     fn blocks(&self, length: usize, most: usize) -> Vec<Block> {
-        let mut all: Vec<Block> = Vec::new();
-        for stretch in &self.stretches {
-            all.extend(self.flow.signals.blocks(stretch, length.min(most)));
-        }
-        let least = self.flow.states.len() + 1;
-        all.retain(|block| block.readings.len() >= least);
+        Self::spread_over(self.all_blocks(length.min(most)), most)
+    }
+
+    fn all_blocks(&self, length: usize) -> Vec<Block> {
+        let blocks = self.stretches.iter().flat_map(|stretch| self.flow.signals.blocks(stretch, length));
+        blocks.filter(|block| block.readings.len() > self.flow.states.len()).collect()
+    }
+
+    /// [`blocks`](Self::blocks) of those in which the readings of a sensor move by a share of what they do where they move most: a machine at
+    /// rest says nothing of what moves it.
+    fn moving_blocks(&self, length: usize, most: usize) -> Vec<Block> {
+        let sensors = self.flow.signals.sensors.len();
+        let range = |block: &Block, sensor: usize| {
+            let own = block.readings.iter().filter(|reading| reading.sensor == sensor).map(|reading| reading.value);
+            let (least, largest) =
+                own.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
+            (largest - least).max(0.0)
+        };
+        let mut all = self.all_blocks(length.min(most));
+        let farthest: Vec<f64> =
+            (0..sensors).map(|s| all.iter().map(|block| range(block, s)).fold(0.0, f64::max)).collect();
+        all.retain(|block| (0..sensors).any(|s| range(block, s) >= MOVES * farthest[s]));
+        Self::spread_over(all, most)
+    }
+
+    fn spread_over(all: Vec<Block>, most: usize) -> Vec<Block> {
         let typical = all.iter().map(|block| block.readings.len()).max().unwrap_or(1);
         let wanted = (most / typical).clamp(1, all.len().max(1));
         let stride = all.len() as f64 / wanted as f64;
@@ -311,7 +374,7 @@ impl<'a, 'f> Work<'a, 'f> {
     /// The best of many starts over short blocks, with the size of every parameter and the noise that is left.
     fn begun(&self, noise: &[f64]) -> Result<(Vec<f64>, Settled, Vec<f64>), RecordedFault> {
         let length = self.first_length();
-        let mut blocks = self.blocks(length, length * BLOCKS_TRIED);
+        let mut blocks = self.moving_blocks(length, length * BLOCKS_TRIED);
         for block in &mut blocks {
             let mut times: Vec<f64> = block.readings.iter().map(|reading| reading.time).collect();
             times.dedup();
@@ -420,7 +483,7 @@ impl<'a, 'f> Work<'a, 'f> {
     }
 
     /// Halves the steps of the integration until that moves no reading.
-    fn refine_step(&mut self, blocks: &[Block], theta: &[f64], noise: &[f64]) {
+    pub(super) fn refine_step(&mut self, blocks: &[Block], theta: &[f64], noise: &[f64]) {
         let Some(block) = blocks.iter().max_by_key(|block| block.readings.len()) else { return };
         let state = first_state(&self.flow, &self.scales, block);
         for _ in 0..MOST_HALVINGS {

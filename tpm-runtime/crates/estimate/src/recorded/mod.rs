@@ -12,14 +12,17 @@
 //!
 //! ```text
 //! signals (channels, blocks) -> flow (one block simulated) -> steps (Levenberg, Marquardt) -> starts, fit -> colour (deviations)
+//!                                                                                                     -> follow (given parameters)
 //! ```
 
 mod colour;
 mod fit;
 mod flow;
+mod follow;
 mod signals;
 mod starts;
 mod steps;
 
 pub use fit::{RecordedFault, RecordedFit, fit_recorded};
+pub use follow::{Followed, FollowedSensor, follow_recorded};
 pub use signals::{Channel, Sensed, SignalsAsRecorded};

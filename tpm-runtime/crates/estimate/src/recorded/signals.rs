@@ -5,6 +5,8 @@ use tpm_core::model::Model;
 
 /// A silence of all channels is a break of the record when it is longer than so many usual steps.
 const LEAST_BREAK: f64 = 20.0;
+/// Smallest swing, as a share of a channel's deviation, whose turning back counts.
+const LEAST_SWING: f64 = 0.02;
 
 /// The readings or settings of one channel, at its own times.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -107,6 +109,26 @@ impl Channel {
             }
         }
         let found = std::f64::consts::PI * crossings.max(1) as f64 / duration;
+        found.is_finite().then_some(found)
+    }
+
+    /// Angular frequency with which it turns back after a swing of some size: that of the fastest motion in it, which may be small beside the
+    /// slow one.
+    pub(super) fn turning_frequency(&self) -> Option<f64> {
+        let least = LEAST_SWING * self.spread().1;
+        let duration = self.time.last()? - self.time.first()?;
+        // The farthest value in the direction of the motion, and that direction.
+        let (mut farthest, mut side, mut turns) = (*self.value.first()?, 0.0_f64, 0_u32);
+        for &value in &self.value {
+            if side * (value - farthest) > 0.0 {
+                farthest = value;
+            } else if (value - farthest).abs() > least {
+                turns += u32::from(side.abs() > 0.0);
+                side = (value - farthest).signum();
+                farthest = value;
+            }
+        }
+        let found = std::f64::consts::PI * f64::from(turns.max(1)) / duration;
         found.is_finite().then_some(found)
     }
 }

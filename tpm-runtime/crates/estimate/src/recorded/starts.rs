@@ -33,6 +33,15 @@ struct Extent {
     known: bool,
 }
 
+/// What tells the typical frequency of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Pace {
+    /// How often readings cross their mean.
+    Crossings,
+    /// How often they turn back: a limit cycle on top of strokes is faster than these.
+    Turns,
+}
+
 /// What a record says of the size of a model's motion.
 pub(super) struct Scales {
     extents: Vec<Extent>,
@@ -43,10 +52,14 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    pub(super) fn of(model: &dyn Model<f64>, signals: &SignalsAsRecorded) -> Self {
+    pub(super) fn of(model: &dyn Model<f64>, signals: &SignalsAsRecorded, pace: Pace) -> Self {
         let n = model.dims().coordinates;
+        let frequency = |channel: &Channel| match pace {
+            Pace::Crossings => channel.frequency(),
+            Pace::Turns => channel.turning_frequency(),
+        };
         let mut frequencies: Vec<f64> =
-            signals.sensors.iter().filter_map(|sensor| sensor.channel.frequency()).collect();
+            signals.sensors.iter().filter_map(|sensor| frequency(&sensor.channel)).collect();
         frequencies.sort_by(f64::total_cmp);
         let frequency = frequencies.get(frequencies.len() / 2).copied().unwrap_or(1.0);
         let extent = |channel: &Channel, factor: f64| {
@@ -152,8 +165,7 @@ fn columns(flow: &Flow<'_>, extents: &[Extent], frequency: f64, number: u64) -> 
                 motion[d * dims.coordinates + c] = by + if d == 0 { own.mean } else { 0.0 };
             }
         }
-        model.regressor(&motion, flow.constants, &mut scratch, &mut phi)?;
-        model.known(&motion, flow.constants, &mut scratch, &mut known)?;
+        model.rows_under(&motion, &inputs, flow.constants, &mut scratch, (&mut phi, &mut known))?;
         model.input_map(&motion, flow.constants, &mut scratch, &mut map)?;
         sums.of.iter_mut().zip(&phi).for_each(|(sum, x)| *sum += x * x / MOTIONS as f64);
         for (row, sum) in sums.force.iter_mut().enumerate() {
