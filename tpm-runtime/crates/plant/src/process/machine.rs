@@ -89,11 +89,7 @@ impl<'a> ProcessMachine<'a> {
 }
 
 /// Exchanges greetings.
-fn greet<'a>(
-    mut talk: Talk<'a>,
-    model: &dyn Model<f64>,
-    signals: &Signals,
-) -> Result<(Talk<'a>, Plays), MachineFault> {
+fn greet<'a>(mut talk: Talk<'a>, model: &dyn Model<f64>, signals: &Signals) -> Result<(Talk<'a>, Plays), MachineFault> {
     talk.say(&ToMachine::Hello {
         protocol: PROTOCOL.to_string(),
         model: model.name().to_string(),
