@@ -68,3 +68,24 @@ pub(crate) fn mutated(text: &str, seed: u64) -> String {
     }
     list.concat()
 }
+
+/// The text with other values: one in six of the decimal numbers by a factor near one, and one in forty of the whole ones by one, unless
+/// they are versions (`tpm.run/1`). What is left of its meaning is whole, so that most readers take it.
+pub(crate) fn varied(text: &str, seed: u64) -> String {
+    let mut random = Random(seed);
+    let mut before = "";
+    let mut other = |token: &str| {
+        if token.contains('.') {
+            let value: f64 = token.parse().ok().filter(|_| random.below(6) == 0)?;
+            return Some(format!("{:?}", value * (0.5 + random.below(1000) as f64 / 1000.0)));
+        }
+        let value: u32 = token.parse().ok().filter(|_| random.below(40) == 0)?;
+        Some(value.saturating_add(1).to_string())
+    };
+    let varied = tokens(text).into_iter().map(|token| {
+        let found = other(token).filter(|_| before != "/");
+        before = token;
+        found.unwrap_or_else(|| token.to_owned())
+    });
+    varied.collect()
+}

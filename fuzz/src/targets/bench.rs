@@ -1,4 +1,4 @@
-//! What the program of a machine says, in both modes of the protocol: a whole run, through pipes.
+//! What the program of a machine says, in both modes of the protocol: a whole run, as a text, and some of them through pipes.
 
 use super::mutated::mutated;
 use super::random::Random;
@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 use std::time::Duration;
 use tpm_runtime::motion::{Bench as _, Ending, Record, Trial};
-use tpm_runtime::plant::process::{PROTOCOL, ProcessMachine, ProcessSettings};
+use tpm_runtime::plant::process::{MachineRunError, PROTOCOL, ProcessMachine, ProcessSettings, read_transcript};
 use tpm_runtime::session::Session;
 
 /// How long a program may be silent. Those of this target never are: they have said all and have ended.
@@ -117,18 +117,39 @@ thread_local! {
     };
 }
 
+/// One text in so many is also said by a program through the pipes of a process, which must come to the same.
+const PROCESSES: usize = 64;
+
 /// A run that a program plays which says this text, whatever it is asked.
-pub(super) fn run(text: &str) -> Verdict {
+fn played_by_program(text: &str) -> Result<Record, String> {
     let Played { session, trial, .. } = played();
-    let said = FILE.with(|(_, path)| {
+    FILE.with(|(_, path)| {
         std::fs::write(path, text).expect("writable");
         let settings = ProcessSettings {
             command: format!("cat '{}'", path.display()),
             timeout: TIMEOUT,
             settle_periods: session.experiment().schedule.settle_periods,
         };
-        ProcessMachine::new(session.machine().plant(), settings, &|| true).play(trial)
-    });
+        let played = ProcessMachine::new(session.machine().plant(), settings, &|| true).play(trial);
+        // A transcript has no exit status.
+        played.map_err(|error| match error.downcast_ref::<MachineRunError>() {
+            Some(error) => error.fault.to_string().replace("ended with exit status: 0", "ended"),
+            None => error.to_string(),
+        })
+    })
+}
+
+/// A run of which a machine's program says this text.
+pub(super) fn run(text: &str) -> Verdict {
+    let Played { session, trial, .. } = played();
+    let settle_periods = session.experiment().schedule.settle_periods;
+    let said = read_transcript(session.machine().plant(), trial, settle_periods, text.as_bytes().to_vec());
+    let said = said.map_err(|fault| fault.to_string());
+    if text.len().is_multiple_of(PROCESSES) {
+        // Readings that failed are no numbers, and equal in words alone.
+        let [alone, through_pipes] = [&said, &played_by_program(text)].map(|played| format!("{played:?}"));
+        assert!(alone == through_pipes, "a text and a program that says it differ:\n{alone}\n{through_pipes}");
+    }
     match said {
         Ok(record) => {
             assert!(record.len() <= trial.samples(), "{} samples of {}", record.len(), trial.samples());

@@ -7,6 +7,9 @@ use tpm_runtime::experiment::Experiment;
 use tpm_runtime::session::Session;
 use tpm_runtime::study::design;
 
+/// How much longer than the shipped ones the sample times are, so that a run has fewer samples.
+const COARSE: f64 = 3.0;
+
 /// A factor near one.
 fn factor(random: &mut Random) -> f64 {
     0.5 + random.below(1000) as f64 / 800.0
@@ -14,8 +17,9 @@ fn factor(random: &mut Random) -> f64 {
 
 /// A shipped experiment with other values everywhere, one in three of them bent by a few tokens. Its first line says which model it is for.
 pub(super) fn text(random: &mut Random) -> String {
-    let shipped = files::shipped_experiment(random);
-    bent(random, shipped)
+    let (name, mut experiment) = files::shipped_experiment(random);
+    experiment.control.sample_time *= COARSE;
+    bent(random, (name, experiment))
 }
 
 /// The same for machines on one drive, with one stage of few samples: a design simulates hundreds of candidates.
@@ -26,7 +30,7 @@ pub(super) fn short_text(random: &mut Random) -> String {
             break shipped;
         }
     };
-    experiment.control.sample_time *= 3.0;
+    experiment.control.sample_time *= COARSE;
     experiment.schedule.stages.truncate(1);
     bent(random, (name, experiment))
 }

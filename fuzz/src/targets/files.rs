@@ -1,6 +1,6 @@
 //! Files beside models and logs: experiments, motors and loops, parameters, manifests of campaigns, runs that are played.
 
-use super::mutated::mutated;
+use super::mutated::{mutated, varied};
 use super::random::Random;
 use super::{Verdict, refused, texts};
 use std::collections::BTreeMap;
@@ -9,6 +9,7 @@ use std::sync::OnceLock;
 use tpm_codegen::identified::Identified;
 use tpm_runtime::campaign::{Manifest, RunFile, Store, read_trial, trial_samples};
 use tpm_runtime::experiment::Experiment;
+use tpm_runtime::log::fingerprint;
 use tpm_runtime::motion::{Ending, Record, Trial};
 use tpm_runtime::plant::actuator::{LoopFile, MotorFile};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, Session};
@@ -36,23 +37,42 @@ fn model(index: usize) -> &'static DeclaredModel {
 /// The last of the models, which has motors.
 const WITH_MOTORS: usize = MODELS.len() - 1;
 
-/// A shipped or kept experiment, changed. Its first line says which model it is for.
+/// A text with other values, one in three changed.
+fn bent(text: &str, random: &mut Random) -> String {
+    let seed = random.next();
+    if random.below(3) == 0 { mutated(text, seed) } else { varied(text, seed) }
+}
+
+/// Texts that are right, and texts that were kept.
+type Bases = OnceLock<[Vec<String>; 2]>;
+
+/// One of the texts that are right, or one in four times of those that were kept, most of which are wrong.
+fn base<'a>(random: &mut Random, [right, kept]: &'a [Vec<String>; 2]) -> &'a str {
+    let list = if kept.is_empty() || random.below(4) > 0 { right } else { kept };
+    random.of::<String>(list)
+}
+
+/// The kept texts of a folder.
+fn kept(folder: &str, end: &str) -> Vec<String> {
+    texts(folder, end).into_iter().map(|(_, text)| text).collect()
+}
+
+/// A shipped or kept experiment, bent. Its first line says which model it is for.
 pub(super) fn experiment_text(random: &mut Random) -> String {
-    static BASES: OnceLock<Vec<String>> = OnceLock::new();
+    static BASES: Bases = OnceLock::new();
     let bases = BASES.get_or_init(|| {
-        let mut all: Vec<String> =
-            texts("fuzz/corpus/experiments", ".toml").into_iter().map(|(_, text)| text).collect();
+        let mut right = Vec::new();
         for name in MODELS {
             for folder in ["models", "models/experiments"] {
                 let found = texts(folder, &format!("{name}.toml"));
-                all.extend(found.into_iter().map(|(_, text)| format!("# {name}\n{text}")));
+                right.extend(found.into_iter().map(|(_, text)| format!("# {name}\n{text}")));
             }
         }
-        all
+        [right, kept("fuzz/corpus/experiments", ".toml")]
     });
-    let base = random.of::<String>(bases);
+    let base = base(random, bases);
     let (first, rest) = base.split_once('\n').unwrap_or((base, ""));
-    format!("{first}\n{}", mutated(rest, random.next()))
+    format!("{first}\n{}", bent(rest, random))
 }
 
 /// The name of one of the models, and its shipped experiment.
@@ -107,14 +127,14 @@ pub(super) fn experiment(text: &str) -> Verdict {
     }
 }
 
-/// A motor file or a loop file, changed.
+/// A motor file or a loop file, bent.
 pub(super) fn motors_text(random: &mut Random) -> String {
-    static BASES: OnceLock<Vec<String>> = OnceLock::new();
+    static BASES: Bases = OnceLock::new();
     let bases = BASES.get_or_init(|| {
-        let kept = texts("fuzz/corpus/motors", ".toml").into_iter().map(|(_, text)| text);
-        kept.chain(["cart_pendulum_motors.toml", "cart_pendulum_loop.toml"].map(shipped)).collect()
+        let right = ["cart_pendulum_motors.toml", "cart_pendulum_loop.toml"].map(shipped);
+        [right.to_vec(), kept("fuzz/corpus/motors", ".toml")]
     });
-    mutated(random.of::<String>(bases), random.next())
+    bent(base(random, bases), random)
 }
 
 /// A text as a motor file, with other tables beside it, and as a loop file.
@@ -187,19 +207,16 @@ fn written() -> &'static Written {
     })
 }
 
-/// A kept text of a folder, or the one that was written, changed.
-fn changed(random: &mut Random, kept: &OnceLock<Vec<String>>, folder: &str, own: &str) -> String {
-    let bases = kept.get_or_init(|| {
-        let kept = texts(folder, "").into_iter().map(|(_, text)| text);
-        kept.chain([own.to_owned()]).collect()
-    });
-    mutated(random.of::<String>(bases), random.next())
+/// A kept text of a folder, or the one that was written, bent.
+fn changed(random: &mut Random, bases: &Bases, folder: &str, own: &str) -> String {
+    let bases = bases.get_or_init(|| [vec![own.to_owned()], kept(folder, "")]);
+    bent(base(random, bases), random)
 }
 
-/// The result of an identification, changed.
+/// The result of an identification, bent.
 pub(super) fn parameters_text(random: &mut Random) -> String {
-    static KEPT: OnceLock<Vec<String>> = OnceLock::new();
-    changed(random, &KEPT, "fuzz/corpus/parameters", &written().parameters)
+    static BASES: Bases = OnceLock::new();
+    changed(random, &BASES, "fuzz/corpus/parameters", &written().parameters)
 }
 
 /// Parameters as generators and predictions read them.
@@ -234,10 +251,19 @@ fn laid_out(text: &str, names: &[&str]) -> PathBuf {
     })
 }
 
-/// A campaign's manifests with the samples of a run, changed.
+/// A campaign's manifests with the samples of a run, bent. In nine texts of ten the samples are those that the manifest names.
 pub(super) fn manifests_text(random: &mut Random) -> String {
-    static KEPT: OnceLock<Vec<String>> = OnceLock::new();
-    changed(random, &KEPT, "fuzz/corpus/manifests", &written().manifests)
+    static BASES: Bases = OnceLock::new();
+    let own = &written().manifests;
+    let text = changed(random, &BASES, "fuzz/corpus/manifests", own);
+    let hash = own.rsplit_once("samples_hash\": \"").map_or("", |(_, rest)| rest.split('"').next().unwrap_or_default());
+    match text.rsplit_once(NEXT_FILE) {
+        Some((before, samples)) if !hash.is_empty() && random.below(10) > 0 => {
+            let before = before.replace(hash, &fingerprint(samples.as_bytes()));
+            [&before, samples].join(NEXT_FILE)
+        }
+        _ => text,
+    }
 }
 
 /// The folder of a campaign.
@@ -259,10 +285,10 @@ pub(super) fn manifests(text: &str) -> Verdict {
     }
 }
 
-/// The terms and samples of a run to play, changed.
+/// The terms and samples of a run to play, bent.
 pub(super) fn play_text(random: &mut Random) -> String {
-    static KEPT: OnceLock<Vec<String>> = OnceLock::new();
-    changed(random, &KEPT, "fuzz/corpus/plays", &written().play)
+    static BASES: Bases = OnceLock::new();
+    changed(random, &BASES, "fuzz/corpus/plays", &written().play)
 }
 
 /// A run that the simulated machine plays from files.

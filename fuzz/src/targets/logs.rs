@@ -41,14 +41,13 @@ pub(super) fn text(random: &mut Random) -> String {
 /// The reader, of a whole log and of its segments.
 pub(super) fn log(text: &str) -> Verdict {
     let (model, options) = (model_for(text).evaluated(), ReadingSettings::default());
-    let segments = Recording::read(text.as_bytes(), "log.csv", model, &options);
-    if let Err(fault) = &segments {
+    let segments = Recording::read(text.as_bytes(), "log.csv", model, &options).map(|_| ());
+    let whole = Log::read(text.as_bytes(), "log.csv", model, &options).map(|_| ());
+    let faults = [segments.err(), whole.err()];
+    for fault in faults.iter().flatten() {
         refused(fault);
     }
-    match Log::read(text.as_bytes(), "log.csv", model, &options) {
-        Ok(_) => Verdict::Answered,
-        Err(fault) => refused(&fault),
-    }
+    if faults.iter().all(Option::is_some) { Verdict::Refused } else { Verdict::Answered }
 }
 
 thread_local! {

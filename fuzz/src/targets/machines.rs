@@ -19,13 +19,19 @@ use tpm_symbolic::plan::split::split;
 
 /// Masses in a chain, a ring or a tree, one in three of them changed.
 pub(super) fn machine_text(random: &mut Random) -> String {
-    let text = machine(random);
+    let text = machine(random, 6);
     if random.below(3) == 0 { mutated(&text, random.next()) } else { text }
 }
 
-/// Masses in a chain, a ring or a tree, with springs, dampers and pendulums. The first line declares everything.
-pub(super) fn machine(random: &mut Random) -> String {
-    let count = random.below(6) + 1;
+/// The same of one or two masses: the laws of a stroke have thousands of samples.
+pub(super) fn small_text(random: &mut Random) -> String {
+    let text = machine(random, 2);
+    if random.below(3) == 0 { mutated(&text, random.next()) } else { text }
+}
+
+/// At most so many masses in a chain, a ring or a tree, with springs, dampers and pendulums. The first line declares everything.
+pub(super) fn machine(random: &mut Random, most: u64) -> String {
+    let count = random.below(most) + 1;
     let shape = random.below(3);
     let driven = if random.below(4) == 0 { random.below(count) + 1 } else { count };
     let names = |letter: &str, count: u64| (0..count).map(|i| format!("{letter}{i}")).collect::<Vec<_>>().join(", ");

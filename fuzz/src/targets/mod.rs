@@ -3,6 +3,7 @@
 
 mod bench;
 mod campaigns;
+pub(crate) mod compiled;
 mod editor;
 #[allow(dead_code, reason = "forces alone are compared here")]
 #[path = "../../../tpm-codegen/tests/whole/support/exact.rs"]
@@ -76,7 +77,7 @@ const LONGEST: Duration = Duration::from_secs(2);
 const LONGEST_FIT: Duration = Duration::from_secs(10);
 
 /// All targets.
-pub(crate) const TARGETS: [Target; 25] = [
+pub(crate) const TARGETS: [Target; 26] = [
     Target {
         name: "language",
         corpus: MODELS,
@@ -170,7 +171,7 @@ pub(crate) const TARGETS: [Target; 25] = [
         name: "strokes",
         corpus: &["fuzz/corpus/machines"],
         ending: ".tpm",
-        text: machines::machine_text,
+        text: machines::small_text,
         longest: LONGEST,
         read: machines::strokes,
     },
@@ -269,6 +270,14 @@ pub(crate) const TARGETS: [Target; 25] = [
         text: values::nonlinear_text,
         longest: LONGEST,
         read: values::forces,
+    },
+    Target {
+        name: "compiled",
+        corpus: &["fuzz/corpus/forces"],
+        ending: ".tpm",
+        text: compiled::text,
+        longest: LONGEST,
+        read: compiled::beside_exact,
     },
 ];
 

@@ -9,13 +9,13 @@ use std::path::PathBuf;
 use tpm_runtime::log::{Log, ReadingSettings};
 use tpm_runtime::study::{PathSettings, fit_path};
 
-/// A path of one or two coordinates with what is asked of it in its first line, one in four changed.
+/// A path of one or two coordinates with what is asked of it in its first line, one in eight still, one in four changed.
 pub(super) fn text(random: &mut Random) -> String {
     let closed = random.below(2) == 0;
     let harmonics = 1 + random.below(9);
     let rest = random.below(6);
-    let samples = 10 + random.below(300);
-    let coordinates = 1 + random.below(2);
+    let samples = 40 + random.below(300);
+    let is_still = random.below(8) == 0;
     let mut text = format!("{harmonics} {rest} {closed}\nt_s,x,y\n");
     let phases: Vec<f64> = (0..2).map(|_| random.below(628) as f64 / 100.0).collect();
     let noise = *random.of(&[0.0, 1e-6, 1e-3]);
@@ -26,8 +26,8 @@ pub(super) fn text(random: &mut Random) -> String {
             let stroke = share - (TAU * share).sin() / TAU;
             let circle = (TAU * share + phase).cos() + 0.2 * (3.0 * TAU * share).sin();
             let value = if closed { circle } else { stroke };
-            let still = c + 1 > coordinates;
-            let value = if still { 0.1 } else { value + noise * (random.below(2000) as f64 / 1000.0 - 1.0) };
+            let value =
+                if is_still && c == 1 { 0.1 } else { value + noise * (random.below(2000) as f64 / 1000.0 - 1.0) };
             let _ = write!(text, ",{value:.6}");
         }
         text.push('\n');

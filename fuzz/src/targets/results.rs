@@ -64,9 +64,9 @@ pub(super) fn comparison(text: &str) -> Verdict {
 /// What stands between two models.
 const NEXT_MODEL: &str = "\n-----\n";
 
-/// A machine, and the same without some of its terms; one in four changed.
+/// A machine, and the same without some of its terms; one in eight changed.
 pub(super) fn models_text(random: &mut Random) -> String {
-    let whole = machine(random);
+    let whole = machine(random, 6);
     let mut lines = Vec::new();
     for line in whole.lines() {
         let Some((terms, input)) = line.split_once(" = ").filter(|_| line.contains("ddot")) else {
@@ -91,7 +91,7 @@ pub(super) fn models_text(random: &mut Random) -> String {
         None => head,
     };
     let text = format!("{whole}{NEXT_MODEL}{head}\n{body}\n");
-    if random.below(4) == 0 { mutated(&text, random.next()) } else { text }
+    if random.below(8) == 0 { mutated(&text, random.next()) } else { text }
 }
 
 /// The parameters of the first model in those of the second, or those of the second that give those of the first.

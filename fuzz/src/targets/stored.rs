@@ -1,11 +1,11 @@
-//! Binary logs as texts of hexadecimal digits: MAT-files, HDF5, MCAP and Parquet of other tools, with bytes changed, cut, repeated and
-//! lengths that lie; MAT-files and MCAP of our own, some of which unpack to far more than they are.
+//! Binary logs as texts of hexadecimal digits: MAT-files, HDF5, MCAP, Parquet, arrays of NumPy, data logs and databases of other tools, one
+//! in three with bytes changed, cut, repeated and lengths that lie; MAT-files, archives of arrays and MCAP of our own, some of which unpack
+//! to far more than they are.
 
 use super::random::Random;
 use super::{Verdict, refused};
 use flate2::Compression;
-use flate2::write::ZlibEncoder;
-use std::collections::BTreeMap;
+use flate2::write::{DeflateEncoder, ZlibEncoder};
 use std::io::Write as _;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -13,14 +13,19 @@ use tpm_runtime::log::{ReadingSettings, Recording};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _};
 
 /// The files of other tools.
-const FILES: [&str; 7] = [
+const FILES: [&str; 12] = [
+    "arrays.npz",
+    "joint_states.db3",
     "joint_states.mcap",
     "joint_states_lz4.mcap",
     "joint_states_zstd.mcap",
     "matlab5.mat",
     "matlab73.mat",
+    "records.npy",
     "slider.h5",
     "slider.parquet",
+    "slider.wpilog",
+    "stored.npz",
 ];
 
 /// Lengths and counts that readers are tempted to trust.
@@ -90,7 +95,12 @@ fn matrix(name: &str, rows: u32, columns: u32, values: &[u8]) -> Vec<u8> {
     element(14, &parts)
 }
 
-/// A MAT-file of time, motion and force, packed or not. One in two hundred packs more zeros than a log has numbers.
+/// Megabytes of zeros that are packed where one in a thousand files is to unpack to more than a log has numbers.
+fn bomb(random: &mut Random) -> Option<u32> {
+    (random.below(1000) == 0).then(|| *random.of(&[10, 100, 400]))
+}
+
+/// A MAT-file of time, motion and force, packed or not, some with zeros without end.
 fn mat(random: &mut Random) -> Vec<u8> {
     let mut file = vec![b' '; 124];
     file.extend([0, 1, b'I', b'M']);
@@ -112,11 +122,80 @@ fn mat(random: &mut Random) -> Vec<u8> {
     add(matrix("t_s", count, 1, &column(&|n| n * 0.01)), pack);
     add(matrix("x", count, 1, &column(&|n| (n * 0.1).sin())), pack);
     add(matrix("u", 1, count, &column(&|n| (n * 0.1).cos())), pack);
-    if random.below(200) == 0 {
-        let megabytes = *random.of(&[10_u32, 100, 400]);
+    if let Some(megabytes) = bomb(random) {
         let zeros = vec![0; (megabytes << 20) as usize];
         add(matrix("bomb", megabytes << 17, 1, &zeros), true);
     }
+    file
+}
+
+/// An array of doubles as NumPy writes it.
+fn npy(rows: u64, values: &[u8]) -> Vec<u8> {
+    let mut head = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows},), }}");
+    // Magic bytes, version and length take ten bytes; the head ends with a line break at a multiple of 64.
+    head.extend(std::iter::repeat_n(' ', 63 - (head.len() + 10) % 64));
+    head.push('\n');
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend(u16::try_from(head.len()).expect("short").to_le_bytes());
+    file.extend(head.as_bytes());
+    file.extend(values);
+    file
+}
+
+/// An archive of arrays of time, motion and force, packed or not, some with zeros without end or with lengths that lie.
+fn npz(random: &mut Random) -> Vec<u8> {
+    let rows = 20 + random.below(200);
+    let column = |of: &dyn Fn(f64) -> f64| (0..rows).flat_map(|n| of(n as f64).to_le_bytes()).collect::<Vec<u8>>();
+    let pack = random.below(2) == 0;
+    let mut entries = vec![
+        ("t_s", npy(rows, &column(&|n| n * 0.01))),
+        ("x", npy(rows, &column(&|n| (n * 0.1).sin()))),
+        ("u", npy(rows, &column(&|n| (n * 0.1).cos()))),
+    ];
+    if let Some(megabytes) = bomb(random) {
+        entries.push(("bomb", npy(u64::from(megabytes) << 17, &vec![0; (megabytes << 20) as usize])));
+    }
+    let (mut file, mut directory) = (Vec::new(), Vec::new());
+    for (name, content) in &entries {
+        let pack = pack || *name == "bomb";
+        let mut crc = flate2::Crc::new();
+        crc.update(content);
+        let packed = if pack {
+            let mut encoder = DeflateEncoder::new(Vec::new(), Compression::fast());
+            encoder.write_all(content).expect("memory takes it");
+            encoder.finish().expect("memory takes it")
+        } else {
+            content.clone()
+        };
+        let length = |bytes: &[u8]| u32::try_from(bytes.len()).expect("short").to_le_bytes();
+        let says = if random.below(40) == 0 { 100_u32.to_le_bytes() } else { length(content) };
+        let name = format!("{name}.npy");
+        let short = |value: u16| value.to_le_bytes();
+        // Version, flags, method, time, date; check sum, lengths; lengths of the name and of what follows it.
+        let mut common = [short(20), short(0), short(if pack { 8 } else { 0 }), short(0), short(0)].concat();
+        common.extend([crc.sum().to_le_bytes(), length(&packed), says].concat());
+        common.extend([short(u16::try_from(name.len()).expect("short")), short(0)].concat());
+        let start = length(&file);
+        file.extend(b"PK\x03\x04");
+        file.extend(&common);
+        file.extend(name.as_bytes());
+        file.extend(packed);
+        directory.extend(b"PK\x01\x02");
+        directory.extend(short(20));
+        directory.extend(common);
+        // No remark, one disk, no attributes, and where the entry begins.
+        directory.extend([0; 10]);
+        directory.extend(start);
+        directory.extend(name.as_bytes());
+    }
+    let count = u16::try_from(entries.len()).expect("few").to_le_bytes();
+    let start = u32::try_from(file.len()).expect("short").to_le_bytes();
+    let size = u32::try_from(directory.len()).expect("short").to_le_bytes();
+    file.extend(directory);
+    file.extend(b"PK\x05\x06\x00\x00\x00\x00");
+    file.extend([count, count].concat());
+    file.extend([size, start].concat());
+    file.extend([0; 2]);
     file
 }
 
@@ -141,15 +220,16 @@ fn mcap(random: &mut Random) -> Vec<u8> {
     file
 }
 
-/// A file of another tool or of our own, two in three of them bent.
+/// A file of another tool or of our own, one in three of them bent.
 pub(super) fn text(random: &mut Random) -> String {
     let own = random.below(400);
     let bytes = match own {
         0 => mcap(random),
-        1..=160 => mat(random),
+        1..=80 => mat(random),
+        81..=160 => npz(random),
         _ => random.of::<Vec<u8>>(files()).clone(),
     };
-    let bytes = if random.below(3) == 0 { bytes } else { bent(bytes, random) };
+    let bytes = if random.below(3) == 0 { bent(bytes, random) } else { bytes };
     let mut text = String::with_capacity(2 * bytes.len());
     for byte in bytes {
         text.extend([byte >> 4, byte & 15].map(|digit| char::from(b"0123456789abcdef"[usize::from(digit)])));
@@ -166,13 +246,15 @@ pub(super) fn recording(text: &str) -> Verdict {
     });
     let digits: Vec<u8> = text.bytes().filter_map(|letter| char::from(letter).to_digit(16)?.try_into().ok()).collect();
     let bytes: Vec<u8> = digits.chunks_exact(2).map(|pair| pair[0] << 4 | pair[1]).collect();
-    let joints = [("x", "position.slider"), ("u", "effort.slider")];
-    let map: BTreeMap<String, String> = joints.map(|(own, column)| (own.to_owned(), column.to_owned())).into();
-    let settings = if bytes.starts_with(b"\x89MCAP") {
-        ReadingSettings { map, ..ReadingSettings::default() }
+    let names = if bytes.starts_with(b"\x89MCAP") || bytes.starts_with(b"SQLite") {
+        &[("x", "position.slider"), ("u", "effort.slider")][..]
+    } else if bytes.starts_with(b"WPILOG") {
+        &[("x", "/slider/x"), ("u", "/slider/u")][..]
     } else {
-        ReadingSettings::default()
+        &[][..]
     };
+    let map = names.iter().map(|(own, column)| ((*own).to_owned(), (*column).to_owned())).collect();
+    let settings = ReadingSettings { map, ..ReadingSettings::default() };
     match Recording::read(&bytes[..], "log", model.evaluated(), &settings) {
         Ok(found) => {
             let channels = found.segments.iter().flat_map(|segment| &segment.channels);

@@ -47,7 +47,7 @@ pub(super) fn nonlinear_text(random: &mut Random) -> String {
 }
 
 /// A number k/64 with |k| <= 192.
-fn dyadic(random: &mut Random) -> f64 {
+pub(super) fn dyadic(random: &mut Random) -> f64 {
     f64::from(u32::try_from(random.below(385)).expect("small")) / 64.0 - 3.0
 }
 

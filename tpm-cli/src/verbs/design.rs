@@ -48,6 +48,13 @@ pub(crate) fn run(args: &Args) -> Outcome {
         let (best, json, output) = (args.best, args.json, args.output.as_deref());
         return mechanism::run(&args.mechanism, &mechanism::Asked { file: &args.file, best, json, output }, &session);
     }
+    if let Some(option) = args.mechanism.asked() {
+        return Err(Failure::Input(format!(
+            "{option} is for a mechanism all of whose joints move on their own, which {} is not: leave it out, and the best \
+             candidates are printed",
+            args.file.display()
+        )));
+    }
     let (machine, experiment) = (session.machine(), session.experiment());
     let found = design(machine.plant(), machine.pattern(), experiment).map_err(SessionError::from)?;
     let text = if args.json {

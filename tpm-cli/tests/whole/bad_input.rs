@@ -371,6 +371,7 @@ fn common_mistakes_of_every_verb_say_what_to_type() {
         ("design cart.tpm --best 0", &["'0' for '--best <N>'", "`tpm design cart.tpm"]),
         ("design cart.tpm --best many", &["'many'", "a whole number is wanted"]),
         ("design cart.tpm -o folder", &["folder", file_of]),
+        ("design cart.tpm --write new", &["--write is for a mechanism", "cart.tpm", "leave it out"]),
         (
             "excite cart.tpm --sample-time 1ms --duration 1 -o e.csv noise --std 1 --hold-time 1",
             &["'1ms'", "a number is wanted"],

@@ -120,33 +120,48 @@ fn fixed_links(count: usize) -> String {
     text + "</robot>"
 }
 
-/// A log of a sine and its force.
-fn long_log(rows: usize) -> String {
-    let row =
-        |i: usize| format!("{:.2},{:.6},{:.6}\n", i as f64 / 100.0, (i as f64 / 20.0).sin(), (i as f64 / 20.0).cos());
-    (0..rows).map(row).fold("t_s,x,u\n".to_owned(), |text, row| text + &row)
+/// A log of a sine and its force, with further columns.
+fn log(rows: usize, columns: usize) -> String {
+    let more = |word: &dyn Fn(usize) -> String| (0..columns).map(word).collect::<String>();
+    let rest = more(&|_| ",0".to_owned());
+    let row = |i: usize| {
+        let phase = i as f64 / 20.0;
+        format!("{:.2},{:.6},{:.6}{rest}\n", i as f64 / 100.0, phase.sin(), phase.cos())
+    };
+    (0..rows).map(row).fold(format!("t_s,x,u{}\n", more(&|i| format!(",c{i}"))), |text, row| text + &row)
 }
 
 #[test]
 fn time_grows_far_less_than_with_the_square_of_what_is_read() {
     // Eight times as much: eight times the time where it grows with what is read, 64 times where it grows with its square.
     type Text = fn(usize) -> String;
-    let read: [(&str, Text, [usize; 2], &[&str]); 3] = [
+    let read: [(&str, Text, [usize; 2], &[&str]); 8] = [
         ("r.urdf", fixed_links, [2000, 16_000], &["import", "r.urdf", "-o", "-"]),
-        ("l.csv", long_log, [20_000, 160_000], &["inspect", "l.csv"]),
+        ("l.csv", |rows| log(rows, 0), [20_000, 160_000], &["inspect", "l.csv"]),
+        ("l.csv", |columns| log(200, columns), [250, 2000], &["inspect", "l.csv"]),
         ("m.tpm", ring, [60, 480], &["check", "m.tpm"]),
+        ("m.tpm", ring, [60, 480], &["expand", "m.tpm"]),
+        ("m.tpm", ring, [60, 480], &["identifiability", "m.tpm"]),
+        ("m.tpm", ring, [30, 240], &["split", "m.tpm"]),
+        ("m.tpm", ring, [20, 160], &["generate", "m.tpm", "--lang", "rust"]),
     ];
     for (name, text, sizes, arguments) in read {
-        let [small, large] = sizes.map(|size| {
-            let folder = with(name, &text(size));
-            let time = |_| {
-                let began = std::time::Instant::now();
-                says(&tpm_in(folder.path(), arguments), 0, &[]);
-                began.elapsed()
-            };
-            (0..3).map(time).min().expect("three times")
-        });
-        assert!(large < 30 * small, "{arguments:?}: {small:?} for {}, {large:?} for {}", sizes[0], sizes[1]);
+        let folders = sizes.map(|size| with(name, &text(size)));
+        let time = |folder: &tempfile::TempDir| {
+            let began = std::time::Instant::now();
+            says(&tpm_in(folder.path(), arguments), 0, &[]);
+            began.elapsed()
+        };
+        let fastest = |folder| (0..3).map(|_| time(folder)).min().expect("three times");
+        let is_less = |[small, large]: [std::time::Duration; 2]| large < 30 * small;
+        let mut measured = folders.each_ref().map(fastest);
+        // A machine that does other things as well may be slow for once.
+        for _ in 0..2 {
+            if !is_less(measured) {
+                measured = folders.each_ref().map(fastest);
+            }
+        }
+        assert!(is_less(measured), "{arguments:?}: {measured:?} for {sizes:?}");
     }
 }
 

@@ -12,6 +12,7 @@
 use crate::budget;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Signed, Zero};
+use rustc_hash::FxHashSet;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
@@ -394,20 +395,19 @@ impl Graph {
     /// All leaves (symbols, derivatives of coordinates, placeholders) that any of several expressions depends on, in increasing order.
     #[must_use]
     pub fn leaves_of(&self, exprs: impl IntoIterator<Item = ExprId>) -> Vec<ExprId> {
+        // Few of all expressions are looked at, so that the work is theirs and not that of the whole graph.
         let mut stack: Vec<ExprId> = exprs.into_iter().collect();
-        let count = stack.iter().map(|expr| expr.0 + 1).max().unwrap_or(0);
-        let mut seen = vec![false; count as usize];
+        let mut seen = FxHashSet::default();
+        let mut leaves = Vec::new();
         while let Some(id) = stack.pop() {
-            if !std::mem::replace(&mut seen[id.index()], true) {
+            if seen.insert(id) {
                 stack.extend(self.operands(id));
+                if matches!(self.node(id), Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_)) {
+                    leaves.push(id);
+                }
             }
         }
-        (0..count)
-            .map(ExprId)
-            .filter(|id| {
-                seen[id.index()]
-                    && matches!(self.node(*id), Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_))
-            })
-            .collect()
+        leaves.sort_unstable();
+        leaves
     }
 }

@@ -151,7 +151,8 @@ pub fn split(model: &ExactModel, motions: &[(Symbol, Vec<Coordinate>)]) -> Resul
         return Err(SplitError::TooLong { terms, most: MOST_TERMS });
     }
     let rows = solved_for(&mut model, &inputs)?;
-    let pairs = pairing(&model);
+    let orders = Orders::of(&model);
+    let pairs = pairing(&orders);
     let order = model.order();
     let mut found = Vec::with_capacity(inputs.len());
     for (index, &input) in inputs.iter().enumerate() {
@@ -160,7 +161,7 @@ pub fn split(model: &ExactModel, motions: &[(Symbol, Vec<Coordinate>)]) -> Resul
             Some((_, given)) => given.clone(),
             None => {
                 let acts = rows.iter().filter(|row| row.acts[index]).map(|row| row.equation);
-                driven(&model, pairs.as_deref(), acts).ok_or_else(|| SplitError::Motion { input: name() })?
+                driven(&orders, pairs.as_deref(), acts).ok_or_else(|| SplitError::Motion { input: name() })?
             }
         };
         let name = name();
@@ -290,10 +291,13 @@ pub fn numeric_parts(
 /// equations or is eliminated, or a term has a share in both parts.
 #[must_use]
 pub fn split_form(model: &ExactModel, form: &RegressorForm) -> Option<[RegressorForm; 2]> {
-    let pairs = pairing(model)?;
+    let orders = Orders::of(model);
+    let pairs = pairing(&orders)?;
     let mut graph = model.graph.clone();
     let zero = graph.integer(0);
     let order = model.order();
+    let leaves = |equation: &Equation| model.graph.leaves_of(equation.terms.iter().map(|term| term.expr));
+    let leaves: Vec<Vec<ExprId>> = model.equations.iter().map(leaves).collect();
     let mut parts = [form.clone(), form.clone()];
     for (index, row) in form.rows.iter().enumerate() {
         let [resting, moving] = &mut parts;
@@ -305,11 +309,9 @@ pub fn split_form(model: &ExactModel, form: &RegressorForm) -> Option<[Regressor
             return None;
         }
         let leaf = graph.symbol(input);
-        let acts =
-            model.equations.iter().enumerate().filter(|(_, equation)| {
-                equation.terms.iter().any(|term| model.graph.leaves(term.expr).contains(&leaf))
-            });
-        let driven = driven(model, Some(&pairs), acts.map(|(equation, _)| equation))?;
+        // Leaves are listed in increasing order.
+        let acts = (0..leaves.len()).filter(|&equation| leaves[equation].binary_search(&leaf).is_ok());
+        let driven = driven(&orders, Some(&pairs), acts)?;
         if model.eliminations.iter().flat_map(|e| &e.coordinates).any(|coordinate| driven.contains(coordinate)) {
             return None;
         }
@@ -448,47 +450,52 @@ fn solved_for(model: &mut ExactModel, inputs: &[Symbol]) -> Result<Vec<Solved>, 
     Ok(rows)
 }
 
-/// The highest derivative of every coordinate in the equations.
-fn orders(model: &ExactModel) -> Vec<u32> {
-    let mut orders = vec![0; model.coordinates.len()];
-    for term in model.equations.iter().flat_map(|equation| &equation.terms) {
-        for leaf in model.graph.leaves(term.expr) {
-            if let Node::Derivative(coordinate, order) = *model.graph.node(leaf) {
-                let slot = &mut orders[coordinate.0 as usize];
-                *slot = order.max(*slot);
-            }
-        }
-    }
-    orders
+/// The highest derivatives of the coordinates.
+struct Orders {
+    /// In every equation, of the coordinates that stand in it.
+    of_equations: Vec<HashMap<usize, u32>>,
+    /// In all equations, of every coordinate.
+    highest: Vec<u32>,
 }
 
-/// Whether a derivative of at least this order occurs in an equation.
-fn stands(model: &ExactModel, equation: &Equation, coordinate: usize, order: u32) -> bool {
-    equation.terms.iter().any(|term| {
-        model.graph.leaves(term.expr).into_iter().any(|leaf| match *model.graph.node(leaf) {
-            Node::Derivative(other, n) => other.0 as usize == coordinate && n >= order,
-            _ => false,
-        })
-    })
+impl Orders {
+    fn of(model: &ExactModel) -> Self {
+        let mut highest = vec![0; model.coordinates.len()];
+        let of_equation = |equation: &Equation| {
+            let mut own = HashMap::new();
+            for leaf in model.graph.leaves_of(equation.terms.iter().map(|term| term.expr)) {
+                if let Node::Derivative(coordinate, order) = *model.graph.node(leaf) {
+                    let coordinate = coordinate.0 as usize;
+                    for slot in [own.entry(coordinate).or_insert(0), &mut highest[coordinate]] {
+                        *slot = order.max(*slot);
+                    }
+                }
+            }
+            own
+        };
+        let of_equations = model.equations.iter().map(of_equation).collect();
+        Self { of_equations, highest }
+    }
+
+    /// Whether a derivative of at least this order occurs in an equation.
+    fn stands(&self, equation: usize, coordinate: usize, order: u32) -> bool {
+        self.of_equations[equation].get(&coordinate).is_some_and(|own| *own >= order)
+    }
 }
 
 /// For every equation the coordinate whose highest derivative it determines: the one of the same index where that is
 /// possible, as for Euler-Lagrange equations, otherwise the unique assignment; `None` when there is none or more than
 /// one.
-fn pairing(model: &ExactModel) -> Option<Vec<usize>> {
-    let n = model.coordinates.len();
-    if model.equations.len() != n {
+fn pairing(orders: &Orders) -> Option<Vec<usize>> {
+    let n = orders.highest.len();
+    if orders.of_equations.len() != n {
         return None;
     }
-    let orders = orders(model);
-    let fits: Vec<Vec<bool>> = model
-        .equations
-        .iter()
-        .map(|equation| (0..n).map(|c| orders[c] > 0 && stands(model, equation, c, orders[c])).collect())
-        .collect();
-    if (0..n).all(|r| fits[r][r]) {
+    let fits = |equation: usize, c: usize| orders.highest[c] > 0 && orders.stands(equation, c, orders.highest[c]);
+    if (0..n).all(|r| fits(r, r)) {
         return Some((0..n).collect());
     }
+    let fits: Vec<Vec<bool>> = (0..n).map(|r| (0..n).map(|c| fits(r, c)).collect()).collect();
     let mut ways = Vec::new();
     search(&fits, &mut Vec::new(), &mut ways);
     match ways.len() {
@@ -515,18 +522,17 @@ fn search(fits: &[Vec<bool>], chosen: &mut Vec<usize>, ways: &mut Vec<Vec<usize>
 }
 
 /// The coordinates that an input acting on these equations drives.
-fn driven(model: &ExactModel, pairs: Option<&[usize]>, acts: impl Iterator<Item = usize>) -> Option<Vec<Coordinate>> {
+fn driven(orders: &Orders, pairs: Option<&[usize]>, acts: impl Iterator<Item = usize>) -> Option<Vec<Coordinate>> {
     let pairs = pairs?;
-    let orders = orders(model);
     let mut found = Vec::new();
     for equation in acts {
         let own = pairs[equation];
         let mut coordinates = vec![own];
-        if orders[own] < 2 {
+        if orders.highest[own] < 2 {
             // A coordinate of first order, such as a current, is no motion; the input then drives the motions in its
             // row.
-            let moving = (0..orders.len()).filter(|&c| orders[c] >= 2);
-            let moving: Vec<usize> = moving.filter(|&c| stands(model, &model.equations[equation], c, 1)).collect();
+            let moving = (0..orders.highest.len()).filter(|&c| orders.highest[c] >= 2);
+            let moving: Vec<usize> = moving.filter(|&c| orders.stands(equation, c, 1)).collect();
             if !moving.is_empty() {
                 coordinates = moving;
             }

@@ -64,6 +64,20 @@ impl MechanismArgs {
         let Self { harmonics, period, starts, seed, seconds, .. } = *self;
         Ok(ExcitationSettings { criterion, harmonics, period, starts, seed, seconds })
     }
+
+    /// The first option that asks for something other than its default does.
+    pub(super) fn asked(&self) -> Option<&'static str> {
+        let asked = [
+            ("--criterion", self.criterion != Chosen::default()),
+            ("--harmonics", self.harmonics != HARMONICS),
+            ("--period", self.period.is_some()),
+            ("--starts", self.starts != STARTS),
+            ("--seed", self.seed != 0),
+            ("--seconds", self.seconds.is_some()),
+            ("--write", self.write.is_some()),
+        ];
+        asked.into_iter().find_map(|(name, is_asked)| is_asked.then_some(name))
+    }
 }
 
 #[derive(serde::Serialize)]

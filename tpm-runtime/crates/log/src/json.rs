@@ -290,7 +290,7 @@ impl Found {
         }
         self.numbered |= name.is_empty();
         // Rows one behind the other are the transpose stored column by column.
-        self.columns.extend(StoredColumn::of_matrix(name, &rows.concat(), wide, rows.len()));
+        self.columns.extend(StoredColumn::of_matrix(name, rows.concat(), wide, rows.len()));
     }
 
     fn take_object(&mut self, name: &str, mut object: Object) {

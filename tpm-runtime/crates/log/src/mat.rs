@@ -113,7 +113,7 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
     if rows.checked_mul(columns)? != values.len() {
         return None;
     }
-    Some(Variable::Columns(StoredColumn::of_matrix(&name, &values, rows, columns)))
+    Some(Variable::Columns(StoredColumn::of_matrix(&name, values, rows, columns)))
 }
 
 /// Reads the numeric variables of a MAT-file; messages call it `path`.

@@ -60,7 +60,7 @@ fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn<'static>>, Vec<String>)
             Some((rows, wide)) => {
                 let values = numbers(&dataset.read_native_bytes()?, dataset.dtype());
                 match values.filter(|values| rows.checked_mul(wide) == Some(values.len())) {
-                    Some(values) => columns.extend(StoredColumn::of_matrix(&name, &values, rows, wide)),
+                    Some(values) => columns.extend(StoredColumn::of_matrix(&name, values, rows, wide)),
                     None => others.push(name),
                 }
             }

@@ -6,6 +6,7 @@
 //! numbers and of more than two dimensions are not read.
 
 use crate::error::LogError;
+use crate::packed::{MOST_UNPACKED, Room};
 use crate::stored::{Stored, StoredColumn};
 use flate2::bufread::DeflateDecoder;
 use rawzip::{CompressionMethod, ZipArchive};
@@ -19,8 +20,6 @@ const EXTENSION: &str = ".npy";
 const LONGEST_HEADER: usize = 1 << 20;
 /// Deepest nesting of brackets in a header.
 const DEEPEST: usize = 8;
-/// Most bytes that an archive is unpacked to.
-const MOST_UNPACKED: u64 = 1 << 31;
 
 /// A value in Python's syntax.
 enum Literal {
@@ -291,7 +290,7 @@ fn array(mut rest: &[u8], name: &str) -> Option<Array> {
             // A matrix stored row by row is its transpose stored column by column.
             let readings = field.readings(kind, items, stride, start);
             let (rows, wide) = if fortran { (count / wide, wide) } else { (wide, count / wide) };
-            columns.extend(StoredColumn::of_matrix(&own, &readings, rows, wide));
+            columns.extend(StoredColumn::of_matrix(&own, readings, rows, wide));
         }
         if let Kind::Time(unit) = kind {
             columns[first..].iter_mut().for_each(|column| column.name.unit = Some(unit.to_owned()));
@@ -332,31 +331,28 @@ pub(super) fn read(input: impl Read, path: &str) -> Result<Stored<'static>, LogE
     }
 }
 
-/// The arrays of an archive by their names, unpacked.
-fn unpacked(bytes: &[u8], path: &str) -> Result<Vec<(String, Vec<u8>)>, LogError> {
+/// Reads the arrays of a ZIP archive, one after the other; messages call it `path`.
+///
+/// # Errors
+/// [`LogError`] when the file cannot be read, is damaged, unpacks to too much, is another archive, or has no readings.
+pub(super) fn read_archive(input: impl Read, path: &str) -> Result<Stored<'static>, LogError> {
+    let bytes = whole(input, path)?;
     let damaged = || fault(path, "the ZIP archive is cut short or damaged".into());
-    let archive = ZipArchive::from_slice(bytes).map_err(|_| damaged())?;
-    let mut arrays: Vec<(String, Vec<u8>)> = Vec::new();
-    let mut total = 0_u64;
+    let archive = ZipArchive::from_slice(&bytes).map_err(|_| damaged())?;
+    let (mut names, mut columns, mut others) = (Vec::new(), Vec::new(), Vec::new());
+    // What entries say of their length is not relied on, nor that no two of them are the same bytes.
+    let mut room = Room::of_file(bytes.len());
     for entry in archive.entries() {
         let entry = entry.map_err(|_| damaged())?;
         let file = String::from_utf8_lossy(entry.file_path().as_bytes()).into_owned();
         let Some(name) = file.strip_suffix(EXTENSION) else { continue };
-        total = total.saturating_add(entry.uncompressed_size_hint());
-        if total > MOST_UNPACKED {
-            let limit = MOST_UNPACKED >> 30;
-            return Err(fault(path, format!("the NumPy archive unpacks to more than {limit} GiB at `{name}`")));
-        }
-        if arrays.iter().any(|(other, _)| other == name) {
+        if names.iter().any(|other| other == name) {
             return Err(fault(path, format!("the NumPy archive has two arrays `{name}`")));
         }
         let packed = archive.get_entry(entry.wayfinder()).map_err(|_| damaged())?;
-        let mut array = Vec::new();
-        let read = match entry.compression_method() {
-            CompressionMethod::STORE => packed.verifying_reader(packed.data()).read_to_end(&mut array),
-            CompressionMethod::DEFLATE => {
-                packed.verifying_reader(DeflateDecoder::new(packed.data())).read_to_end(&mut array)
-            }
+        let unpacked = match entry.compression_method() {
+            CompressionMethod::STORE => room.unpack(packed.verifying_reader(packed.data())),
+            CompressionMethod::DEFLATE => room.unpack(packed.verifying_reader(DeflateDecoder::new(packed.data()))),
             _ => {
                 return Err(fault(
                     path,
@@ -364,33 +360,23 @@ fn unpacked(bytes: &[u8], path: &str) -> Result<Vec<(String, Vec<u8>)>, LogError
                 ));
             }
         };
-        read.map_err(|_| damaged())?;
-        arrays.push((name.to_owned(), array));
+        let Some(unpacked) = unpacked.map_err(|_| damaged())? else {
+            let limit = MOST_UNPACKED >> 20;
+            return Err(fault(path, format!("the NumPy archive unpacks to more than {limit} MiB at `{name}`")));
+        };
+        match array(&unpacked, name) {
+            Some(Array::Columns(own)) => columns.extend(own),
+            Some(Array::Other(what)) => others.push(format!("`{name}` ({what})")),
+            None => return Err(fault(path, format!("the array `{name}` is cut short or damaged"))),
+        }
+        names.push(name.to_owned());
     }
-    Ok(arrays)
-}
-
-/// Reads the arrays of a ZIP archive; messages call it `path`.
-///
-/// # Errors
-/// [`LogError`] when the file cannot be read, is damaged, unpacks to too much, is another archive, or has no readings.
-pub(super) fn read_archive(input: impl Read, path: &str) -> Result<Stored<'static>, LogError> {
-    let bytes = whole(input, path)?;
-    let arrays = unpacked(&bytes, path)?;
-    if arrays.is_empty() {
+    if names.is_empty() {
         return Err(LogError::Format {
             path: path.into(),
             what: "the file is a ZIP archive or a spreadsheet".into(),
             remedy: "save the table as UTF-8 text in columns (CSV)".into(),
         });
-    }
-    let (mut columns, mut others) = (Vec::new(), Vec::new());
-    for (name, bytes) in &arrays {
-        match array(bytes, name) {
-            Some(Array::Columns(own)) => columns.extend(own),
-            Some(Array::Other(what)) => others.push(format!("`{name}` ({what})")),
-            None => return Err(fault(path, format!("the array `{name}` is cut short or damaged"))),
-        }
     }
     if columns.is_empty() {
         return Err(fault(path, format!("the NumPy archive has no readings, only {}", others.join(", "))));
@@ -429,6 +415,40 @@ mod tests {
             assert_eq!(half(bits), value);
         }
         assert!(half(0x7c01).is_nan() && half(0xfc00) == f64::NEG_INFINITY);
+    }
+
+    /// An archive of one array of zeros, packed, which says that it unpacks to `says` bytes.
+    fn zeros(count: usize, says: usize) -> Vec<u8> {
+        let mut array = b"\x93NUMPY\x01\x00\x40\x00".to_vec();
+        array.extend(
+            format!("{:63}\n", format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({count},), }}")).bytes(),
+        );
+        array.resize(array.len() + 8 * count, 0);
+        let mut encoder = flate2::write::DeflateEncoder::new(Vec::new(), flate2::Compression::fast());
+        std::io::Write::write_all(&mut encoder, &array).expect("memory takes it");
+        let packed = encoder.finish().expect("memory takes it");
+        let mut sum = flate2::Crc::new();
+        sum.update(&array);
+        let long = |value: usize| (value as u32).to_le_bytes();
+        let mut common = vec![20, 0, 0, 0, 8, 0, 0, 0, 0, 0];
+        common.extend([sum.sum().to_le_bytes(), long(packed.len()), long(says)].concat());
+        common.extend([5, 0, 0, 0]);
+        let entry = [b"PK\x03\x04", &common[..], b"x.npy", &packed].concat();
+        let directory = [b"PK\x01\x02\x14\x00", &common[..], &[0; 14], b"x.npy"].concat();
+        let end = [b"PK\x05\x06\0\0\0\0\x01\0\x01\0", &long(directory.len())[..], &long(entry.len()), &[0; 2]].concat();
+        [entry, directory, end].concat()
+    }
+
+    #[test]
+    fn archives_unpack_to_what_the_memory_holds() {
+        let file = read_archive(&zeros(1000, 8074)[..], "run.npz").expect("sound");
+        assert_eq!(file.header().len(), 1);
+        // Neither what is too much is unpacked, nor is it believed to be little.
+        for says in [8 * 35_000_000 + 74, 100] {
+            let message = read_archive(&zeros(35_000_000, says)[..], "run.npz").err().expect("too much").to_string();
+            let named = message.contains("more than 256 MiB at `x`") || says == 100 && message.contains("damaged");
+            assert!(named, "{says}: {message}");
+        }
     }
 
     #[test]

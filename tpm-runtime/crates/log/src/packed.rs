@@ -14,6 +14,11 @@ impl Room {
         Self(MOST_UNPACKED)
     }
 
+    /// Room for the parts of a file of so many bytes, of which some are stored as they are.
+    pub(super) fn of_file(length: usize) -> Self {
+        Self(MOST_UNPACKED.max(length as u64))
+    }
+
     /// Everything that a decoder gives; nothing where that is more than there is room for.
     ///
     /// # Errors

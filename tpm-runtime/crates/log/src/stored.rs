@@ -26,10 +26,13 @@ impl StoredColumn<'static> {
 
     /// The columns of a matrix whose numbers are stored column by column; its longer side is time. The k-th is called `NAME[k]`, a vector
     /// by its name alone. A single number is a setting, no signal.
-    pub(super) fn of_matrix(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<Self> {
+    pub(super) fn of_matrix(name: &str, values: Vec<f64>, rows: usize, columns: usize) -> Vec<Self> {
         let (length, width) = (rows.max(columns), rows.min(columns));
         if length < 2 || width == 0 || width > MOST_COLUMNS {
             return Vec::new();
+        }
+        if width == 1 {
+            return vec![StoredColumn::of(name, values)];
         }
         let column = |k: usize| {
             let values = if rows >= columns {
@@ -37,7 +40,7 @@ impl StoredColumn<'static> {
             } else {
                 values.iter().skip(k).step_by(rows).copied().collect()
             };
-            StoredColumn::of(if width == 1 { name.to_string() } else { format!("{name}[{}]", k + 1) }, values)
+            StoredColumn::of(format!("{name}[{}]", k + 1), values)
         };
         (0..width).map(column).collect()
     }

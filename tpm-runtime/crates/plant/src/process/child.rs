@@ -7,9 +7,10 @@
 use crate::process::group::Group;
 use crate::process::lines::{End, read_line, skip_line};
 use crate::process::protocol::{LONGEST_OTHER, quoted};
+use crate::process::talk::{Heard, Partner};
 use std::cell::Cell;
 use std::collections::VecDeque;
-use std::io::{BufReader, ErrorKind, Read, Write as _};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write as _};
 use std::process::{ChildStdin, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender, SyncSender};
@@ -29,25 +30,6 @@ const LONGEST_ERROR_LINE: usize = 1 << 12;
 const MOST_WAITING: usize = 1 << 24;
 /// Last lines of the standard error that are kept.
 const KEPT_ERROR_LINES: usize = 5;
-
-/// The result of waiting for a line.
-#[derive(Debug)]
-pub(super) enum Heard {
-    /// A line, without its end.
-    Line(String),
-    /// A line that is no text, described in words.
-    NoText(String),
-    /// A line that is longer than this number of bytes.
-    TooLong(usize),
-    /// The process closed its output.
-    Closed,
-    /// No line came within the time.
-    Silence,
-    /// The wait was interrupted.
-    Interrupted,
-    /// The process does not read its input, of which so many bytes wait.
-    Deaf(usize),
-}
 
 /// A running process.
 #[derive(Debug)]
@@ -106,14 +88,14 @@ impl Process {
             grace,
         })
     }
+}
 
-    /// Lets lines have so many bytes from now on.
-    pub(super) fn allow(&self, longest: usize) {
+impl Partner for Process {
+    fn allow(&self, longest: usize) {
         self.longest.store(longest, Ordering::Relaxed);
     }
 
-    /// Sends a line, unless too much waits already, which the next wait for an answer tells.
-    pub(super) fn say(&self, line: String) {
+    fn say(&self, line: String) {
         let Some(input) = &self.input else { return };
         if self.waiting.load(Ordering::Relaxed) > MOST_WAITING {
             self.deaf.set(true);
@@ -123,8 +105,7 @@ impl Process {
         let _ = input.send(line);
     }
 
-    /// Waits at most `timeout` for the next line; the wait is interrupted when `go_on` returns false.
-    pub(super) fn hear(&self, timeout: Duration, go_on: &dyn Fn() -> bool) -> Heard {
+    fn hear(&self, timeout: Duration, go_on: &dyn Fn() -> bool) -> Heard {
         if self.deaf.get() {
             return Heard::Deaf(self.waiting.load(Ordering::Relaxed));
         }
@@ -141,9 +122,8 @@ impl Process {
         }
     }
 
-    /// Closes the input, waits a short time for the process to end, and describes its end in words, with the last lines
-    /// of its standard error.
-    pub(super) fn ending(&mut self) -> String {
+    /// Closes the input, and waits a short time for the process to end.
+    fn ending(&mut self) -> String {
         self.input = None;
         let status = if self.group.wait(self.grace) { self.group.end(MERCY) } else { None };
         let deadline = Instant::now() + LONGEST_ERROR_WAIT;
@@ -157,8 +137,7 @@ impl Process {
         format!("{how}{}", self.last_words())
     }
 
-    /// The last lines of the standard error, as the end of a sentence; empty where there are none.
-    pub(super) fn last_words(&self) -> String {
+    fn last_words(&self) -> String {
         let lines = self.last_words.lock().unwrap_or_else(PoisonError::into_inner);
         if lines.is_empty() {
             return String::new();
@@ -192,24 +171,26 @@ fn write(mut stdin: ChildStdin, lines: &Receiver<String>, waiting: &AtomicUsize)
 fn read(stdout: impl Read, heard: &SyncSender<Heard>, longest: &AtomicUsize) {
     let mut stdout = BufReader::new(stdout);
     loop {
-        let mut bytes = Vec::new();
-        let most = || longest.load(Ordering::Relaxed);
-        let line = match read_line(&mut stdout, &mut bytes, most) {
-            Err(_) => return,
-            Ok(End::Stream) if bytes.is_empty() => return,
-            Ok(End::TooLong) => {
-                let _ = heard.send(Heard::TooLong(most()));
-                return;
-            }
-            Ok(end) => match (String::from_utf8(bytes), end) {
-                (Ok(line), End::Break) => Heard::Line(line.trim_end().to_string()),
-                (Ok(line), _) => Heard::NoText(format!("the line does not end: {}", quoted(&line))),
-                (Err(fault), _) => Heard::NoText(format!("the line is no text: {}", quoted(&lossy(fault.as_bytes())))),
-            },
-        };
-        if heard.send(line).is_err() {
+        let line = next_line(&mut stdout, || longest.load(Ordering::Relaxed));
+        let is_last = matches!(line, Heard::Closed | Heard::TooLong(_));
+        if heard.send(line).is_err() || is_last {
             return;
         }
+    }
+}
+
+/// The next line of a stream, of at most `most` bytes.
+pub(super) fn next_line(stream: &mut impl BufRead, most: impl Fn() -> usize) -> Heard {
+    let mut bytes = Vec::new();
+    match read_line(stream, &mut bytes, &most) {
+        Err(_) => Heard::Closed,
+        Ok(End::Stream) if bytes.is_empty() => Heard::Closed,
+        Ok(End::TooLong) => Heard::TooLong(most()),
+        Ok(end) => match (String::from_utf8(bytes), end) {
+            (Ok(line), End::Break) => Heard::Line(line.trim_end().to_string()),
+            (Ok(line), _) => Heard::NoText(format!("the line does not end: {}", quoted(&line))),
+            (Err(fault), _) => Heard::NoText(format!("the line is no text: {}", quoted(&lossy(fault.as_bytes())))),
+        },
     }
 }
 
@@ -242,7 +223,8 @@ fn lossy(bytes: &[u8]) -> String {
 
 #[cfg(all(test, unix))]
 mod tests {
-    use super::{Heard, Process};
+    use super::Process;
+    use crate::process::talk::{Heard, Partner as _};
     use std::time::{Duration, Instant};
 
     /// A shell that runs a script; it has `grace` milliseconds to end of itself.

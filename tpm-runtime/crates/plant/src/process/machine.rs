@@ -3,9 +3,10 @@
 use crate::process::child::Process;
 use crate::process::command::words;
 use crate::process::error::{MachineFault, MachineRunError};
-use crate::process::play::{Signals, play_run, play_samples};
+use crate::process::play::{Played, Signals, play_run, play_samples};
 use crate::process::protocol::{FromMachine, PROTOCOL, Plays, ToMachine};
 use crate::process::talk::Talk;
+use crate::process::transcript::Transcript;
 use std::time::Duration;
 use tpm_core::model::Model;
 use tpm_motion::{Bench, BenchError, Record, Trial};
@@ -57,27 +58,13 @@ impl<'a> ProcessMachine<'a> {
         &self.stops
     }
 
-    /// Starts the program, and exchanges greetings.
-    fn greet(&self, signals: &Signals) -> Result<(Talk<'a>, Plays), MachineFault> {
+    /// Starts the program.
+    fn start(&self) -> Result<Talk<'a>, MachineFault> {
         let ProcessSettings { command, timeout, .. } = &self.settings;
         let words = words(command).map_err(|reason| MachineFault::Command { command: command.clone(), reason })?;
         let process = Process::start(&words, LONGEST_GRACE.min(*timeout))
             .map_err(|source| MachineFault::Start { program: words[0].clone(), source })?;
-        let mut talk = Talk::new(process, *timeout, self.go_on);
-        talk.say(&ToMachine::Hello {
-            protocol: PROTOCOL.to_string(),
-            model: self.model.name().to_string(),
-            coordinates: signals.coordinates.clone(),
-            inputs: signals.inputs.clone(),
-        });
-        let awaited = "its greeting";
-        match talk.hear(awaited, Duration::ZERO)? {
-            FromMachine::Hello { protocol, plays, .. } if protocol == PROTOCOL => Ok((talk, plays)),
-            FromMachine::Hello { protocol, .. } => {
-                Err(talk.wrong(format!("it speaks `{protocol}`, this program {PROTOCOL}")))
-            }
-            other => Err(talk.unexpected(&other, awaited)),
-        }
+        Ok(Talk::new(Box::new(process), *timeout, self.go_on))
     }
 
     fn played(&mut self, trial: &Trial) -> Result<Record, MachineFault> {
@@ -85,19 +72,9 @@ impl<'a> ProcessMachine<'a> {
         // After a fault the state of the exchange is unknown, so that the process is ended with it.
         let (mut talk, plays) = match self.open.take() {
             Some(open) => open,
-            None => self.greet(&signals)?,
+            None => greet(self.start()?, self.model, &signals)?,
         };
-        // Every coordinate may come with its rate.
-        let columns = 2 * signals.coordinates.len() + signals.inputs.len();
-        talk.ask(
-            &signals.run(self.model, trial, self.settings.settle_periods),
-            trial.samples().saturating_mul(columns),
-        );
-        let outcome = match plays {
-            Plays::Runs => play_run(&mut talk, &signals, trial),
-            Plays::Samples => play_samples(&mut talk, &signals, self.model.dims(), trial),
-        };
-        match outcome {
+        match ask(&mut talk, plays, self.model, &signals, trial, self.settings.settle_periods) {
             Ok((record, stopped)) => {
                 self.stops.extend(stopped.map(|reason| MachineStop { run: trial.run + 1, reason }));
                 self.open = Some((talk, plays));
@@ -109,6 +86,59 @@ impl<'a> ProcessMachine<'a> {
             }
         }
     }
+}
+
+/// Exchanges greetings.
+fn greet<'a>(mut talk: Talk<'a>, model: &dyn Model<f64>, signals: &Signals) -> Result<(Talk<'a>, Plays), MachineFault> {
+    talk.say(&ToMachine::Hello {
+        protocol: PROTOCOL.to_string(),
+        model: model.name().to_string(),
+        coordinates: signals.coordinates.clone(),
+        inputs: signals.inputs.clone(),
+    });
+    let awaited = "its greeting";
+    match talk.hear(awaited, Duration::ZERO)? {
+        FromMachine::Hello { protocol, plays, .. } if protocol == PROTOCOL => Ok((talk, plays)),
+        FromMachine::Hello { protocol, .. } => {
+            Err(talk.wrong(format!("it speaks `{protocol}`, this program {PROTOCOL}")))
+        }
+        other => Err(talk.unexpected(&other, awaited)),
+    }
+}
+
+/// Asks for a run, and gathers its record.
+fn ask(
+    talk: &mut Talk<'_>,
+    plays: Plays,
+    model: &dyn Model<f64>,
+    signals: &Signals,
+    trial: &Trial,
+    settle_periods: usize,
+) -> Result<Played, MachineFault> {
+    // Every coordinate may come with its rate.
+    let columns = 2 * signals.coordinates.len() + signals.inputs.len();
+    talk.ask(&signals.run(model, trial, settle_periods), trial.samples().saturating_mul(columns));
+    match plays {
+        Plays::Runs => play_run(talk, signals, trial),
+        Plays::Samples => play_samples(talk, signals, model.dims(), trial),
+    }
+}
+
+/// The record of a run from all that the program of a machine says, its greeting first, without starting one: for a program's author, who
+/// has kept its output, and for tests.
+///
+/// # Errors
+/// What [`ProcessMachine`] says of a program that writes this and ends.
+pub fn read_transcript(
+    model: &dyn Model<f64>,
+    trial: &Trial,
+    settle_periods: usize,
+    said: Vec<u8>,
+) -> Result<Record, MachineFault> {
+    let signals = Signals::of(model);
+    let talk = Talk::new(Box::new(Transcript::new(said)), Duration::ZERO, &|| true);
+    let (mut talk, plays) = greet(talk, model, &signals)?;
+    ask(&mut talk, plays, model, &signals, trial, settle_periods).map(|(record, _)| record)
 }
 
 impl Bench for ProcessMachine<'_> {

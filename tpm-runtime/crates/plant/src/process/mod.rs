@@ -14,7 +14,8 @@ mod machine;
 mod play;
 mod protocol;
 mod talk;
+mod transcript;
 
 pub use error::{MachineFault, MachineRunError};
-pub use machine::{MachineStop, ProcessMachine, ProcessSettings};
+pub use machine::{MachineStop, ProcessMachine, ProcessSettings, read_transcript};
 pub use protocol::{FromMachine, PROTOCOL, Plays, Signal, ToMachine};

@@ -9,7 +9,7 @@ use tpm_core::model::{Dims, Label, Model};
 use tpm_motion::{Controller, Record, RunFile, Trial, Velocity};
 
 /// A record, and the machine's reason where it stopped the run.
-type Played = (Record, Option<String>);
+pub(super) type Played = (Record, Option<String>);
 
 /// The signals of a model, in its order.
 pub(super) struct Signals {
