@@ -51,7 +51,13 @@ function work() {
   };
   const answer = async (question, files, progress) => {
     // A module of its own for every question: nothing of an earlier one is left, however that ended.
-    const instance = await WebAssembly.instantiate(await compiled);
+    const module = await compiled;
+    // The library that draws declares functions of a document, which a worker does not have; it never calls them.
+    const imports = {};
+    for (const { module: from, name } of WebAssembly.Module.imports(module)) {
+      (imports[from] ||= {})[name] = () => { throw new Error(`${name} is not there in a worker`); };
+    }
+    const instance = await WebAssembly.instantiate(module, imports);
     const whole = files.reduce((sum, file) => sum + file.size, 0);
     let done = 0;
     for (const file of files) {
@@ -151,6 +157,8 @@ function fault(id, text) {
   place.textContent = text ? text[0].toUpperCase() + text.slice(1) : "";
   place.classList.toggle("drawn", /[╭│]/.test(text || ""));
 }
+
+const counted = (list, what) => `${list.length} ${what}${list.length === 1 ? "" : "s"}`;
 
 const size = (bytes) =>
   bytes < 1e6 ? `${Math.max(bytes / 1e3, 0.1).toFixed(1)} kB` : bytes < 1e9 ? `${(bytes / 1e6).toFixed(1)} MB` : `${(bytes / 1e9).toFixed(1)} GB`;
@@ -338,7 +346,7 @@ function show({ findings, omitted, faulty, model }, text) {
   const errors = findings.filter(({ error }) => error).length + omitted;
   at("verdict").textContent = state.faulty
     ? errors === 1 ? "One fault." : errors ? `${errors} faults.` : ""
-    : `${model.name}: ${model.parameters.length} parameters, ${model.coordinates.length} coordinates, ${model.inputs.length} inputs; no fault.`;
+    : `${model.name}: ${counted(model.parameters, "parameter")}, ${counted(model.coordinates, "coordinate")}, ${counted(model.inputs, "input")}; no fault.`;
   if (model) signals(model);
   offer();
 }

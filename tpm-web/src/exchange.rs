@@ -3,7 +3,10 @@
 //! A host asks for room ([`tpm_room`]), writes bytes there, and says what they are: a log ([`tpm_log`]), of which there may be several, or the
 //! question ([`tpm_ask`]). What is in the room is moved and never copied. The answer lies where [`tpm_said`] points, as long as
 //! [`tpm_ask`] returned. Where a call ends with a trap, [`tpm_last_words`] may still be called, and says why.
-#![allow(unsafe_code, reason = "a name that is exported could stand for two functions; the names here begin with the project's")]
+#![allow(
+    unsafe_code,
+    reason = "a name that is exported could stand for two functions; the names here begin with the project's"
+)]
 
 use crate::asked::{Bytes, answer};
 use std::cell::RefCell;
@@ -90,6 +93,9 @@ fn note(panic: &PanicHookInfo<'_>) {
         format!(" ({file}, line {})", at.line())
     });
     let what = panic.payload_as_str().unwrap_or("a fault without words");
-    let words = format!("this is a defect of tpm: {what}{}; please report it with the log and the model", place.unwrap_or_default());
+    let words = format!(
+        "this is a defect of tpm: {what}{}; please report it with the log and the model",
+        place.unwrap_or_default()
+    );
     EXCHANGE.with_borrow_mut(|exchange| exchange.panic = Some(words));
 }

@@ -16,6 +16,11 @@ mod findings;
 mod identified;
 mod log;
 mod settings;
+#[cfg(test)]
+mod tests;
 mod words;
+
+// The functions of the command line, so that numbers agree to the last bit.
+use tpm_elementary as _;
 
 pub use asked::{Bytes, answer};

@@ -7,12 +7,15 @@ use std::collections::BTreeMap;
 use tpm_runtime::campaign::samples_text;
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::session::{
-    DeclaredModel, LogRequest, Proposal, Quantity, SAMPLE_EXPERIMENT, SAMPLE_MODEL, Session, SessionError, inspect, proposals,
+    DeclaredModel, LogRequest, Proposal, Quantity, SAMPLE_EXPERIMENT, SAMPLE_MODEL, Session, SessionError, inspect,
+    proposals,
 };
 
 /// The columns of a log, what is said of it, and the models to begin with that fit it.
 pub(crate) fn seen(name: &str, logs: &[Bytes]) -> Result<Value, Refusal> {
-    let [bytes] = logs else { return Err(Refusal("the page asks about one log, and hands over another number".into())) };
+    let [bytes] = logs else {
+        return Err(Refusal("the page asks about one log, and hands over another number".into()));
+    };
     let found = inspect(LogRequest::of_bytes(name, bytes.clone()))?;
     let columns: Vec<Value> = found
         .channels
@@ -62,5 +65,7 @@ pub(crate) fn sample() -> Result<Value, Refusal> {
     let trial = campaign.next().ok_or(SessionError::NothingToPlay)?;
     let record = session.simulate(trial)?;
     let log = samples_text(session.machine().plant(), &record);
-    Ok(json!({ "model": { "name": SAMPLE_MODEL.0, "text": SAMPLE_MODEL.1 }, "log": { "name": "run.csv", "text": log } }))
+    Ok(
+        json!({ "model": { "name": SAMPLE_MODEL.0, "text": SAMPLE_MODEL.1 }, "log": { "name": "run.csv", "text": log } }),
+    )
 }

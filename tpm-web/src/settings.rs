@@ -79,8 +79,7 @@ impl Settings {
         estimation.harmonics = number("Highest harmonic", &self.harmonics)?;
         let domains = [("", None), ("harmonics", Some(Domain::Harmonics)), ("time", Some(Domain::Time))];
         estimation.domain = chosen("How the log is used", &self.domain, &domains)?;
-        estimation.weights =
-            chosen("Weights", &self.weights, &[("noise", Weights::Noise), ("equal", Weights::Equal)])?;
+        estimation.weights = chosen("Weights", &self.weights, &[("noise", Weights::Noise), ("equal", Weights::Equal)])?;
         let refinements = [("auto", Refine::Auto), ("output-error", Refine::OutputError), ("none", Refine::None)];
         estimation.refine = chosen("Refinement", &self.refine, &refinements)?;
         estimation.prior = values("Known before", &self.known)?;

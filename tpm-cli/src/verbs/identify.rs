@@ -22,8 +22,7 @@ use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
-    CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, evidence, from_logs, inspect,
-    proposals,
+    CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, evidence, from_logs, inspect, proposals,
 };
 
 /// Options of `tpm identify`.

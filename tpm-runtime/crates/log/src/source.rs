@@ -187,9 +187,8 @@ mod tests {
         let text = run().1 + "\n\n";
         std::fs::write(file.path(), &text).expect("writable");
         let held = InMemory::Bytes(Arc::new(text.into_bytes()));
-        let [own, other] = [LogSource::File(file.path()), LogSource::Memory(file.path(), &held)].map(|source| {
-            Recording::open(source, &MassSpringDrag, &ReadingSettings::default()).expect("sound")
-        });
+        let [own, other] = [LogSource::File(file.path()), LogSource::Memory(file.path(), &held)]
+            .map(|source| Recording::open(source, &MassSpringDrag, &ReadingSettings::default()).expect("sound"));
         assert_eq!(own.segments[0].channels, other.segments[0].channels);
         assert_eq!(own.fingerprint, other.fingerprint);
         assert_eq!(LogSource::Memory(file.path(), &held).fingerprint().expect("held"), own.fingerprint);
