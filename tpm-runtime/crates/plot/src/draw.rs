@@ -211,7 +211,6 @@ fn draw_trace<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, trace: &Trace) -> Drawn {
 mod tests {
     use super::PlotError;
     use crate::figure::{Axis, Curve, Figure, Panel, Trace};
-    use crate::paper::Paper;
 
     fn figure() -> Figure {
         let wave: Vec<(f64, f64)> = (1..200).map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.1).sin())).collect();
