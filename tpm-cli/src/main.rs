@@ -17,6 +17,8 @@ use crate::failure::{Failure, Outcome};
 use crate::output::terminal;
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use std::process::ExitCode;
+// The same numbers on every platform.
+use tpm_elementary as _;
 use tpm_symbolic::budget::{self, Budget};
 
 /// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.

@@ -158,6 +158,7 @@
 pub mod build;
 pub mod diagnostic;
 pub mod emit;
+mod findings;
 #[cfg(feature = "generate")]
 pub mod generate;
 pub mod identified;
@@ -169,6 +170,7 @@ mod near;
 pub mod source;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
+pub use findings::findings;
 pub use language::stream::TokenSource;
-pub use language::{Parsed, parse_model, parse_tokens, parse_value};
+pub use language::{Parsed, parse_factor, parse_model, parse_tokens, parse_value};
 pub use source::{Source, Span};

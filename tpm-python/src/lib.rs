@@ -14,6 +14,8 @@ mod words;
 mod work;
 
 use pyo3::prelude::*;
+// The same numbers on every platform.
+use tpm_elementary as _;
 
 /// Identifies the parameters of non-linear machines by the Trajectory Pattern Method.
 #[pymodule]

@@ -6,7 +6,7 @@
 //!
 //! Arithmetic is written with operators, which cannot return an error. A run that ends is therefore unwound to [`run`]; no panic is
 //! raised, no hook is called, and what the work has built is dropped on the way. Without a [`run`] around it the engine has no limit. A
-//! program that is built to abort on panics cannot unwind, and ends where a budget does.
+//! program that is built to abort on panics cannot unwind, and ends where a budget does; [`ended`] tells its host why.
 //!
 //! Invariant: the count belongs to a thread. Work that is passed to other threads has its own bounds.
 
@@ -35,6 +35,8 @@ thread_local! {
     static LIMIT: Cell<u64> = const { Cell::new(u64::MAX) };
     static STOP: Cell<Option<fn() -> bool>> = const { Cell::new(None) };
     static LARGE: Cell<bool> = const { Cell::new(false) };
+    /// Why the current run is ending.
+    static ENDED: Cell<Option<Signal>> = const { Cell::new(None) };
     /// The innermost named work at which the current run ended.
     static ENDED_AT: RefCell<Option<String>> = const { RefCell::new(None) };
 }
@@ -61,6 +63,7 @@ pub enum Halted {
 }
 
 /// Payload of the unwinding that [`run`] catches.
+#[derive(Clone, Copy)]
 enum Signal {
     TooLarge,
     Stopped,
@@ -119,6 +122,7 @@ pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
     // The outer run continues with its remaining operations.
     LEFT.set(outer.0 - (granted - LEFT.get()));
     let limit = LIMIT.replace(limit);
+    ENDED.set(None);
     STOP.set(outer.1);
     LARGE.set(outer.2);
     outcome.map_err(|payload| match payload.downcast::<Signal>() {
@@ -127,6 +131,16 @@ pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
             Signal::Stopped => Halted::Stopped,
         },
         Err(panic) => resume_unwind(panic),
+    })
+}
+
+/// Why the run on this thread ended, where it was not unwound: a host that outlives its program, as a browser does a WebAssembly module that
+/// aborts, asks afterwards. Nothing while a run goes on, or after it was unwound.
+#[must_use]
+pub fn ended() -> Option<Halted> {
+    ENDED.get().map(|signal| match signal {
+        Signal::TooLarge => Halted::TooLarge { at: None, limit: LIMIT.get() },
+        Signal::Stopped => Halted::Stopped,
     })
 }
 
@@ -190,16 +204,34 @@ fn end(signal: Signal) {
     if !std::thread::panicking() {
         LEFT.set(0);
         ENDED_AT.set(None);
+        ENDED.set(Some(signal));
         resume_unwind(Box::new(signal));
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Budget, Halted, charge, left, run, within};
+    use super::{Budget, Halted, charge, ended, left, run, within};
 
     fn of(operations: u64) -> Budget {
         Budget { operations, ..Budget::default() }
+    }
+
+    #[test]
+    fn while_a_run_ends_it_is_known_why() {
+        struct Asks;
+        impl Drop for Asks {
+            fn drop(&mut self) {
+                assert_eq!(ended(), Some(Halted::TooLarge { at: None, limit: 100 }));
+            }
+        }
+        let halted = run(of(100), || {
+            assert_eq!(ended(), None);
+            let _asks = Asks;
+            charge(101);
+        });
+        assert!(halted.is_err());
+        assert_eq!(ended(), None);
     }
 
     #[test]

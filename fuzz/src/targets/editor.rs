@@ -10,8 +10,6 @@ use std::io::Cursor;
 
 #[path = "../../../tpm-cli/src/verbs/lsp/document.rs"]
 mod document;
-#[path = "../../../tpm-cli/src/verbs/lsp/findings.rs"]
-mod findings;
 #[allow(dead_code, reason = "the program waits for messages, which are all there here")]
 #[path = "../../../tpm-cli/src/verbs/lsp/server.rs"]
 mod server;

@@ -27,6 +27,7 @@ const PUBLISHED: [&str; 23] = [
     "tpm-codegen",
     "tpm-core",
     "tpm-document",
+    "tpm-elementary",
     "tpm-estimate",
     "tpm-experiment",
     "tpm-frequency",

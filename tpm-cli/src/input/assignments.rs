@@ -3,10 +3,8 @@
 use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_codegen::parse_value;
-use tpm_codegen::source::Source;
-use tpm_symbolic::mechanics::model::ExactModel;
-use tpm_symbolic::number::rational;
+use tpm_codegen::parse_factor;
+use tpm_runtime::experiment::prior_values;
 
 /// Parses NAME=VALUE.
 pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
@@ -31,18 +29,9 @@ pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
 /// evaluated exactly as far as it is rational.
 pub(crate) fn factor_assignment(text: &str) -> Result<(String, f64), String> {
     let (name, value) = assignment(text)?;
-    let number = value.parse::<f64>().ok().or_else(|| {
-        let mut numbers = ExactModel::default();
-        let expression = parse_value(&Source::new("factor", value.as_str()), &mut numbers).ok()?;
-        let exact = numbers.graph.evaluate_exact(expression, |_| None);
-        Some(exact.map_or_else(|| numbers.graph.evaluate(expression, |_| f64::NAN), |exact| rational::to_f64(&exact)))
-    });
-    match number {
-        Some(number) if number.is_finite() => Ok((name, number)),
-        _ => Err(format!(
-            "`{value}` is no finite number or expression of numbers and pi, such as 0.1, pi/180 or 2*pi/4096"
-        )),
-    }
+    parse_factor(&value).map(|number| (name, number)).ok_or_else(|| {
+        format!("`{value}` is no finite number or expression of numbers and pi, such as 0.1, pi/180 or 2*pi/4096")
+    })
 }
 
 /// Prior values as they are given on the command line.
@@ -88,31 +77,10 @@ impl PriorArg {
     }
 }
 
-/// The values of a prior file: `NAME = VALUE` lines, as `tpm import` writes them, or those of the table `[prior]` of an experiment.
+/// The values of a prior file.
 fn prior_file(path: &Path) -> Result<BTreeMap<String, f64>, Failure> {
     let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
-    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
-    let whole: toml::Table =
-        text.parse().map_err(|error: toml::de::Error| at(error.to_string().trim_end().to_owned()))?;
-    let table = match whole.get("prior") {
-        Some(toml::Value::Table(prior)) => prior,
-        _ => &whole,
-    };
-    let number = |(name, value): (&String, &toml::Value)| {
-        let number = match value {
-            toml::Value::Float(number) => Some(*number),
-            toml::Value::Integer(number) => Some(*number as f64),
-            _ => None,
-        };
-        match number.filter(|number| number.is_finite()) {
-            Some(number) => Ok((name.clone(), number)),
-            None => Err(at(format!("`{name}` is no finite number: a prior file has lines such as `m_link = 1.5`"))),
-        }
-    };
-    if table.is_empty() {
-        return Err(at("the file has no prior values: lines such as `m_link = 1.5`".to_owned()));
-    }
-    table.iter().map(number).collect()
+    prior_values(&text).map_err(|fault| Failure::Input(format!("{}: {fault}", path.display())))
 }
 
 /// Assignments by name; a repeated name is an error.

@@ -7,6 +7,7 @@ use crate::failure::{Failure, Outcome};
 use crate::output::file;
 use crate::render::quoted;
 use std::path::{Path, PathBuf};
+use tpm_runtime::session::{SAMPLE_EXPERIMENT, SAMPLE_MODEL};
 
 /// Options of `tpm demo`.
 #[derive(clap::Args)]
@@ -17,8 +18,7 @@ pub(crate) struct Args {
 }
 
 /// The files of the sample.
-const FILES: [(&str, &str); 2] =
-    [("slide.tpm", include_str!("demo/slide.tpm")), ("slide.toml", include_str!("demo/slide.toml"))];
+const FILES: [(&str, &str); 2] = [SAMPLE_MODEL, SAMPLE_EXPERIMENT];
 
 /// Runs the command; `run` runs a command line of this program.
 pub(crate) fn run(args: &Args, run: impl Fn(&[String]) -> Outcome) -> Outcome {

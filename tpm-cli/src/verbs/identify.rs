@@ -22,8 +22,7 @@ use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
-    CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, SessionError, Validation, from_logs,
-    inspect, proposals, validate,
+    CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, evidence, from_logs, inspect, proposals,
 };
 
 /// Options of `tpm identify`.
@@ -152,17 +151,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let result = from_logs(&model, requests)?;
             print(&result, args.json, args.output.as_deref())?;
             if let (Some(folder), Some(requests)) = (&args.report, kept) {
-                let shown: Result<Vec<Validation>, SessionError> = requests
-                    .into_iter()
-                    .map(|mut request| {
-                        // Nothing is fitted here: the result has the values that were held, and what priors made of the others.
-                        request.estimation.prior.clear();
-                        request.estimation.frozen.clear();
-                        request.estimation.bounds.clear();
-                        validate(&model, request, &result)
-                    })
-                    .collect();
-                let shown = shown.unwrap_or_else(|error| {
+                let shown = evidence(&model, requests, &result).unwrap_or_else(|error| {
                     file::remark(&format!(
                         "remark: the report is without measured against model: {}",
                         flags::error(&error)

@@ -4,7 +4,6 @@
 //! typing is not answered letter by letter.
 
 mod document;
-mod findings;
 mod server;
 mod transport;
 

@@ -22,8 +22,8 @@ struct Block {
     text: String,
 }
 
-/// Pages of the book with commands that another test executes.
-const ELSEWHERE: [&str; 1] = ["docs/python.md"];
+/// Pages of the book with commands that others execute: `tpm-python/check.sh`, `.ci/release`.
+const ELSEWHERE: [&str; 2] = ["docs/python.md", "docs/page.md"];
 
 /// The page of the book with the robot description that the README's commands read.
 const ARM: &str = "docs/arm.md";

@@ -4,6 +4,7 @@ use crate::support::{printed_in, tpm_in};
 use roxmltree::Document;
 use serde_json::Value;
 use std::path::Path;
+use tpm_runtime::session::{SAMPLE_EXPERIMENT, SAMPLE_MODEL};
 
 /// A slider with dry friction, and the log of a run with a change of its machine.
 fn recorded(at: &Path, log: &str, changes: &[&str]) {
@@ -30,10 +31,7 @@ fn outcome(found: &Value, name: &str) -> String {
 fn a_changed_machine_fails_its_check_and_an_unchanged_one_passes() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();
-    for (name, text) in [
-        ("slide.tpm", include_str!("../../src/verbs/demo/slide.tpm")),
-        ("slide.toml", include_str!("../../src/verbs/demo/slide.toml")),
-    ] {
+    for (name, text) in [SAMPLE_MODEL, SAMPLE_EXPERIMENT] {
         std::fs::write(at.join(name), text).expect("writable");
     }
     recorded(at, "before.csv", &[]);

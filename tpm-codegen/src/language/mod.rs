@@ -30,6 +30,7 @@ use tpm_symbolic::mechanics::lagrange::LagrangeError;
 use tpm_symbolic::mechanics::model::{ExactModel, TermId};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
+use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::form::RegressorError;
 use tpm_symbolic::regressor::prepare::PrepareError;
@@ -250,6 +251,19 @@ pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
     }
     let lower::Lowered { model, terms, taylor, harmonics, mechanism } = lowered;
     Ok(Parsed { model, ast, mechanism, taylor, harmonics, warnings: sorted(diagnostics), terms })
+}
+
+/// A number, or an expression of numbers and pi such as `2*pi/4096`, which is evaluated exactly as far as it is rational; nothing where the
+/// text is neither, or its value is not finite.
+#[must_use]
+pub fn parse_factor(text: &str) -> Option<f64> {
+    let number = text.trim().parse::<f64>().ok().or_else(|| {
+        let mut numbers = ExactModel::default();
+        let expression = parse_value(&Source::new("factor", text), &mut numbers).ok()?;
+        let exact = numbers.graph.evaluate_exact(expression, |_| None);
+        Some(exact.map_or_else(|| numbers.graph.evaluate(expression, |_| f64::NAN), |exact| rational::to_f64(&exact)))
+    });
+    number.filter(|number| number.is_finite())
 }
 
 /// Reads an expression of a model's parameters and constants, such as a value on a command line, into the model's graph.

@@ -3,13 +3,14 @@
 //! Invariant: every request has one answer. What cannot be read of a notification is left out: there is nobody to tell.
 
 use super::document::{Document, Position};
-use super::findings;
 use lsp_server::{Connection, ErrorCode, Message, Notification, Request, Response};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
+use tpm_codegen::findings;
+use tpm_symbolic::budget::Budget;
 
 /// How long the server waits for more typing before it reads a text.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -249,7 +250,8 @@ impl<'a> Server<'a> {
     pub(super) fn read_next(&mut self) -> Result<(), Closed> {
         let Some(uri) = self.unread.pop_first() else { return Ok(()) };
         let Some(document) = self.documents.get(&uri) else { return Ok(()) };
-        let found = findings::of(document.source(), self.allows_large);
+        let budget = if self.allows_large { Budget::large() } else { Budget::default() };
+        let found = findings(document.source(), budget, "start the server as `tpm lsp --allow-large`");
         self.publish(&uri, document.version(), &document.diagnostics(&uri, &found))
     }
 

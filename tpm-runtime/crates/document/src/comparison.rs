@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Cell, Notice};
 use crate::marks::Interval;
-use crate::page::Document;
+use crate::page::{Caution, Document};
 use tpm_report::{cells, digits, or_dash};
 use tpm_session::{Comparison, Difference, Family, Verdict};
 
@@ -32,7 +32,10 @@ impl Document {
             shortfall: None,
             success: words,
             conclusion: Vec::new(),
-            caution: !found.warnings.is_empty(),
+            caution: match found.verdict {
+                Verdict::NoDifference => Caution::of_warnings(!found.warnings.is_empty()),
+                _ => Some(Caution { section: "differences", text: "What changed stands below." }),
+            },
             facts: facts(found),
             sections: Vec::new(),
             figures: Vec::new(),
@@ -85,11 +88,11 @@ fn table(family: &Family, caption: &str) -> Block {
         "#std. dev.",
         "#B - A",
         "#std. dev.",
+        "outcome",
         "difference",
         "#z",
         "#p",
         "#Holm",
-        "outcome",
     ];
     Block::table(&columns, family.differences.iter().map(row).collect(), caption)
 }
@@ -109,10 +112,17 @@ fn row(own: &Difference) -> Vec<Cell> {
     line.extend(pair(own.a.value, own.a.std));
     line.extend(pair(own.b.value, own.b.std));
     line.extend(pair(own.difference, own.std));
+    line.push(Cell::text(outcome));
     line.push(Cell::interval(Interval::of(own.difference, own.std, None, Some(0.0))));
-    line.push(Cell::shown(or_dash(own.z, |z| format!("{z:+.2}")), own.z));
-    line.extend([chance(own.p), chance(own.p_adjusted), Cell::text(outcome)]);
+    line.push(Cell::shown(or_dash(own.z, signed), own.z));
+    line.extend([chance(own.p), chance(own.p_adjusted)]);
     line
+}
+
+/// A number of deviations with its sign.
+fn signed(z: f64) -> String {
+    let shown = digits(z, CHANCE_DIGITS);
+    if z > 0.0 { format!("+{shown}") } else { shown }
 }
 
 /// The test of all differences together, where a change lies, and what only one result has.
@@ -131,8 +141,9 @@ fn notes(family: &Family) -> Vec<Block> {
         let unit =
             direction.unit.as_deref().filter(|unit| *unit != "1").map_or(String::new(), |unit| format!(" {unit}"));
         notes.push(Block::text(format!(
-            "What changed most: {} by {difference} ± {std}{unit} ({:+.1} deviations).",
-            direction.combination, direction.z
+            "What changed most: {} by {difference} +- {std}{unit} ({} deviations).",
+            direction.combination,
+            signed(direction.z)
         )));
     }
     for (which, names) in [("A", &family.only_in_a), ("B", &family.only_in_b)] {

@@ -3,7 +3,7 @@
 use crate::block::{Block, Cell, Notice, SHARE_DIGITS};
 use crate::estimates::{Estimated, estimates};
 use crate::headline;
-use crate::page::Document;
+use crate::page::{Caution, Document};
 use crate::validation::remark;
 use tpm_campaign::RunReport;
 use tpm_estimate::{ParameterReport, Status};
@@ -39,7 +39,7 @@ impl Document {
             shortfall: result.shortfall(),
             success: headline::success(result),
             conclusion: headline::conclusion(result),
-            caution: !result.warnings.is_empty(),
+            caution: Caution::of_warnings(!result.warnings.is_empty()),
             facts: headline::facts(result),
             sections: Vec::new(),
             figures: Vec::new(),

@@ -27,12 +27,28 @@ pub struct Document {
     pub(super) success: String,
     /// What the result comes to in plain words, a sentence each.
     pub(super) conclusion: Vec<String>,
-    /// Whether there are warnings to read before the numbers are used.
-    pub(super) caution: bool,
+    /// What to read before the numbers are used.
+    pub(super) caution: Option<Caution>,
     /// The most important values, by name.
     pub(super) facts: Vec<(String, Cell)>,
     pub(super) sections: Vec<Section>,
     pub(super) figures: Vec<Named>,
+}
+
+/// What to read before the numbers of a page are used.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Caution {
+    /// The section that tells of it.
+    pub(super) section: &'static str,
+    /// A sentence behind the headline, which leads there.
+    pub(super) text: &'static str,
+}
+
+impl Caution {
+    /// Where there are warnings: to read them.
+    pub(super) fn of_warnings(there: bool) -> Option<Self> {
+        there.then_some(Caution { section: "warnings", text: "There are warnings." })
+    }
 }
 
 /// Who wrote a page, when, and for what.

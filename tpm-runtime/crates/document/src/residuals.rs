@@ -2,6 +2,9 @@
 //!
 //! Samples are sorted by a coordinate or by its rate and cut into bins of as many samples. The mean error of a bin is drawn beside the band
 //! within which chance alone keeps nineteen of twenty of them: errors one step ahead of a right model are independent of the motion.
+//!
+//! Invariant: the samples are those of the tests of the errors. Around a stop of a machine with dry friction the force is anything between its
+//! two values, and errors there say nothing of the model.
 
 use crate::forces::low;
 use tpm_numerics::root_mean_square;
@@ -17,8 +20,8 @@ const LEAST_PER_BIN: usize = 25;
 const MOST_PANELS: usize = 12;
 
 /// What the figure shows.
-pub(super) const CAPTION: &str = "Errors one step ahead against each coordinate and its rate, means of bins with equally many samples. The \
-    band holds 95 % of what chance makes of a right model's; a force that the model lacks leaves a shape";
+pub(super) const CAPTION: &str = "Errors one step ahead of the tested samples against each coordinate and its rate, means of bins with equally many \
+    samples. The band holds 95 % of what chance makes of a right model's; a force that the model lacks leaves a shape";
 
 /// One motion that errors are drawn against: its name, and its value at every sample.
 struct Motion {
@@ -34,7 +37,9 @@ pub(super) fn against_motion(found: &Validation) -> Option<Figure> {
     let all = 2 * channels.len() * channels.len() <= MOST_PANELS;
     let mut panels = Vec::new();
     for (i, channel) in channels.iter().enumerate() {
-        let errors: Vec<f64> = channel.measured.iter().zip(&channel.predicted).map(|(y, at)| y - at).collect();
+        let error = |(&regular, (y, at)): (&bool, (&f64, &f64))| if regular { y - at } else { f64::NAN };
+        let pairs = channel.measured.iter().zip(&channel.predicted);
+        let errors: Vec<f64> = simulation.regular.iter().zip(pairs).map(error).collect();
         for (j, other) in channels.iter().enumerate() {
             if all || i == j {
                 panels.extend(

@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Cell, Notice};
 use crate::marks::Interval;
-use crate::page::Document;
+use crate::page::{Caution, Document};
 use tpm_report::{beside, cells, digits, or_dash};
 use tpm_study::{ParameterStudy, Study};
 
@@ -21,7 +21,7 @@ impl From<&Study> for Document {
             shortfall: (!incomplete.is_empty())
                 .then(|| format!("{} of {} campaigns did not identify everything", incomplete.len(), study.campaigns)),
             success: "Every campaign identified everything.".to_owned(),
-            caution: !study.warnings.is_empty(),
+            caution: Caution::of_warnings(!study.warnings.is_empty()),
             facts: vec![
                 ("campaigns".to_owned(), Cell::text(study.campaigns.to_string())),
                 ("estimator".to_owned(), Cell::text(study.estimator)),

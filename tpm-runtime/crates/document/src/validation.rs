@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Cell, Notice, SHARE_DIGITS};
 use crate::forces::{self, AROUND, PANEL};
-use crate::page::Document;
+use crate::page::{Caution, Document};
 use crate::residuals;
 use tpm_plot::Figure;
 use tpm_report::{digits, number};
@@ -18,7 +18,10 @@ impl From<&Validation> for Document {
             conclusion: conclusion(found),
             shortfall: found.shortfall(),
             success: "Every row of the model is predicted.".to_owned(),
-            caution: false,
+            caution: failed(found).then_some(Caution {
+                section: "residual",
+                text: "One sample ahead it misses more than noise: tests of these errors failed.",
+            }),
             facts: facts(found),
             sections: Vec::new(),
             figures: Vec::new(),
@@ -31,6 +34,14 @@ impl From<&Validation> for Document {
         document.evidence(std::slice::from_ref(found), &[]);
         document
     }
+}
+
+/// Whether a test of the errors one step ahead failed.
+fn failed(found: &Validation) -> bool {
+    found.simulation.iter().flat_map(|simulation| &simulation.channels).any(|channel| {
+        let tests = channel.whiteness.iter().chain(channel.independence.iter().map(|input| &input.test));
+        tests.into_iter().any(|test| !test.passed)
+    })
 }
 
 /// How well the parameters predict, in words.
@@ -72,7 +83,9 @@ fn facts(found: &Validation) -> Vec<(String, Cell)> {
     facts.push(("used".to_owned(), Cell::text(used)));
     facts.push(("hold of the inputs".to_owned(), Cell::text(found.hold.clone())));
     if let Some(simulation) = &found.simulation {
-        let text = format!("{} of {} samples in {} stretches", simulation.samples, simulation.of, simulation.stretches);
+        let plural = if simulation.stretches == 1 { "" } else { "es" };
+        let text =
+            format!("{} of {} samples in {} stretch{plural}", simulation.samples, simulation.of, simulation.stretches);
         facts.push(("simulated".to_owned(), Cell::text(text)));
     }
     facts

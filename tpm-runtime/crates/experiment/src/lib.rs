@@ -15,6 +15,7 @@ mod other;
 mod overrides;
 #[cfg(test)]
 mod plant_tests;
+mod prior;
 mod resolve;
 #[cfg(all(test, feature = "schema"))]
 mod schema_tests;
@@ -26,5 +27,6 @@ pub use file::{
     StabilitySection, StageSection, StrokeSection,
 };
 pub use overrides::written_value;
+pub use prior::prior_values;
 /// Values and tables of an experiment file, with which [`Experiment::set_value`] changes it.
 pub use toml::{Table, Value};

@@ -73,6 +73,6 @@ pub use read::{Log, Rates};
 pub use recording::Recording;
 pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 pub use resample::InterpolationError;
-pub use source::{LogSource, Samples};
+pub use source::{InMemory, LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};
 pub use unit::unit_of;

@@ -6,6 +6,7 @@ use crate::fingerprint::{FingerprintReader, fingerprint_of};
 use crate::format::{open_columns, open_file};
 use crate::stored::{Stored, StoredColumn};
 use std::borrow::Cow;
+use std::io::Read;
 use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -24,6 +25,16 @@ impl Samples {
         Samples { columns: columns.into() }
     }
 
+    /// Its columns, as those of a file; messages call it `name`.
+    fn columns(&self, name: &str) -> Stored<'_> {
+        let columns = self.columns.iter().map(|(name, values)| StoredColumn {
+            name: ColumnName::new(name),
+            values: Cow::Borrowed(values.as_slice()),
+            stamp: false,
+        });
+        Stored::new(name, columns.collect())
+    }
+
     /// Fingerprint of the names and values of all columns.
     fn fingerprint(&self) -> String {
         fingerprint_of(self.columns.iter().flat_map(|(name, values)| {
@@ -33,13 +44,22 @@ impl Samples {
     }
 }
 
+/// A log in memory. Copies share what it holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InMemory {
+    /// Its columns.
+    Samples(Samples),
+    /// The bytes of a file of any format, where whoever runs the program has read the file: as a page for a browser does.
+    Bytes(Arc<Vec<u8>>),
+}
+
 /// The source of a log's columns.
 #[derive(Clone, Copy, Debug)]
 pub enum LogSource<'a> {
     /// In a file of any format.
     File(&'a Path),
-    /// In memory, with the name that messages call them by.
-    Memory(&'a Path, &'a Samples),
+    /// In memory, with the name that messages call it by.
+    Memory(&'a Path, &'a InMemory),
 }
 
 impl<'a> From<&'a Path> for LogSource<'a> {
@@ -61,21 +81,23 @@ impl<'a> LogSource<'a> {
         path.display().to_string()
     }
 
+    /// What it holds, before it is known what it says.
+    fn open(self) -> Result<Opened<'a>, LogError> {
+        Ok(match self {
+            LogSource::File(path) => Opened::Bytes(Box::new(open_file(path)?)),
+            LogSource::Memory(_, InMemory::Bytes(bytes)) => Opened::Bytes(Box::new(bytes.as_slice())),
+            LogSource::Memory(_, InMemory::Samples(samples)) => Opened::Samples(samples),
+        })
+    }
+
     /// Its columns.
     ///
     /// # Errors
     /// [`LogError`] when a file cannot be read.
     pub(super) fn columns(self) -> Result<Box<dyn Columns + 'a>, LogError> {
-        match self {
-            LogSource::File(path) => open_columns(open_file(path)?, &self.name()),
-            LogSource::Memory(_, samples) => {
-                let column = |(name, values): &'a (String, Vec<f64>)| StoredColumn {
-                    name: ColumnName::new(name),
-                    values: Cow::Borrowed(values),
-                    stamp: false,
-                };
-                Ok(Box::new(Stored::new(&self.name(), samples.columns.iter().map(column).collect())))
-            }
+        match self.open()? {
+            Opened::Bytes(bytes) => open_columns(bytes, &self.name()),
+            Opened::Samples(samples) => Ok(Box::new(samples.columns(&self.name()))),
         }
     }
 
@@ -89,15 +111,14 @@ impl<'a> LogSource<'a> {
         read: impl FnOnce(&mut dyn Columns, &str) -> Result<T, LogError>,
     ) -> Result<(T, String), LogError> {
         let name = self.name();
-        let LogSource::File(path) = self else {
-            let found = read(&mut *self.columns()?, &name)?;
-            return Ok((found, self.fingerprint()?));
-        };
-        let mut file = FingerprintReader::new(open_file(path)?);
-        let found = read(&mut *open_columns(&mut file, &name)?, &name)?;
-        // The fingerprint includes the bytes at the end of the file that the reader leaves unread.
-        std::io::copy(&mut file, &mut std::io::sink()).map_err(|source| LogError::Io { path: name, source })?;
-        Ok((found, file.fingerprint()))
+        match self.open()? {
+            Opened::Bytes(bytes) => {
+                let mut file = FingerprintReader::new(bytes);
+                let found = read(&mut *open_columns(&mut file, &name)?, &name)?;
+                Ok((found, self.rest(file)?))
+            }
+            Opened::Samples(samples) => Ok((read(&mut samples.columns(&name), &name)?, samples.fingerprint())),
+        }
     }
 
     /// Fingerprint of the file's bytes, or of the samples in memory.
@@ -105,23 +126,31 @@ impl<'a> LogSource<'a> {
     /// # Errors
     /// [`LogError::Io`] when a file cannot be read.
     pub fn fingerprint(self) -> Result<String, LogError> {
-        match self {
-            LogSource::File(path) => {
-                let mut file = FingerprintReader::new(open_file(path)?);
-                std::io::copy(&mut file, &mut std::io::sink())
-                    .map_err(|source| LogError::Io { path: self.name(), source })?;
-                Ok(file.fingerprint())
-            }
-            LogSource::Memory(_, samples) => Ok(samples.fingerprint()),
+        match self.open()? {
+            Opened::Bytes(bytes) => self.rest(FingerprintReader::new(bytes)),
+            Opened::Samples(samples) => Ok(samples.fingerprint()),
         }
     }
+
+    /// The fingerprint of a file of which a part was read: it includes the bytes at the end that a reader leaves unread.
+    fn rest(self, mut file: FingerprintReader<impl Read>) -> Result<String, LogError> {
+        std::io::copy(&mut file, &mut std::io::sink()).map_err(|source| LogError::Io { path: self.name(), source })?;
+        Ok(file.fingerprint())
+    }
+}
+
+/// A source whose columns can be read.
+enum Opened<'a> {
+    Bytes(Box<dyn Read + 'a>),
+    Samples(&'a Samples),
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{LogSource, Samples};
+    use super::{InMemory, LogSource, Samples};
     use crate::{Cut, ReadingSettings, Recording};
     use std::path::Path;
+    use std::sync::Arc;
     use tpm_test_support::models::MassSpringDrag;
 
     /// Columns of a run, and its text.
@@ -135,7 +164,7 @@ mod tests {
     }
 
     fn open(columns: Vec<(String, Vec<f64>)>) -> Result<Recording, String> {
-        let samples = Samples::new(columns);
+        let samples = InMemory::Samples(Samples::new(columns));
         let source = LogSource::Memory(Path::new("arrays"), &samples);
         Recording::open(source, &MassSpringDrag, &ReadingSettings::default()).map_err(|error| error.to_string())
     }
@@ -149,6 +178,20 @@ mod tests {
         assert_eq!(held.segments[0].channels, read.segments[0].channels);
         assert_eq!(held.segments[0].sample_time.to_bits(), read.segments[0].sample_time.to_bits());
         assert_eq!(held.fingerprint.len(), 16);
+    }
+
+    #[test]
+    fn the_bytes_of_a_file_are_read_as_the_file_is() {
+        let file = tempfile::NamedTempFile::new().expect("a temporary file");
+        // What a reader leaves unread belongs to the fingerprint.
+        let text = run().1 + "\n\n";
+        std::fs::write(file.path(), &text).expect("writable");
+        let held = InMemory::Bytes(Arc::new(text.into_bytes()));
+        let [own, other] = [LogSource::File(file.path()), LogSource::Memory(file.path(), &held)]
+            .map(|source| Recording::open(source, &MassSpringDrag, &ReadingSettings::default()).expect("sound"));
+        assert_eq!(own.segments[0].channels, other.segments[0].channels);
+        assert_eq!(own.fingerprint, other.fingerprint);
+        assert_eq!(LogSource::Memory(file.path(), &held).fingerprint().expect("held"), own.fingerprint);
     }
 
     #[test]

@@ -13,7 +13,7 @@
 
 use crate::actuator::{Dynamics, Lags, LowPass};
 use tpm_core::harmonics::Hold;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, exponential};
 
 /// What is left of an older command is this many time constants old.
 const FORGOTTEN: f64 = 16.0;
@@ -31,7 +31,7 @@ impl Step {
         system[(n, n + 1)] = 1.0;
         system[(n + 2, lags.output)] = 1.0;
         system[(n + 3, n + 2)] = 1.0;
-        Step((system * duration).exp())
+        Step(exponential(&(system * duration)))
     }
 
     /// The states after it, and the first and second integral of the force, under an input with a rate.

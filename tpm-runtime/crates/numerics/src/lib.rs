@@ -10,6 +10,7 @@ pub mod chance;
 mod continuous_riccati;
 pub mod differences;
 pub mod eigenvalues;
+mod exponential;
 pub mod fourier;
 pub mod independent;
 mod iteration;
@@ -20,6 +21,7 @@ pub mod tail;
 pub mod tolerance;
 
 pub use continuous_riccati::continuous_riccati;
+pub use exponential::exponential;
 pub use iteration::{Doubling, Iteration};
 pub use matrix::Matrix;
 pub use nalgebra::storage::Owned;

@@ -2,12 +2,12 @@
 
 use crate::error::{PlotError, refused};
 use crate::figure::{Axis, Curve, Figure, Panel, Trace};
+use crate::paper::Paper;
 use crate::scale::Scaled;
 use plotters::chart::{ChartBuilder, ChartContext};
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
 use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
-use plotters::prelude::SVGBackend;
 use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::{Color as _, RGBColor, ShapeStyle, WHITE};
 
@@ -54,7 +54,7 @@ impl Figure {
             .collect::<Result<Vec<_>, PlotError>>()?;
         let mut text = String::new();
         {
-            let root = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
+            let root = Paper::new(&mut text, (width, height)).into_drawing_area();
             root.fill(&WHITE).map_err(refused)?;
             // An empty title takes no room.
             let below = if self.title.is_empty() {
@@ -87,8 +87,8 @@ impl Figure {
     }
 }
 
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scaled, Scaled>>;
+type Area<'a> = DrawingArea<Paper<'a>, plotters::coord::Shift>;
+type Chart<'a, 'b> = ChartContext<'a, Paper<'b>, Cartesian2d<Scaled, Scaled>>;
 type Drawn = Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
 
 /// Number of points of a curve below which each is drawn larger.

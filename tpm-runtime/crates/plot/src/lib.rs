@@ -9,6 +9,8 @@ mod draw;
 #[cfg(feature = "svg")]
 mod error;
 mod figure;
+#[cfg(feature = "svg")]
+mod paper;
 #[cfg(feature = "png")]
 mod png;
 #[cfg(feature = "svg")]

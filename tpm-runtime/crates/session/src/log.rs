@@ -15,10 +15,11 @@ use crate::warning::Warning;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::{Frozen, is_static};
-use tpm_log::{LogSource, Recording, Samples};
+use tpm_log::{InMemory, LogSource, Recording, Samples};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -33,7 +34,7 @@ pub struct LogRequest {
     pub path: PathBuf,
     /// The log itself, where it is in memory; the path is then its name in messages.
     #[serde(skip)]
-    pub samples: Option<Samples>,
+    pub memory: Option<InMemory>,
     /// How it is read.
     #[serde(flatten)]
     pub reading: RecordSettings,
@@ -52,13 +53,19 @@ impl LogRequest {
     /// A log in memory of which nothing else is known; messages call it `name`.
     #[must_use]
     pub fn of_samples(name: impl Into<PathBuf>, samples: Samples) -> Self {
-        LogRequest { samples: Some(samples), ..LogRequest::new(name) }
+        LogRequest { memory: Some(InMemory::Samples(samples)), ..LogRequest::new(name) }
+    }
+
+    /// The bytes of a log's file, of which nothing else is known; messages and the result call it `name`.
+    #[must_use]
+    pub fn of_bytes(name: impl Into<PathBuf>, bytes: Arc<Vec<u8>>) -> Self {
+        LogRequest { memory: Some(InMemory::Bytes(bytes)), ..LogRequest::new(name) }
     }
 
     /// Where its columns are.
     pub(super) fn source(&self) -> LogSource<'_> {
-        match &self.samples {
-            Some(samples) => LogSource::Memory(&self.path, samples),
+        match &self.memory {
+            Some(memory) => LogSource::Memory(&self.path, memory),
             None => LogSource::File(&self.path),
         }
     }

@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use tpm_core::harmonics::Hold;
-use tpm_log::Samples;
+use tpm_log::{InMemory, Samples};
 use tpm_motion::Plant;
 
 /// Two masses of which only the one with the motor is measured.
@@ -217,7 +217,7 @@ fn blanks_between_topics_are_no_gaps() {
         if k % 3 == 1 { motion[0] + 2e-3 * noise } else { f64::NAN }
     };
     all.push(("phi".to_owned(), made.motion.iter().enumerate().map(angle).collect()));
-    log.samples = Some(Samples::new(all));
+    log.memory = Some(InMemory::Samples(Samples::new(all)));
     let result = from_log(&model, log).expect("identified");
     assert_right(&result, &truth, 0.1);
 }

@@ -142,6 +142,9 @@ pub struct Simulation {
     /// First samples of the stretches behind the first one.
     #[serde(skip)]
     pub joins: Vec<usize>,
+    /// Of every sample, whether its one-step prediction errors are tested.
+    #[serde(skip)]
+    pub regular: Vec<bool>,
 }
 
 /// Simulates the segments of a log from its inputs, or says why not. `open` are directions of the parameters that are not determined.
@@ -256,6 +259,7 @@ fn of_parts(
         false_alarm: FALSE_ALARM,
         sample_time,
         joins: signals.joins.clone(),
+        regular: found.regular,
     })
 }
 

@@ -8,6 +8,7 @@
 use crate::between_stamps::{self, BetweenStamps, follow};
 use crate::entry::alone;
 use crate::error::SessionError;
+use crate::identification::Identification;
 use crate::log::LogRequest;
 use crate::log_fault::LogFault;
 use crate::model::Identifiable;
@@ -181,6 +182,26 @@ impl Validation {
             leaving.stretch + 1
         ))
     }
+}
+
+/// The predictions of the logs that an identification comes from with what it found, for its report: nothing is fitted again, and what was
+/// known beforehand is part of the result.
+///
+/// # Errors
+/// Those of [`validate`].
+pub fn evidence(
+    model: &impl Identifiable,
+    logs: Vec<LogRequest>,
+    found: &Identification,
+) -> Result<Vec<Validation>, SessionError> {
+    let predicted = |mut request: LogRequest| {
+        let known = &mut request.estimation;
+        known.prior.clear();
+        known.frozen.clear();
+        known.bounds.clear();
+        validate(model, request, found)
+    };
+    logs.into_iter().map(predicted).collect()
 }
 
 /// Predicts the inputs of a log from its motion, and simulates its motion from the inputs, with what an identification knows of the

@@ -13,7 +13,7 @@
 //! Invariant: a regulator that is returned stabilises the model that it was designed on; this is checked, not assumed.
 
 use num_complex::Complex;
-use tpm_numerics::{DMatrix, DVector, Matrix, Riccati, RiccatiError, continuous_riccati, riccati};
+use tpm_numerics::{DMatrix, DVector, Matrix, Riccati, RiccatiError, continuous_riccati, exponential, riccati};
 
 /// Weights of the cost: the diagonals of Q and R.
 #[derive(Clone, Debug, PartialEq)]
@@ -150,7 +150,7 @@ pub(crate) fn held(
     if whole.amax() > MOST_EXPONENT {
         return Err(RiccatiError::NotFinite);
     }
-    let exponential = whole.exp();
+    let exponential = exponential(&whole);
     if exponential.iter().any(|x| !x.is_finite()) {
         return Err(RiccatiError::NotFinite);
     }

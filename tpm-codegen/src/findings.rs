@@ -1,22 +1,22 @@
 //! What is to be said of a model's text: what `tpm check` says with a place in the text.
 
-use tpm_codegen::diagnostic::{Diagnostic, Diagnostics, Severity};
-use tpm_codegen::source::{Source, Span};
-use tpm_codegen::{Parsed, parse_model};
+use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
+use crate::source::{Source, Span};
+use crate::{Parsed, parse_model};
 use tpm_symbolic::budget::{self, Budget};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::regressor::prepare::{prepare, prepare_any};
 
-/// Faults and remarks in the order of their places.
-pub(super) fn of(source: &Source, allows_large: bool) -> Diagnostics {
-    let budget = if allows_large { Budget::large() } else { Budget::default() };
+/// Faults and remarks in the order of their places. Work beyond the budget is a fault without a place, with `larger` as its help: what a user
+/// does to allow a larger budget.
+#[must_use]
+pub fn findings(source: &Source, budget: Budget, larger: &str) -> Diagnostics {
     let found = budget::run(budget, || match parse_model(source) {
         Ok(parsed) => of_model(&parsed),
         Err(diagnostics) => diagnostics,
     });
     let mut found = found.unwrap_or_else(|halted| {
-        let fault = Diagnostic::error(Span::default(), halted.to_string());
-        [fault.help("start the server as `tpm lsp --allow-large`")].into_iter().collect()
+        [Diagnostic::error(Span::default(), halted.to_string()).help(larger)].into_iter().collect()
     });
     found.sort();
     found
