@@ -13,7 +13,6 @@ use crate::rows::Rows;
 use crate::summary::lone_readings;
 use crate::warning::Warning;
 use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
 use tpm_estimate::{Domain, EstimateError, LARGE_RESIDUAL, is_static};
 use tpm_log::{AsRecorded, Log, LogSource, Lone, ReadingReport, Recording};
 
