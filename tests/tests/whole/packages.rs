@@ -21,7 +21,7 @@ const CATEGORIES: [&str; 11] = [
 ];
 
 /// What is published.
-const PUBLISHED: [&str; 23] = [
+const PUBLISHED: [&str; 24] = [
     "tpm-campaign",
     "tpm-cli",
     "tpm-codegen",
