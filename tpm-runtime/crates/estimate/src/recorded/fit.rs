@@ -318,19 +318,10 @@ impl<'a, 'f> Work<'a, 'f> {
         Course { flow: &self.flow, blocks, free: &self.free, typical, bounds: &self.bounds }
     }
 
-    /// Blocks of about so many readings, of which as many as have so many readings in all, spread over the record.
+    /// Blocks of about so many readings, of which as many as have `most` readings in all, spread over the record; only those in which the
+    /// readings of a sensor move by a share of what they do where they move most. A machine at rest says little of what moves it, and a rest
+    /// that begins from a state of its own draws its friction anywhere.
     fn blocks(&self, length: usize, most: usize) -> Vec<Block> {
-        Self::spread_over(self.all_blocks(length.min(most)), most)
-    }
-
-    fn all_blocks(&self, length: usize) -> Vec<Block> {
-        let blocks = self.stretches.iter().flat_map(|stretch| self.flow.signals.blocks(stretch, length));
-        blocks.filter(|block| block.readings.len() > self.flow.states.len()).collect()
-    }
-
-    /// [`blocks`](Self::blocks) of those in which the readings of a sensor move by a share of what they do where they move most: a machine at
-    /// rest says nothing of what moves it.
-    fn moving_blocks(&self, length: usize, most: usize) -> Vec<Block> {
         let sensors = self.flow.signals.sensors.len();
         let range = |block: &Block, sensor: usize| {
             let own = block.readings.iter().filter(|reading| reading.sensor == sensor).map(|reading| reading.value);
@@ -338,14 +329,11 @@ impl<'a, 'f> Work<'a, 'f> {
                 own.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), value| (a.min(value), b.max(value)));
             (largest - least).max(0.0)
         };
-        let mut all = self.all_blocks(length.min(most));
+        let blocks = self.stretches.iter().flat_map(|stretch| self.flow.signals.blocks(stretch, length.min(most)));
+        let mut all: Vec<Block> = blocks.filter(|block| block.readings.len() > self.flow.states.len()).collect();
         let farthest: Vec<f64> =
             (0..sensors).map(|s| all.iter().map(|block| range(block, s)).fold(0.0, f64::max)).collect();
         all.retain(|block| (0..sensors).any(|s| range(block, s) >= MOVES * farthest[s]));
-        Self::spread_over(all, most)
-    }
-
-    fn spread_over(all: Vec<Block>, most: usize) -> Vec<Block> {
         let typical = all.iter().map(|block| block.readings.len()).max().unwrap_or(1);
         let wanted = (most / typical).clamp(1, all.len().max(1));
         let stride = all.len() as f64 / wanted as f64;
@@ -374,7 +362,7 @@ impl<'a, 'f> Work<'a, 'f> {
     /// The best of many starts over short blocks, with the size of every parameter and the noise that is left.
     fn begun(&self, noise: &[f64]) -> Result<(Vec<f64>, Settled, Vec<f64>), RecordedFault> {
         let length = self.first_length();
-        let mut blocks = self.moving_blocks(length, length * BLOCKS_TRIED);
+        let mut blocks = self.blocks(length, length * BLOCKS_TRIED);
         for block in &mut blocks {
             let mut times: Vec<f64> = block.readings.iter().map(|reading| reading.time).collect();
             times.dedup();
