@@ -31,7 +31,7 @@ enum Question {
     /// The model of a robot description.
     Import { description: Named },
     /// Parameters from logs.
-    Identify(Identify),
+    Identify(Box<Identify>),
     /// Source code of a model's estimator with identified values.
     Generate { model: Named, language: String, result: Option<String> },
 }
@@ -62,7 +62,7 @@ fn answered(asked: Question, logs: &[Bytes]) -> Result<Value, Refusal> {
         Question::Log { log } => log::seen(&log, logs),
         Question::Sample => log::sample(),
         Question::Import { description } => findings::imported(description),
-        Question::Identify(asked) => identified(asked, logs),
+        Question::Identify(asked) => identified(*asked, logs),
         Question::Generate { model, language, result } => identified::generated(&model, &language, result.as_deref()),
     }
 }

@@ -15,9 +15,9 @@ figcaption{color:#57606a;font-size:.9rem}nav a{margin-right:.9rem}\n\
 pub(super) fn html(markdown: &str, figures: &[(String, String)]) -> String {
     let mut out = String::from(HEAD);
     let headings: Vec<&str> = markdown.lines().filter_map(|line| line.strip_prefix("## ")).collect();
-    let mut blocks = markdown.split("\n\n").map(str::trim).filter(|block| !block.is_empty()).peekable();
+    let blocks = markdown.split("\n\n").map(str::trim).filter(|block| !block.is_empty());
     let mut section = 0;
-    while let Some(block) = blocks.next() {
+    for block in blocks {
         if let Some(title) = block.strip_prefix("# ") {
             let _ = writeln!(out, "<h1>{}</h1>\n<nav>", inline(title));
             for (number, heading) in headings.iter().enumerate() {

@@ -492,17 +492,17 @@ impl<'a> Rows<'a> {
     /// [`EstimateError::Model`].
     pub(super) fn of_inputs(self, path: &Path, theta: &[f64]) -> Result<Vec<Columns>, EstimateError> {
         let dims = self.model.dims();
-        let mut columns = vec![vec![vec![0.0; path.points]; dims.rows]; dims.inputs];
+        let mut columns = vec![vec![Vec::new(); dims.rows]; dims.inputs];
         let mut acts = vec![vec![false; dims.rows]; dims.inputs];
         let (mut instant, mut scratch) = (vec![0.0; path.slots], self.scratch());
         for k in 0..path.points {
             self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
             for row in 0..dims.rows {
-                let force = |i: usize| scratch.map[row * dims.inputs + i] * path.inputs[i][k];
-                let whole = self.made(&scratch, row, theta) - self.right_of(&scratch, row, &|i| path.inputs[i][k]);
-                for i in (0..dims.inputs).filter(|i| scratch.map[row * dims.inputs + i] != 0.0) {
-                    acts[i][row] = true;
-                    columns[i][row][k] = whole + force(i);
+                let left = self.made(&scratch, row, theta) - self.right_of(&scratch, row, &|i| path.inputs[i][k]);
+                for (i, (columns, acts)) in columns.iter_mut().zip(&mut acts).enumerate() {
+                    let factor = scratch.map[row * dims.inputs + i];
+                    acts[row] |= factor != 0.0;
+                    columns[row].push(if factor == 0.0 { 0.0 } else { left + factor * path.inputs[i][k] });
                 }
             }
         }

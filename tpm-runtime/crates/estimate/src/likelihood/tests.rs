@@ -103,7 +103,7 @@ fn masses(seed: u64, gains: [f64; 3]) -> OfAnyMotion {
     let (model, _) = tpm_test_support::models::differentiable(text);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draw = || -> f64 { StandardNormal.sample(&mut rng) };
-    let mut columns = vec![Vec::with_capacity(SAMPLES); 6];
+    let mut columns = vec![Vec::new(); 6];
     for sample in 0..SAMPLES {
         let t = sample as f64 * SAMPLE_TIME;
         let at = |slow: f64| {
