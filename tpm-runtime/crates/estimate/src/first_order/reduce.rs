@@ -65,9 +65,7 @@ impl Reduced {
     /// The equations where the parameters are about `theta`, with the variances of the noise and of what the linearisation leaves out.
     ///
     /// The latest run is linearised at the parameters of its feed-forward. In an earlier run the response to the error is taken for every
-    /// parameter by itself, as a part of its regressor: as far as its lines stand out of their noise, so that noise is no regressor. What the
-    /// linearisation leaves out of these lines is then a part of the regressor too. It has one sign in every campaign that begins alike: as
-    /// a variance it would leave a bias of several spreads.
+    /// parameter by itself, as a part of its regressor: as far as its lines stand out of their noise, so that noise is no regressor.
     ///
     /// An error that so many `others` repeat does not average out: it counts in each run as often as there are runs.
     pub(super) fn weighted(&self, theta: &[f64], latest: bool, others: usize) -> Equations {
@@ -110,17 +108,15 @@ impl Reduced {
         for e in 0..equations.len() {
             let of = |lines: &'_ [Complex<f64>]| lines[e * width..(e + 1) * width].to_vec();
             let (felt, certain, missed) = (of(&self.felt), of(&self.certain), of(&self.missed));
+            let centre = if latest { self.parameters.as_slice() } else { theta };
+            let steps: Vec<f64> = theta.iter().zip(centre).map(|(to, from)| to - from).chain([0.0]).collect();
+            equations.right[e] = self.applied[e] - sum(&felt, centre.iter().chain(&[1.0]));
             if !latest {
-                // The regressors take what the right-hand side had, and what the linearisation leaves out.
-                equations.right[e] = self.applied[e] - sum(&felt, theta.iter().chain(&[1.0])) + sum(&certain, theta);
-                equations.right[e] -= missed[theta.len()];
+                // The regressors take what the right-hand side had.
+                equations.right[e] += sum(&certain, theta);
                 let regressors = &mut equations.regressors[e * theta.len()..(e + 1) * theta.len()];
-                let whole = certain.iter().zip(&missed).map(|(felt, missed)| felt + missed);
-                regressors.iter_mut().zip(whole).for_each(|(phi, felt)| *phi += felt);
-                continue;
+                regressors.iter_mut().zip(&certain).for_each(|(phi, felt)| *phi += felt);
             }
-            equations.right[e] = self.applied[e] - sum(&felt, self.parameters.iter().chain(&[1.0]));
-            let steps: Vec<f64> = theta.iter().zip(&self.parameters).map(|(to, from)| to - from).chain([0.0]).collect();
             let missing = (sum(&missed, &factors) + sum(&felt, &steps)).norm_sqr() / self.size[e];
             let slot = &mut largest[equations.row[e]];
             *slot = slot.max(missing);
