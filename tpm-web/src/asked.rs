@@ -1,22 +1,12 @@
 //! Questions of a page, and who answers them.
 
+use crate::file::{Bytes, Named};
 use crate::identified::{Identify, identified};
 use crate::words::Refusal;
 use crate::{findings, identified, log};
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::sync::Arc;
 use tpm_symbolic::budget::{self, Budget};
-
-/// The bytes of a file.
-pub type Bytes = Arc<Vec<u8>>;
-
-/// A text with the name of its file.
-#[derive(Debug, Deserialize)]
-pub(crate) struct Named {
-    pub(crate) name: String,
-    pub(crate) text: String,
-}
 
 /// What a page asks.
 #[derive(Debug, Deserialize)]

@@ -8,7 +8,8 @@
     reason = "a name that is exported could stand for two functions; the names here begin with the project's"
 )]
 
-use crate::asked::{Bytes, answer};
+use crate::asked::answer;
+use crate::file::Bytes;
 use std::cell::RefCell;
 use std::panic::PanicHookInfo;
 use std::ptr;

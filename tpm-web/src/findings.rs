@@ -1,6 +1,6 @@
 //! What is to be said of a model while it is written, and models of robot descriptions.
 
-use crate::asked::Named;
+use crate::file::Named;
 use crate::words::Refusal;
 use serde_json::{Value, json};
 use tpm_codegen::diagnostic::{Diagnostic, Severity, render};

@@ -1,6 +1,6 @@
 //! Identification, and what is taken away from it.
 
-use crate::asked::{Bytes, Named};
+use crate::file::{Bytes, Named};
 use crate::settings::Settings;
 use crate::words::{Refusal, remedy};
 use serde::Deserialize;

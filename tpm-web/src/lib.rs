@@ -12,6 +12,7 @@
 
 mod asked;
 mod exchange;
+mod file;
 mod findings;
 mod identified;
 mod log;
@@ -23,4 +24,5 @@ mod words;
 // The functions of the command line, so that numbers agree to the last bit.
 use tpm_elementary as _;
 
-pub use asked::{Bytes, answer};
+pub use asked::answer;
+pub use file::Bytes;

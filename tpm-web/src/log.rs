@@ -1,6 +1,6 @@
 //! What a log holds, and models to begin with.
 
-use crate::asked::Bytes;
+use crate::file::Bytes;
 use crate::words::{Refusal, remedy};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! The fields of the page as settings of a request.
 
-use crate::asked::Bytes;
+use crate::file::Bytes;
 use crate::words::Refusal;
 use serde::Deserialize;
 use std::collections::BTreeMap;

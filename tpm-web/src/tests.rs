@@ -1,6 +1,7 @@
 //! Questions as the page asks them, and their answers.
 
-use crate::asked::{Bytes, answer};
+use crate::asked::answer;
+use crate::file::Bytes;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -66,7 +67,7 @@ fn the_sample_is_identified_as_from_its_file() {
 #[test]
 fn faults_have_their_places() {
     // Places count what a browser counts: the letter before the fault takes two units.
-    let text = "model A {\n    coordinate x [m];\n    input u [N];\n    parameter m [kg];\n\n    /* \u{1d70b} */ m*ddot(x) + q = u;\n}\n";
+    let text = "model A {\n    coordinate x [m];\n    input u [N];\n    parameter m [kg]; // \u{1d70b}\n\n    m*ddot(x) + q = u;\n}\n";
     let found = ask(&json!({ "ask": "check", "model": { "name": "a.tpm", "text": text } }), &[]);
     let fault = &found["findings"][0];
     let units: Vec<u16> = text.encode_utf16().collect();
@@ -84,7 +85,7 @@ fn refusals_name_the_field_that_helps() {
         ask(&asked, std::slice::from_ref(&log))
     };
     for (settings, words) in [
-        (json!({ "signals": { "x": { "column": "position" } } }), ["Column", "position"]),
+        (json!({ "signals": { "x": { "column": "position" } } }), ["column of x", "position"]),
         (json!({ "signals": { "x": { "factor": "pi/" } } }), ["Factor of x", "pi/180"]),
         (json!({ "signals": { "u": { "delay": "-1" } } }), ["Delay of u", "negative"]),
         (json!({ "period": "soon" }), ["Period", "soon"]),

@@ -13,6 +13,8 @@ use std::collections::BTreeMap;
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
+// The machine moves to the last bit as one that the command line simulates.
+use tpm_elementary as _;
 use tpm_runtime::experiment::{Value, written_value};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::motion::{Ending, Record, Trial};

@@ -102,7 +102,7 @@ pub fn best_arrangement(
     let motion = Motion::new(record)?;
     let rows = Rows { model, constants };
     let look = Look::first(model);
-    let paths = Paths::new(rows, record, &motion, false, &look);
+    let paths = Paths::new(rows, record, &motion, false, (&look.inputs, &look.taken));
     let held = settings.start(model.dims().parameters);
     let regression = Regression { rows, free: &free, held: &held };
     let as_recorded = regression.left(&paths)?.ok_or(EstimateError::NoSignal)?;
@@ -112,7 +112,7 @@ pub fn best_arrangement(
             Arrangement::CoordinateAndInput(c, i) => {
                 let record = crossed(record, c, i);
                 let motion = Motion::new(&record).ok()?;
-                regression.left(&Paths::new(rows, &record, &motion, false, &look))
+                regression.left(&Paths::new(rows, &record, &motion, false, (&look.inputs, &look.taken)))
             }
             other => regression.left(&arranged(&paths, other)),
         };

@@ -1,6 +1,6 @@
 //! Terms that a model may lack, each a column along the smoothed motion.
 
-use crate::likelihood::path::{Along, Entry, Path};
+use crate::likelihood::path::{Along, Columns, Entry, Path};
 use crate::rows::Rows;
 use std::f64::consts::{PI, SQRT_2};
 use tpm_core::model::Model;
@@ -104,9 +104,6 @@ fn likeness(a: &[f64], b: &[f64]) -> f64 {
     let size = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>().sqrt();
     product / (size(a) * size(b)).max(f64::MIN_POSITIVE)
 }
-
-/// Columns of a term: the rows on which it acts, and what it does there.
-pub(super) type Columns = Vec<(usize, Vec<f64>)>;
 
 /// Deviation of the times within the cell of a grid, in units of the cell.
 const CELL: f64 = 0.289;

@@ -1,24 +1,15 @@
 //! A record as lines of its rows, looked at in one way.
 
 use crate::error::EstimateError;
-use crate::likelihood::library::{Columns, Scales, Term, TermKind};
+use crate::likelihood::library::{Scales, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
-use crate::likelihood::path::{Along, Entry, Felt, Paths, band, lost};
+use crate::likelihood::path::{Acting, Along, Columns, Entry, Felt, Paths, band, lost};
 use crate::rows::Rows;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use tpm_core::model::Model;
 
 /// Smallest factor by which the gain of an input is changed in a step: the column of a gain is the force at values that a wrong gain has moved.
 const LEAST_STEP: f64 = 0.1;
-
-/// What an input does beyond what is known of it.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Acting {
-    /// How much later it acts, s.
-    pub(super) delay: f64,
-    /// The multiple of what is recorded that acts.
-    pub(super) gain: f64,
-}
 
 /// How a record is looked at, as far as it is found on the way.
 #[derive(Clone, Debug)]

@@ -1,8 +1,6 @@
 //! The smoothed motion of a stretch, the inputs that act on it, and the rows of the model along both, on an even grid.
 
 use crate::error::EstimateError;
-use crate::likelihood::library::Columns;
-use crate::likelihood::pass::{Acting, Look};
 use crate::likelihood::spectrum::{Spectrum, rate_deviation};
 use crate::rows::{Rows, Scratch};
 use crate::sensor::Sensor;
@@ -44,6 +42,18 @@ const MOST_RELATIVE: usize = 3;
 const POINTS_PER_TASK: usize = 512;
 /// Points at which it is asked which entries of the regressor are zero by structure.
 const PROBES: usize = 64;
+
+/// What an input does beyond what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Acting {
+    /// How much later it acts, s.
+    pub(super) delay: f64,
+    /// The multiple of what is recorded that acts.
+    pub(super) gain: f64,
+}
+
+/// Columns of something that acts: the rows in which it does, and what it makes there.
+pub(super) type Columns = Vec<(usize, Vec<f64>)>;
 
 /// A coordinate as its sensor shows it.
 #[derive(Clone, Debug)]
@@ -109,8 +119,15 @@ pub(super) struct Paths<'a> {
 }
 
 impl<'a> Paths<'a> {
-    /// Smooths the motion of a record, looked at in one way.
-    pub(super) fn new(rows: Rows<'a>, record: &TimeRecord<'_>, motion: &Motion, circular: bool, look: &Look) -> Self {
+    /// Smooths the motion of a record; inputs act as is said, and every coordinate is taken up to a frequency, Hz, or where this is zero as far
+    /// as it stands out of its noise.
+    pub(super) fn new(
+        rows: Rows<'a>,
+        record: &TimeRecord<'_>,
+        motion: &Motion,
+        circular: bool,
+        (acting, taken): (&[Acting], &[f64]),
+    ) -> Self {
         let dims = rows.model.dims();
         let h = record.sample_time;
         let of = |c: usize| -> Vec<&[f64]> { record.stretches.iter().map(|stretch| stretch.coordinates[c]).collect() };
@@ -127,9 +144,9 @@ impl<'a> Paths<'a> {
                     spectrum.used = spectrum.used.max(own.used);
                 }
                 let narrow = spectrum.followed;
-                if look.taken[c] > 0.0 {
-                    spectrum.followed = spectrum.followed.max(look.taken[c]);
-                    spectrum.used = look.taken[c];
+                if taken[c] > 0.0 {
+                    spectrum.followed = spectrum.followed.max(taken[c]);
+                    spectrum.used = taken[c];
                 }
                 let rate_noise = rate.map(|rates| Sensor::of(&rates).noise);
                 let by_position = rate_deviation(spectrum.noise, spectrum.followed, h);
@@ -137,7 +154,7 @@ impl<'a> Paths<'a> {
                 Measured { spectrum, narrow, rate_noise, rate_deviation }
             })
             .collect();
-        let stretch = |moving: &Moving| on_grid(rows.model, record, &measured, moving, circular, &look.inputs);
+        let stretch = |moving: &Moving| on_grid(rows.model, record, &measured, moving, circular, acting);
         Paths { rows, sample_time: h, paths: motion.stretches.iter().map(stretch).collect(), measured }
     }
 

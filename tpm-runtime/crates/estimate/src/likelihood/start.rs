@@ -3,11 +3,11 @@
 use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
-use crate::likelihood::library::{Columns, Scales, Term, TermKind};
+use crate::likelihood::library::{Scales, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
-use crate::likelihood::path::{Along, Felt, Path, Paths};
+use crate::likelihood::path::{Along, Columns, Felt, Path, Paths};
 use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::MOST_NOISE_INFORMATION;
@@ -29,7 +29,7 @@ impl<'a> Pass<'a> {
         settings: &Settings,
     ) -> Result<Self, EstimateError> {
         let dims = rows.model.dims();
-        let paths = Paths::new(rows, record, motion, circular, look);
+        let paths = Paths::new(rows, record, motion, circular, (&look.inputs, &look.taken));
         let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
         let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
         let scales = Scales::of(rows, &paths.paths, &along, deviations);
