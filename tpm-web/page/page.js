@@ -154,7 +154,7 @@ const state = { name: "model.tpm", logs: [], columns: [], described: null, propo
 function fault(id, text) {
   const place = at(id);
   place.hidden = !text;
-  place.textContent = text ? text[0].toUpperCase() + text.slice(1) : "";
+  place.textContent = text;
   place.classList.toggle("drawn", /[╭│]/.test(text || ""));
 }
 
