@@ -100,7 +100,7 @@ fn refusals_name_the_field_that_helps() {
     let answer = ask(&json!({ "ask": "log", "log": "noise.csv" }), &[Arc::new((0..=255).cycle().take(9999).collect())]);
     assert!(error(&answer).contains("noise.csv"), "{answer}");
     assert!(error(&ask(&json!({ "ask": "fly" }), &[])).contains("fly"));
-    let vast = "model V { coordinate x [m]; input u [N]; parameter m [kg]; m*ddot(x) + m*(x + dot(x) + ddot(x) + 1)^400 = u; }";
+    let vast = "model V { coordinate x; input u; parameter m; m*ddot(x) + m*(x + dot(x) + ddot(x) + 1)^400 = u; }";
     let found = ask(&json!({ "ask": "check", "model": { "name": "v.tpm", "text": vast } }), &[]);
     assert!(found.to_string().contains("operations"), "{found}");
 }
