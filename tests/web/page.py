@@ -275,7 +275,10 @@ def bad_input(browser, address, folder, tpm):
     if browser.run("return !document.getElementById('go').disabled"):
         short.append("a model with a fault can be identified")
     vast = folder / "vast.tpm"
-    vast.write_text("model Vast {\n  coordinate x [m];\n  input u [N];\n  parameter m [kg];\n  m*ddot(x) + (x + dot(x) + ddot(x) + 1)^400*m = u;\n}\n")
+    vast.write_text(
+        "model Vast { coordinate q; input u; parameter m, k; m*ddot(q) + k*abs(ddot(q)^400) = u;\n"
+        "  pattern { amplitude l; frequency w; q = rest_to_rest(l, 2*w, 5); } }\n"
+    )
     browser.files(vast)
     expect("a model that takes too much", browser.wait("return state.name === 'vast.tpm' && document.getElementById('findings').textContent"), "operations")
     # A column that is not there, and the field that helps.

@@ -8,7 +8,7 @@ use tpm_codegen::import::{Options, import_description};
 use tpm_codegen::{Source, findings, parse_model};
 use tpm_symbolic::budget::Budget;
 use tpm_symbolic::mechanics::model::ExactModel;
-use tpm_symbolic::regressor::prepare::prepare;
+use tpm_symbolic::regressor::prepare::prepare_any;
 
 /// Faults and remarks with their places, and the signals and parameters of a model that can be read.
 pub(crate) fn checked(model: &Named) -> Value {
@@ -43,7 +43,7 @@ fn placed(source: &Source, found: &Diagnostic) -> Value {
 /// The names of a model that the page has fields for; null where it cannot be read.
 fn described(source: &Source) -> Value {
     let Ok(parsed) = parse_model(source) else { return Value::Null };
-    let Ok(prepared) = prepare(parsed.model.clone()) else { return Value::Null };
+    let Ok(prepared) = prepare_any(parsed.model.clone()) else { return Value::Null };
     let own = &parsed.model;
     let known = |symbols: Vec<(String, Option<String>)>| -> Vec<Value> {
         symbols.into_iter().map(|(name, unit)| json!({ "name": name, "unit": unit })).collect()

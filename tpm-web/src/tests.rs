@@ -100,7 +100,8 @@ fn refusals_name_the_field_that_helps() {
     let answer = ask(&json!({ "ask": "log", "log": "noise.csv" }), &[Arc::new((0..=255).cycle().take(9999).collect())]);
     assert!(error(&answer).contains("noise.csv"), "{answer}");
     assert!(error(&ask(&json!({ "ask": "fly" }), &[])).contains("fly"));
-    let vast = "model V { coordinate x; input u; parameter m; m*ddot(x) + m*(x + dot(x) + ddot(x) + 1)^400 = u; }";
+    let vast = "model V { coordinate q; input u; parameter m, k; m*ddot(q) + k*abs(ddot(q)^400) = u; \
+                pattern { amplitude l; frequency w; q = rest_to_rest(l, 2*w, 5); } }";
     let found = ask(&json!({ "ask": "check", "model": { "name": "v.tpm", "text": vast } }), &[]);
     assert!(found.to_string().contains("operations"), "{found}");
 }

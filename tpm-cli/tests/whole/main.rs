@@ -1,4 +1,5 @@
 //! The tool as a user runs it: one program for the tests of all verbs.
+#![allow(clippy::duplicate_mod, reason = "two examples share files, and the unit tests of both run here")]
 
 mod actuators;
 mod any_log;

@@ -1,5 +1,10 @@
 //! The example `papers`: every table and figure of both papers on one page.
 
+// Cargo builds examples, but runs no unit tests in them: these run here.
+#[allow(dead_code, reason = "the example runs as a program of its own")]
+#[path = "../../examples/papers/main.rs"]
+mod example;
+
 use std::path::Path;
 use std::process::Command;
 
