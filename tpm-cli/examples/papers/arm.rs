@@ -38,26 +38,7 @@ const STEP: f64 = 1e-3;
 
 /// A1 to A8 (Feng, Eqns A.3 to A.10), kg m^2.
 fn inertias() -> [f64; 8] {
-    let ArmGeometry { lengths: [l1, l2, _, l4, _], masses: [m12, m3, m4, m56], .. } = ARM;
-    let ArmGeometry { centroids: [r1, r3, r4, r5], inertias: [i12, i3, i4, i56], .. } = ARM;
-    [
-        m12 * r1 * r1
-            + i12
-            + m3 * (l1 + l2).powi(2)
-            + m3 * r3 * r3
-            + i3
-            + m4 * (l1 * l1 + r4 * r4)
-            + i4
-            + m56 * (l1 * l1 + l4 * l4 + r5 * r5)
-            + i56,
-        m4 * l1 * r4 + m56 * l1 * l4,
-        m56 * l1 * r5,
-        m3 * (l1 + l2) * r3,
-        m56 * l4 * r5,
-        m4 * r4 * r4 + i4 + m56 * l4 * l4,
-        m56 * r5 * r5 + i56,
-        m3 * r3 * r3 + i3,
-    ]
+    ClosedLoopArm::new(ARM).lumped_inertias()
 }
 
 /// a10 and a11 by the formulas that are printed below Eqn A.11, kg m^2.

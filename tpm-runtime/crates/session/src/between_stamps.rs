@@ -6,19 +6,18 @@ use crate::error::SessionError;
 use crate::log_fault::LogFault;
 use crate::model::DeclaredModel;
 use crate::options::LogOptions;
-use crate::recorded_log::{may_be, signals};
+use crate::recorded_log::{may_be, signal_name, signals};
 use crate::simulation::Fit;
+use crate::simulation_figure::drawn;
 use serde::Serialize;
 use tpm_codegen::identified::{Weights, display, remedy};
 use tpm_core::model::Model;
 use tpm_estimate::{Followed, FollowedSensor, follow_recorded};
-use tpm_log::{AsRecorded, LogSource, ReadingReport, rate_column};
+use tpm_log::{AsRecorded, LogSource, ReadingReport};
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 
 /// The free run does not change along a direction that a result leaves open when it moves by less than this share of the motion.
 const UNMOVED: f64 = 1e-3;
-/// Points of a curve at most.
-const MOST_POINTS: usize = 3_000;
 
 /// What one sensor read beside the free run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -78,18 +77,16 @@ impl BetweenStamps {
         let mut panels = Vec::new();
         for own in &self.sensors {
             let label = own.unit.as_ref().map_or_else(|| own.signal.clone(), |unit| format!("{} [{unit}]", own.signal));
-            let stride = own.time.len().div_ceil(MOST_POINTS).max(1);
-            let points = |value: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
-                (0..own.time.len()).step_by(stride).map(|k| (own.time[k], value(k))).collect()
-            };
+            let points = |signal: &[f64]| drawn(signal, &[], &|k| own.time[k]);
             let x = || Axis::linear("time [s]").from_to(own.time[0], own.time[own.time.len() - 1]);
             if own.time.len() < 2 {
                 continue;
             }
-            let measured = Trace::new("measured", 0, Curve::Line(points(&|k| own.measured[k])));
-            let free = Trace::new("free run", 1, Curve::Dashed(points(&|k| own.simulated[k])));
-            let missed = points(&|k| own.measured[k] - own.simulated[k]);
-            let missed = Trace::new("measured less free run", 1, Curve::Line(missed));
+            let measured = Trace::new("measured", 0, Curve::Line(points(&own.measured)));
+            let free = Trace::new("free run", 1, Curve::Dashed(points(&own.simulated)));
+            let missed: Vec<f64> =
+                own.measured.iter().zip(&own.simulated).map(|(y, simulated)| y - simulated).collect();
+            let missed = Trace::new("measured less free run", 1, Curve::Line(points(&missed)));
             panels.push(Panel { x: x(), y: Axis::linear(&label), traces: vec![measured, free] });
             panels.push(Panel { x: x(), y: Axis::linear(&label), traces: vec![missed] });
         }
@@ -133,15 +130,10 @@ pub(super) fn follow(
     }
     let sensor = |own: FollowedSensor| {
         let pairs = own.measured.iter().zip(&own.simulated).map(|(y, simulated)| (*y, *simulated));
-        let label = model.coordinate(own.coordinate);
-        let unit = label.unit.map(String::from);
-        let (signal, unit) = match own.derivative {
-            0 => (label.name.to_string(), unit),
-            _ => (rate_column(model, own.coordinate), unit.map(|unit| format!("{unit}/s"))),
-        };
+        let unit = model.coordinate(own.coordinate).unit;
         SensorFollowed {
-            signal,
-            unit,
+            signal: signal_name(model, own.coordinate, own.derivative),
+            unit: unit.map(|unit| if own.derivative == 0 { unit.to_owned() } else { format!("{unit}/s") }),
             readings: own.time.len(),
             free_run: Fit::of(pairs),
             time: own.time,

@@ -69,12 +69,17 @@ pub(super) fn signals(recorded: &AsRecorded, options: &LogOptions) -> SignalsAsR
     }
 }
 
+/// What a sensor reads, as a column of a log is called: `x` or `dot(x)`.
+pub(super) fn signal_name(model: &dyn Model<f64>, coordinate: usize, derivative: usize) -> String {
+    match derivative {
+        0 => model.coordinate(coordinate).name.to_string(),
+        _ => rate_column(model, coordinate),
+    }
+}
+
 fn report(model: &dyn Model<f64>, signals: &SignalsAsRecorded, fit: &RecordedFit) -> RecordedReport {
     let sensor = |((sensed, noise), share): ((&Sensed, &f64), &f64)| SensorReport {
-        signal: match sensed.derivative {
-            0 => model.coordinate(sensed.coordinate).name.to_string(),
-            _ => rate_column(model, sensed.coordinate),
-        },
+        signal: signal_name(model, sensed.coordinate, sensed.derivative),
         readings: sensed.channel.time.len(),
         left: *noise,
         share: *share,

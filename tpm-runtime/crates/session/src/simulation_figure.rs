@@ -55,28 +55,32 @@ impl Simulation {
 
     /// A signal over time; lines break between stretches.
     fn points(&self, signal: &[f64]) -> Vec<(f64, f64)> {
-        let time = |k: usize| k as f64 * self.sample_time;
-        let count = (2 * signal.len()).div_ceil(MOST_POINTS).max(1);
-        let mut points = Vec::with_capacity(MOST_POINTS + 2 * self.joins.len());
-        let mut from = 0;
-        for to in self.joins.iter().copied().chain([signal.len()]) {
-            for first in (from..to).step_by(count) {
-                let bucket = || (first..to.min(first + count)).filter(|&k| signal[k].is_finite());
-                let least = bucket().min_by(|&a, &b| signal[a].total_cmp(&signal[b]));
-                let largest = bucket().max_by(|&a, &b| signal[a].total_cmp(&signal[b]));
-                match (least, largest) {
-                    (Some(a), Some(b)) if a == b => points.push((time(a), signal[a])),
-                    (Some(a), Some(b)) => points.extend([a.min(b), a.max(b)].map(|k| (time(k), signal[k]))),
-                    _ => points.push((time(first), f64::NAN)),
-                }
-            }
-            if to < signal.len() {
-                points.push((time(to), f64::NAN));
-            }
-            from = to;
-        }
-        points
+        drawn(signal, &self.joins, &|k| k as f64 * self.sample_time)
     }
+}
+
+/// A signal over the time of its samples, as few points as a figure needs; lines break at the joins.
+pub(super) fn drawn(signal: &[f64], joins: &[usize], time: &dyn Fn(usize) -> f64) -> Vec<(f64, f64)> {
+    let count = (2 * signal.len()).div_ceil(MOST_POINTS).max(1);
+    let mut points = Vec::with_capacity(MOST_POINTS + 2 * joins.len());
+    let mut from = 0;
+    for to in joins.iter().copied().chain([signal.len()]) {
+        for first in (from..to).step_by(count) {
+            let bucket = || (first..to.min(first + count)).filter(|&k| signal[k].is_finite());
+            let least = bucket().min_by(|&a, &b| signal[a].total_cmp(&signal[b]));
+            let largest = bucket().max_by(|&a, &b| signal[a].total_cmp(&signal[b]));
+            match (least, largest) {
+                (Some(a), Some(b)) if a == b => points.push((time(a), signal[a])),
+                (Some(a), Some(b)) => points.extend([a.min(b), a.max(b)].map(|k| (time(k), signal[k]))),
+                _ => points.push((time(first), f64::NAN)),
+            }
+        }
+        if to < signal.len() {
+            points.push((time(to), f64::NAN));
+        }
+        from = to;
+    }
+    points
 }
 
 /// The samples of a run that are near the range of what was measured; not a number elsewhere.

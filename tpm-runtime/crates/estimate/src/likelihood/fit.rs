@@ -7,7 +7,7 @@ use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Look, Pass};
-use crate::likelihood::path::Entry;
+use crate::likelihood::path::{Along, Entry};
 use crate::likelihood::split::{Solved, Split};
 use crate::likelihood::start::{KNOWN_SHARE, RANK};
 use crate::result::{Estimate, LeastSquares};
@@ -330,7 +330,7 @@ impl Pass<'_> {
         }
         let (values, missing) = self.values(&asked, &weighed.solved);
         let Weighed { noise, variance, active, solved, split } = weighed;
-        let unseen = self.unseen(&asked, &noise, &solved.covariance);
+        let unseen = self.unseen(&asked, &split, &solved.covariance);
         let Asked { fixed, terms, threshold, .. } = asked;
         let by_lines =
             self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
@@ -388,7 +388,7 @@ impl Pass<'_> {
             // An input whose gain the record does not tell says nothing of the others' gains either.
             wrong => {
                 let untold = unseen.iter().filter(|own| own.term.kind == TermKind::InputGain).count();
-                2 * wrong + untold >= dims.inputs && !self.has_scale(free)?
+                2 * wrong + untold >= dims.inputs && !self.has_scale(free)
             }
         };
         let none = vec![0.0; missing.len()];
@@ -458,21 +458,18 @@ impl Pass<'_> {
     }
 
     /// Faults of gains and zeros that would move parameters, whose covariance is given, and stay below what makes a term enter.
-    fn unseen(&self, asked: &Asked, noise: &Noise, covariance: &DMatrix<f64>) -> Vec<UnseenFault> {
-        let (p, fixed) = (self.rows.model.dims().parameters, asked.fixed.len());
-        let factor = triangle(&self.lines, &noise.variance, &asked.all, self.right());
-        let parameters = factor.view((0, 0), (fixed, fixed));
+    fn unseen(&self, asked: &Asked, split: &Split, covariance: &DMatrix<f64>) -> Vec<UnseenFault> {
+        let p = self.rows.model.dims().parameters;
         let of = |(at, &column): (usize, &usize)| {
-            let term = self.terms[column - p];
+            let (term, scale) = (self.terms[column - p], self.sizes[column - p]);
             let size = match term.kind {
                 TermKind::InputGain => GAIN_FAULT,
                 TermKind::PositionOffset => ZERO_FAULT * self.scales.span(term.of),
                 _ => return None,
             };
-            let own = factor.column(fixed + at);
-            let told = own.rows_range(fixed..).norm() * self.sizes[column - p];
-            let mut moved = own.rows(0, fixed).into_owned() * (size * self.sizes[column - p]);
-            let regular = parameters.solve_upper_triangular_mut(&mut moved);
+            let told = split.told[at] * scale;
+            let mut moved = split.mixed.column(at) * (size * scale);
+            let regular = split.parameters.solve_upper_triangular_mut(&mut moved);
             let deviations = (0..self.kept.len()).map(|a| moved[a].abs() / covariance[(a, a)].sqrt());
             let moves = deviations.filter(|share| share.is_finite()).fold(0.0, f64::max);
             let unseen = (size * told).powi(2) < asked.threshold && moves > HARMFUL;
@@ -482,13 +479,10 @@ impl Pass<'_> {
     }
 
     /// Whether something that is known fixes the scale of the forces: a known term, or a parameter that is held.
-    fn has_scale(&self, free: &Free) -> Result<bool, EstimateError> {
+    fn has_scale(&self, free: &Free) -> bool {
         let held = |j: usize| !free.indices.contains(&j) && self.theta[j] != 0.0;
-        if (0..self.theta.len()).any(|j| held(j) && self.along.iter().any(|own| own.has(Entry::Parameter(j)))) {
-            return Ok(true);
-        }
-        let shares = self.paths.paths.iter().map(|path| self.rows.known_share(path));
-        Ok(shares.collect::<Result<Vec<f64>, _>>()?.into_iter().any(|share| share > KNOWN_SHARE))
+        let any_held = |own: &Along| (0..self.theta.len()).any(|j| held(j) && own.has(Entry::Parameter(j)));
+        self.along.iter().any(|own| any_held(own) || own.known_share() > KNOWN_SHARE)
     }
 
     /// Root mean square of what a column makes, as a share of the force of the row where it makes most.

@@ -9,6 +9,7 @@ use crate::time_domain::motion::{Motion, Moving, TimeRecord};
 use crate::time_domain::transform::quick;
 use num_complex::Complex;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 use tpm_core::harmonics::Hold;
@@ -376,6 +377,8 @@ pub(super) enum Entry {
     Parameter(usize),
     /// What the row does not owe to parameters, on the other side: forces of inputs less known terms.
     Right,
+    /// Force of an input.
+    Force(usize),
     /// Force that the rate of an input would make, were it the input.
     Rate(usize),
 }
@@ -399,6 +402,42 @@ impl Along {
             _ => None,
         };
         self.entries.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// What an input makes in the rows in which it acts, as these have it at given parameters: what the other inputs leave of them. Noise of
+    /// the input's own record is not in it.
+    pub(super) fn of_input(&self, input: usize, theta: &[f64]) -> Columns {
+        let of = |(at, (row, entry)): (usize, &(usize, Entry))| {
+            let mut sum = (*entry == Entry::Force(input)).then(|| self.column(at))?;
+            for (j, column) in self.parameters(*row) {
+                sum.iter_mut().zip(&column).for_each(|(sum, x)| *sum += theta[j] * x);
+            }
+            let right = self.column(self.place(*row, Entry::Right)?);
+            sum.iter_mut().zip(&right).for_each(|(sum, x)| *sum -= x);
+            Some((*row, sum))
+        };
+        self.entries.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// Root mean square of what is known of the rows, over that of their right-hand sides.
+    pub(super) fn known_share(&self) -> f64 {
+        let (mut known, mut whole) = (0.0, 0.0);
+        for values in self.values.chunks_exact(self.entries.len().max(1)) {
+            let mut of_row: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
+            for ((row, entry), value) in self.entries.iter().zip(values) {
+                let [forces, right] = of_row.entry(*row).or_default();
+                match entry {
+                    Entry::Force(_) => *forces += value,
+                    Entry::Right => *right += value,
+                    _ => {}
+                }
+            }
+            for [forces, right] in of_row.into_values() {
+                known += (forces - right).powi(2);
+                whole += right * right;
+            }
+        }
+        (known / whole.max(f64::MIN_POSITIVE)).sqrt()
     }
 
     /// Whether an entry stands in any row.
@@ -460,6 +499,7 @@ impl<'a> Rows<'a> {
         match entry {
             Entry::Parameter(j) => scratch.regressor[row * dims.parameters + j],
             Entry::Right => self.right_of(scratch, row, &|i| path.inputs[i][k]),
+            Entry::Force(i) => scratch.map[row * dims.inputs + i] * path.inputs[i][k],
             Entry::Rate(i) => scratch.map[row * dims.inputs + i] * path.input_rates[i][k],
         }
     }
@@ -502,50 +542,6 @@ impl<'a> Rows<'a> {
         Ok(if any { columns.into_iter().enumerate().collect() } else { Vec::new() })
     }
 
-    /// What every input makes in the rows in which it acts, as these have it at given parameters: what the other inputs leave of them. Noise of
-    /// the input's own record is not in it.
-    ///
-    /// # Errors
-    /// [`EstimateError::Model`].
-    pub(super) fn of_inputs(self, path: &Path, theta: &[f64]) -> Result<Vec<Columns>, EstimateError> {
-        let dims = self.model.dims();
-        let mut columns = vec![vec![Vec::new(); dims.rows]; dims.inputs];
-        let mut acts = vec![vec![false; dims.rows]; dims.inputs];
-        let (mut instant, mut scratch) = (vec![0.0; path.slots], self.scratch());
-        for k in 0..path.points {
-            self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
-            for row in 0..dims.rows {
-                let left = self.made(&scratch, row, theta) - self.right_of(&scratch, row, &|i| path.inputs[i][k]);
-                for (i, (columns, acts)) in columns.iter_mut().zip(&mut acts).enumerate() {
-                    let factor = scratch.map[row * dims.inputs + i];
-                    acts[row] |= factor != 0.0;
-                    columns[row].push(if factor == 0.0 { 0.0 } else { left + factor * path.inputs[i][k] });
-                }
-            }
-        }
-        let of = |(columns, acts): (Vec<Vec<f64>>, Vec<bool>)| {
-            columns.into_iter().enumerate().zip(acts).filter_map(|(own, acts)| acts.then_some(own)).collect()
-        };
-        Ok(columns.into_iter().zip(acts).map(of).collect())
-    }
-
-    /// Root mean square of what is known of the rows along a path, over that of their right-hand sides.
-    ///
-    /// # Errors
-    /// [`EstimateError::Model`].
-    pub(super) fn known_share(self, path: &Path) -> Result<f64, EstimateError> {
-        let mut scratch = self.scratch();
-        let (mut known, mut right) = (0.0, 0.0);
-        for k in 0..path.points {
-            self.sides(path.instant(k), &mut scratch)?;
-            for row in 0..self.model.dims().rows {
-                known += scratch.known[row].powi(2);
-                right += self.right_of(&scratch, row, &|i| path.inputs[i][k]).powi(2);
-            }
-        }
-        Ok((known / right.max(f64::MIN_POSITIVE)).sqrt())
-    }
-
     /// All rows along a path.
     ///
     /// # Errors
@@ -556,8 +552,8 @@ impl<'a> Rows<'a> {
         let all: Vec<(usize, Entry)> = (0..dims.rows)
             .flat_map(|row| {
                 let parameters = (0..dims.parameters).map(Entry::Parameter);
-                let rates = (0..dims.inputs).map(Entry::Rate);
-                parameters.chain(rates).chain([Entry::Right]).map(move |entry| (row, entry))
+                let inputs = (0..dims.inputs).flat_map(|i| [Entry::Force(i), Entry::Rate(i)]);
+                parameters.chain(inputs).chain([Entry::Right]).map(move |entry| (row, entry))
             })
             .collect();
         let mut present = vec![false; all.len()];
@@ -604,7 +600,7 @@ impl<'a> Rows<'a> {
                 let (row, entry) = entries[at % width];
                 let what = match entry {
                     Entry::Parameter(j) => self.model.parameter(j).name,
-                    Entry::Right | Entry::Rate(_) => "known terms and inputs",
+                    Entry::Right | Entry::Force(_) | Entry::Rate(_) => "known terms and inputs",
                 };
                 return Err(EstimateError::NotFinite {
                     row: self.model.row(row).name.to_string(),

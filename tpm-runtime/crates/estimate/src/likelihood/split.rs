@@ -14,6 +14,8 @@ pub(super) struct Split {
     pub(super) of_parameters: DVector<f64>,
     /// z2.
     pub(super) target: DVector<f64>,
+    /// Length of what the parameters leave of every candidate, also of those that are set to zero.
+    pub(super) told: Vec<f64>,
     /// Which candidates say something of their own.
     pub(super) counts: Vec<bool>,
 }
@@ -34,13 +36,9 @@ impl Split {
         let terms = last - p;
         let mixed = factor.view((0, p), (p, terms)).into_owned();
         let mut candidates = factor.view((p, p), (terms, terms)).into_owned();
-        let counts: Vec<bool> = (0..terms)
-            .map(|i| {
-                let own = candidates.column(i).norm();
-                let whole = own.hypot(mixed.column(i).norm());
-                own > spanned[i] * whole && own > 0.0
-            })
-            .collect();
+        let told: Vec<f64> = candidates.column_iter().map(|column| column.norm()).collect();
+        let counts: Vec<bool> =
+            (0..terms).map(|i| told[i] > spanned[i] * told[i].hypot(mixed.column(i).norm()) && told[i] > 0.0).collect();
         for (mut column, counts) in candidates.column_iter_mut().zip(&counts) {
             if !counts {
                 column.fill(0.0);
@@ -52,6 +50,7 @@ impl Split {
             candidates,
             of_parameters: factor.view((0, last), (p, 1)).column(0).into_owned(),
             target: factor.view((p, last), (terms, 1)).column(0).into_owned(),
+            told,
             counts,
         }
     }

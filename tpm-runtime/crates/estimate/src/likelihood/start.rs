@@ -91,9 +91,8 @@ impl<'a> Pass<'a> {
         self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c]);
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
-            let of_inputs = self.rows.of_inputs(path, &self.theta)?;
             let of = |term: &Term| match term.kind {
-                TermKind::InputGain => Ok(of_inputs[term.of].clone()),
+                TermKind::InputGain => Ok(along.of_input(term.of, &self.theta)),
                 TermKind::PositionOffset => self.rows.by_position(path, &self.theta, term.of),
                 _ => Ok(self.scales.columns(*term, path, along, from)),
             };

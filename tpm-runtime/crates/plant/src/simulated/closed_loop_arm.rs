@@ -58,6 +58,12 @@ impl ClosedLoopArm {
         ClosedLoopArm { geometry, constants }
     }
 
+    /// A1 to A8 (Feng, Eqns A.3 to A.10), kg m^2.
+    #[must_use]
+    pub fn lumped_inertias(&self) -> [f64; 8] {
+        self.constants
+    }
+
     /// th3 and th4 with the loop closed, elbow up; not numbers where it cannot close.
     #[must_use]
     pub fn loop_angles(&self, th2: f64) -> (f64, f64) {
