@@ -67,6 +67,7 @@ fn findings() -> Vec<Warning> {
             left: 0.5,
             left_by_exchange: 0.01,
         },
+        Warning::Astray { coordinate: x(), unit: Some("rad".into()), missed: 0.3, last_reading: 0.1 },
         Warning::ScaleUnknown { inputs: vec!["u".into(), "w".into()] },
         Warning::UnseenFaults {
             faults: vec![UnseenFaultReport {
@@ -125,6 +126,7 @@ fn findings() -> Vec<Warning> {
         match finding {
             Warning::OtherHold { .. }
             | Warning::Exchanged { .. }
+            | Warning::Astray { .. }
             | Warning::ScaleUnknown { .. }
             | Warning::UnseenFaults { .. }
             | Warning::LongSimulation(_)

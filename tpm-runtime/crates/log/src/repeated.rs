@@ -6,12 +6,14 @@
 //! y_k = y_{k-1}   but   |y_{k+1} - y_{k-1}| > 8 r ,      r the least difference of neighbouring readings that is not zero,
 //! ```
 //!
-//! the reading y_k is the one before, late by a sample. Rounding makes readings equal too, about as often as it makes
+//! the reading y_k is the one before, late by a sample. Numbers that were written with so many significant digits are rounded more
+//! coarsely the larger they are, so that r is taken among readings of the same power of ten. Rounding makes readings equal too, about as often as it makes
 //! them differ by one step, or by two, in a given direction. Readings count as repeated only where there are more equal
 //! ones than that by chance. A repeated reading holds no information; it is replaced by the cubic through the two fresh
 //! readings on either side.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Most successive readings that repeat; a channel that is constant for longer rests, or is recorded at a lower rate.
@@ -26,21 +28,49 @@ const MARGIN_DEVIATIONS: f64 = 5.0;
 /// Least number of equal readings, and by which it must exceed that of rounding beside [`MARGIN_DEVIATIONS`].
 const MARGIN_COUNT: f64 = 8.0;
 
+/// The least difference of neighbouring readings that is not zero, by the power of ten of the larger one; where larger readings differ by
+/// less, theirs.
+struct Steps(BTreeMap<i32, f64>);
+
+impl Steps {
+    fn of(signal: &[f64]) -> Self {
+        let mut least = BTreeMap::new();
+        for pair in signal.windows(2) {
+            let (size, apart) = (pair[0].abs().max(pair[1].abs()), (pair[1] - pair[0]).abs());
+            if apart > 0.0 {
+                let own = least.entry(power_of_ten(size)).or_insert(f64::INFINITY);
+                *own = apart.min(*own);
+            }
+        }
+        let mut above = f64::INFINITY;
+        for own in least.values_mut().rev() {
+            above = above.min(*own);
+            *own = above;
+        }
+        Steps(least)
+    }
+
+    /// The step about the larger of two readings; infinite where no readings of its size or larger ones differ.
+    fn at(&self, one: f64, other: f64) -> f64 {
+        let own = self.0.range(power_of_ten(one.abs().max(other.abs()))..).next();
+        own.map_or(f64::INFINITY, |(_, least)| *least)
+    }
+}
+
+/// The power of ten at or below a size.
+fn power_of_ten(size: f64) -> i32 {
+    size.log10().floor() as i32
+}
+
 /// Indices of the readings that repeat the reading before, each with the value interpolated from the fresh readings
 /// around it.
 pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
-    let least = signal
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .filter(|change| *change > 0.0)
-        .fold(f64::INFINITY, f64::min);
-    if !least.is_finite() {
-        return Vec::new();
-    }
+    let steps = Steps::of(signal);
     let changes = |from: usize, to: usize| {
         from > 0
             && to < signal.len()
-            && (signal[to] - signal[from - 1]).abs() > LEAST_CHANGE * least * (to - from + 1) as f64
+            && (signal[to] - signal[from - 1]).abs()
+                > LEAST_CHANGE * steps.at(signal[from - 1], signal[to]) * (to - from + 1) as f64
     };
     let mut runs: Vec<Range<usize>> = Vec::new();
     let mut from = 0;
@@ -58,8 +88,8 @@ pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     // Rounding makes differences by one or two steps, up or down, four times as often as it makes equal readings, so
     // that their number is a safe bound.
     let close = |k: &usize| {
-        let steps = (signal[*k] - signal[*k - 1]).abs() / least;
-        steps > 0.0 && steps < 2.5 && changes(*k - 1, *k + 1)
+        let apart = (signal[*k] - signal[*k - 1]).abs() / steps.at(signal[*k], signal[*k - 1]);
+        apart > 0.0 && apart < 2.5 && changes(*k - 1, *k + 1)
     };
     let chance = (2..signal.len() - 1).filter(close).count() as f64;
     if found as f64 <= chance + MARGIN_DEVIATIONS * chance.sqrt() + MARGIN_COUNT {
@@ -131,6 +161,18 @@ mod tests {
                 assert!((value - clean[k]).abs() < 1e-4 + 6.0 * noise + step, "{noise} {step}: {value} at {k}");
             }
         }
+    }
+
+    #[test]
+    fn readings_that_are_equal_by_their_significant_digits_stay() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let reading = |i: u32| {
+            let random: f64 = StandardNormal.sample(&mut rng);
+            let x: f64 = (1e-4 * f64::from(i)).sin() + 1e-6 * random;
+            format!("{x:.6e}").parse().expect("a number")
+        };
+        let signal: Vec<f64> = (0..200_000).map(reading).collect();
+        assert_eq!(repeated_readings(&signal), []);
     }
 
     #[test]

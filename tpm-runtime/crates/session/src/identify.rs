@@ -6,8 +6,10 @@ use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::options::LogOptions;
 use crate::record::nothing;
+use crate::simulation::simulate;
 use crate::warning::{Exchange, Warning};
 use crate::{lines_log, periodic_log, recorded_log, samples_log, summary};
+use tpm_codegen::identified::Identified;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
@@ -47,8 +49,31 @@ pub(super) fn identify_segments(
     if let Some(warning) = exchanged(model, segments, options, &result) {
         // Whatever else was noticed follows from the exchange.
         result.warnings.insert(0, warning);
+    } else if let Some(warning) = astray(model, machine, segments, options, &result) {
+        result.warnings.push(warning);
     }
     Ok(result)
+}
+
+/// Says that one sample ahead the last reading says more than the model. A result that comes from a simulation has followed the record
+/// already, and one that is no result has its reason.
+fn astray(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    result: &Identification,
+) -> Option<Warning> {
+    let simulated = result.refinement.as_ref().is_some_and(|report| report.used);
+    let judged = !result.is_explained() || result.warnings.iter().any(Warning::is_distrust);
+    if simulated || judged || is_static(model) || model.dims().coordinates > lines_log::MOST_SIMULATED {
+        return None;
+    }
+    let known = Identified::from(result);
+    let known = known.settled().ok()?;
+    let parameters: Option<Vec<f64>> =
+        (0..model.dims().parameters).map(|j| known.value(model.parameter(j).name)).collect();
+    simulate(machine, segments, options, &parameters?, &known.open).ok()?.ok()?.astray()
 }
 
 /// Says that the model explains a record far better when columns are exchanged, or with another sign, given the result without.

@@ -86,6 +86,7 @@ impl Warning {
             Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
             Warning::OtherHold { .. } => (Remark, Record, Nothing),
             Warning::Exchanged { .. } => (Distrust, Record, All),
+            Warning::Astray { .. } => (Distrust, Record, All),
             Warning::ScaleUnknown { .. } => (Distrust, Record, All),
             Warning::UnseenFaults { .. } => (Remark, Record, Nothing),
             Warning::RateDiffers { .. } => (Remark, Record, Nothing),

@@ -12,6 +12,7 @@ use crate::excerpt::{Excerpt, accelerated, at_most};
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::record::{record, stretches};
+use crate::warning::Warning;
 use crate::whiteness::{CorrelationTest, FALSE_ALARM, independence, whiteness};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -73,6 +74,9 @@ pub struct ChannelSimulation {
     pub noise: f64,
     /// One sample ahead.
     pub one_step: Fit,
+    /// Root mean square of a reading less the one before it, over the samples of `one_step`, unit of the coordinate: what a prediction misses
+    /// that takes every reading for the next one and needs no model.
+    pub last_reading: f64,
     /// The free run; nothing where it leaves the log.
     pub free_run: Option<Fit>,
     /// Whether the one-step prediction errors are white; nothing where there are too few.
@@ -88,6 +92,13 @@ pub struct ChannelSimulation {
     /// Values of the free run, for figures; not a number where it has left all bounds.
     #[serde(skip)]
     pub simulated: Vec<f64>,
+}
+
+impl ChannelSimulation {
+    /// Whether one sample ahead the last reading says more than the model.
+    pub(super) fn is_worse_than_no_model(&self) -> bool {
+        self.one_step.rms > self.last_reading
+    }
 }
 
 /// Noise of an input.
@@ -145,6 +156,19 @@ pub struct Simulation {
     /// Of every sample, whether its one-step prediction errors are tested.
     #[serde(skip)]
     pub regular: Vec<bool>,
+}
+
+impl Simulation {
+    /// The coordinate of which the last reading says more, one sample ahead, than the model.
+    pub(super) fn astray(&self) -> Option<Warning> {
+        let astray = self.channels.iter().find(|channel| channel.is_worse_than_no_model())?;
+        Some(Warning::Astray {
+            coordinate: astray.name.clone(),
+            unit: astray.unit.clone(),
+            missed: astray.one_step.rms,
+            last_reading: astray.last_reading,
+        })
+    }
 }
 
 /// Simulates the segments of a log from its inputs, or says why not. `open` are directions of the parameters that are not determined.
@@ -218,6 +242,7 @@ fn of_parts(
         let (predicted, simulated) = (&found.one_step[c], &found.free_run[c]);
         let ahead = measured.iter().zip(predicted).zip(&found.counts).filter(|(_, counts)| **counts);
         let free = measured.iter().zip(simulated).map(|(y, run)| (*y, *run));
+        let steps = measured.windows(2).zip(&found.counts[1..]).filter(|(_, counts)| **counts);
         let errors = cut(&found.normalised[c]);
         let errors: Vec<&[f64]> = errors.iter().map(Vec::as_slice).collect();
         let white = whiteness(&errors);
@@ -233,6 +258,7 @@ fn of_parts(
             unit: label.unit.map(Into::into),
             noise: found.sensor_noise[c],
             one_step: Fit::of(ahead.map(|((y, predicted), _)| (*y, *predicted))),
+            last_reading: root_mean_square(steps.map(|(pair, _)| pair[1] - pair[0])),
             free_run: found.divergence.is_none().then(|| Fit::of(free)),
             independence: (0..dims.inputs).filter_map(independent).collect(),
             whiteness: white,

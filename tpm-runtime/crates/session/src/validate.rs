@@ -174,6 +174,9 @@ impl Validation {
                 "one sample ahead {name} is predicted worse than by its mean: the model does not describe this motion"
             ));
         }
+        if let Some(astray) = simulation.astray() {
+            return Some(astray.to_string());
+        }
         let leaving = simulation.diverges.as_ref().filter(|leaving| !leaving.unstable)?;
         Some(format!(
             "simulated from its inputs the motion leaves the log {:.6} s after the beginning of stretch {}, although nothing makes it \

@@ -86,6 +86,17 @@ pub enum Warning {
         /// Share of the force that is left unexplained when this is undone.
         left_by_exchange: f64,
     },
+    /// One sample ahead the model with the values that were found misses a coordinate by more than the last reading does.
+    Astray {
+        /// The coordinate.
+        coordinate: String,
+        /// Its unit.
+        unit: Option<String>,
+        /// Root mean square of what the model misses one sample ahead, unit of the coordinate.
+        missed: f64,
+        /// Root mean square of a reading less the one before, unit of the coordinate.
+        last_reading: f64,
+    },
     /// Inputs are multiples of what is recorded, and nothing says which of them are right.
     ScaleUnknown {
         /// The inputs of the model.
@@ -406,6 +417,16 @@ impl fmt::Display for Warning {
                 100.0 * left,
                 100.0 * left_by_exchange
             ),
+            Warning::Astray { coordinate, unit, missed, last_reading } => {
+                let unit = unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
+                write!(
+                    f,
+                    "one sample ahead the model misses {coordinate} by {}{unit}, where the reading before misses it by {}{unit}: what moves \
+                     this machine is not in the model, such as a load that comes and goes",
+                    number(*missed),
+                    number(*last_reading)
+                )
+            }
             Warning::ScaleUnknown { inputs } => write!(
                 f,
                 "of {} some are multiples of what is recorded, and the log does not say which of them are right: \
