@@ -10,7 +10,7 @@ use tpm_motion::{HoldCompensation, Loop, Record, Spectra, Trial, Velocity};
 use tpm_numerics::{SMatrix, SVector};
 use tpm_plant::simulated::{Actuator, Rig, Sensor, simulate};
 use tpm_test_support::models::MassSpringDrag;
-use tpm_test_support::rest_to_rest_3;
+use tpm_test_support::{LATEST_ALONE, rest_to_rest_3};
 
 const TRUE: [f64; 3] = [2.0, 40.0, 1.5];
 /// Standard deviation of the noise of the position sensor.
@@ -134,9 +134,10 @@ fn cramer_rao(inputs: &[f64], start: f64, sample_time: f64, sigma: f64, from: us
     [0, 1, 2].map(|j| covariance[(j, j)].sqrt() / TRUE[j])
 }
 
-fn noise_free(method: Method, setting: (f64, f64), steps: f64, start: [f64; 3]) -> Vec<f64> {
+fn noise_free(method: Method, setting: (f64, f64), steps: f64, start: [f64; 3], forgetting: f64) -> Vec<f64> {
     let mut setup = setup(method, &[setting], 2.0 * PI / setting.1 / steps);
     setup.prior = start.to_vec();
+    setup.estimation.forgetting = forgetting;
     errors(setup, &bench(0.0, 0.0, 1)).0
 }
 
@@ -149,7 +150,7 @@ fn starts() -> [[f64; 3]; 3] {
 fn measured_motion_is_exact_after_one_run() {
     for setting in SETTINGS {
         for start in starts() {
-            let errors = noise_free(Method::MeasuredMotion, setting, 8192.0, start);
+            let errors = noise_free(Method::MeasuredMotion, setting, 8192.0, start, 1.0);
             assert!(errors[0] <= 1e-8, "{setting:?} from {start:?}: {errors:?}");
         }
     }
@@ -159,7 +160,7 @@ fn measured_motion_is_exact_after_one_run() {
 fn error_converges_within_six_updates() {
     for (setting, table) in SETTINGS.into_iter().zip([[3, 4], [3, 5]]) {
         for start in starts() {
-            let errors = noise_free(Method::Error, setting, 8192.0, start);
+            let errors = noise_free(Method::Error, setting, 8192.0, start, LATEST_ALONE);
             let best = errors.iter().take(6).copied().fold(f64::INFINITY, f64::min);
             assert!(best <= 1e-6, "{setting:?} from {start:?}: {errors:?}");
             // Updates to 1e-3 and to 1e-6 agree with those found independently, within one.
@@ -171,15 +172,32 @@ fn error_converges_within_six_updates() {
     }
 }
 
+/// Runs before the latest count along the motion that they measured, from which nothing is left out.
+#[test]
+fn all_runs_together_converge_in_two_updates() {
+    for method in [Method::Error, Method::Hill, Method::Effort] {
+        for setting in SETTINGS {
+            for start in starts() {
+                let errors = noise_free(method, setting, 8192.0, start, 1.0);
+                assert!(
+                    errors[1..].iter().all(|error| *error <= 1e-6),
+                    "{method:?} {setting:?}, {start:?}: {errors:?}"
+                );
+            }
+        }
+    }
+}
+
 #[test]
 fn the_other_estimators_converge_as_they_should() {
-    // Updates to 1e-3 and 1e-6: Hill's matrix quadratically, effort linearly, numerical with four runs to an update.
+    // Updates to 1e-3 and 1e-6 from the latest run alone: Hill's matrix quadratically, effort linearly. Numerical needs all four runs.
     for (method, table) in
         [(Method::Hill, [[2, 3], [3, 3]]), (Method::Effort, [[3, 5], [4, 7]]), (Method::Numerical, [[1, 2], [2, 2]])]
     {
         for (setting, table) in SETTINGS.into_iter().zip(table) {
             let mut setup = setup(method, &[setting], 2.0 * PI / setting.1 / 8192.0);
             setup.procedure.max_runs = 20;
+            setup.estimation.forgetting = if method == Method::Numerical { 1.0 } else { LATEST_ALONE };
             let (errors, _) = errors(setup, &bench(0.0, 0.0, 1));
             for (limit, expected) in [1e-3, 1e-6].into_iter().zip(table) {
                 let needed = 1 + errors.iter().position(|e| *e <= limit).expect("reached");
@@ -193,7 +211,8 @@ fn the_other_estimators_converge_as_they_should() {
 }
 
 /// The error that remains at 1 kHz with a zero-order hold and a filtered difference, for every way of compensating the
-/// hold in H and in the feed-forward.
+/// hold in H and in the feed-forward: of the latest run alone, after so many updates that a further one changes nothing. A run that tracks no
+/// better than one before counts along its measured motion, where H has no part.
 #[test]
 fn the_hold_in_h_and_feed_forward_leaves_little() {
     let remaining = |compensation: HoldCompensation, velocity: Velocity, position_filter: f64, setting| {
@@ -201,6 +220,8 @@ fn the_hold_in_h_and_feed_forward_leaves_little() {
         setup.control.position_filter = position_filter;
         setup.control.velocity = velocity;
         setup.control.compensation = compensation;
+        setup.estimation.forgetting = LATEST_ALONE;
+        setup.procedure.max_runs = 7;
         let mut bench = bench(0.0, 0.0, 1);
         bench.sub_steps = 8;
         errors(setup, &bench).0.last().copied().expect("updated")
@@ -251,7 +272,7 @@ fn an_update_asked_for_again_is_the_same_and_counts_no_run_twice() {
             let channels: Vec<&[f64]> =
                 record.coordinates.iter().chain(&record.inputs).map(|channel| &channel[3 * samples..]).collect();
             let spectra = Spectra::analyse(&channels, 1e-3, samples as f64, periods).expect("whole periods");
-            let run = Run { trial, spectra: &spectra, rates: None, hold: Hold::Zoh, alone: None };
+            let run = Run { trial, spectra: &spectra, unrounded: &spectra, rates: None, hold: Hold::Zoh, alone: None };
             let expected = once.take(&MassSpringDrag, &run).expect("an update");
             again.reduce(&MassSpringDrag, &run).expect("accepted");
             for _ in 0..3 {

@@ -5,6 +5,9 @@ pub mod rig;
 
 use tpm_motion::trajectory::{HarmonicSeries, Line, Part, ReferencePattern};
 
+/// A forgetting factor with which the latest run alone counts: an estimator as it is by itself, without the runs before.
+pub const LATEST_ALONE: f64 = f64::EPSILON / 2.0;
+
 /// lambda (cos th - 1/9 cos 3 th), the rest-to-rest pattern of order 3 (Feng, Eqn 2.21), for one coordinate.
 #[must_use]
 pub fn rest_to_rest_3() -> ReferencePattern {

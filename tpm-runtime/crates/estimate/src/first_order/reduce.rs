@@ -65,7 +65,9 @@ impl Reduced {
     /// The equations where the parameters are about `theta`, with the variances of the noise and of what the linearisation leaves out.
     ///
     /// The latest run is linearised at the parameters of its feed-forward. In an earlier run the response to the error is taken for every
-    /// parameter by itself, as a part of its regressor: as far as its lines stand out of their noise, so that noise is no regressor.
+    /// parameter by itself, as a part of its regressor: as far as its lines stand out of their noise, so that noise is no regressor. What the
+    /// linearisation leaves out of these lines is then a part of the regressor too. It has one sign in every campaign that begins alike: as
+    /// a variance it would leave a bias of several spreads.
     ///
     /// An error that so many `others` repeat does not average out: it counts in each run as often as there are runs.
     pub(super) fn weighted(&self, theta: &[f64], latest: bool, others: usize) -> Equations {
@@ -106,20 +108,22 @@ impl Reduced {
         let factors: Vec<f64> = theta.iter().copied().chain([1.0]).collect();
         let mut largest = vec![0.0_f64; equations.row.iter().max().map_or(0, |row| row + 1)];
         for e in 0..equations.len() {
-            let of = |lines: &'_ [Complex<f64>]| lines[e * width..(e + 1) * width].to_vec();
-            let (felt, certain, missed) = (of(&self.felt), of(&self.certain), of(&self.missed));
-            let centre = if latest { self.parameters.as_slice() } else { theta };
-            let steps: Vec<f64> = theta.iter().zip(centre).map(|(to, from)| to - from).chain([0.0]).collect();
-            equations.right[e] = self.applied[e] - sum(&felt, centre.iter().chain(&[1.0]));
-            if !latest {
-                // The regressors take what the right-hand side had.
-                equations.right[e] += sum(&certain, theta);
+            let of = e * width..(e + 1) * width;
+            let [felt, certain, missed] = [&self.felt, &self.certain, &self.missed].map(|lines| &lines[of.clone()]);
+            if latest {
+                equations.right[e] = self.applied[e] - sum(felt, self.parameters.iter().chain(&[1.0]));
+                let steps = theta.iter().zip(&self.parameters).map(|(to, from)| to - from);
+                let missing = sum(missed, &factors)
+                    + felt.iter().zip(steps).map(|(felt, step)| felt * step).sum::<Complex<f64>>();
+                let slot = &mut largest[equations.row[e]];
+                *slot = slot.max(missing.norm_sqr() / self.size[e]);
+            } else {
+                // The regressors take what the right-hand side had, and what the linearisation leaves out.
+                equations.right[e] = self.applied[e] - sum(felt, &factors) + sum(certain, theta) - missed[theta.len()];
                 let regressors = &mut equations.regressors[e * theta.len()..(e + 1) * theta.len()];
-                regressors.iter_mut().zip(&certain).for_each(|(phi, felt)| *phi += felt);
+                let whole = certain.iter().zip(missed).map(|(felt, missed)| felt + missed);
+                regressors.iter_mut().zip(whole).for_each(|(phi, felt)| *phi += felt);
             }
-            let missing = (sum(&missed, &factors) + sum(&felt, &steps)).norm_sqr() / self.size[e];
-            let slot = &mut largest[equations.row[e]];
-            *slot = slot.max(missing);
         }
         for (e, variance) in equations.variance.iter_mut().enumerate() {
             *variance += largest[equations.row[e]] * self.size[e];
@@ -168,7 +172,8 @@ fn sum<'f>(lines: &[Complex<f64>], factors: impl IntoIterator<Item = &'f f64>) -
 
 impl FirstOrder {
     /// The harmonic equations of one run: `spectra` has the measured coordinates as its first channels, over whole periods
-    /// that start at the phase zero of the trial; `hold` is how the inputs became forces.
+    /// that start at the phase zero of the trial, `read` what the feedback read of them, with the rounding to counts; `hold` is how the
+    /// inputs became forces.
     ///
     /// # Errors
     /// [`EstimateError::Channels`] when spectra or trial do not fit the model, [`EstimateError::NoSignal`] when the record does
@@ -178,7 +183,7 @@ impl FirstOrder {
         model: &dyn Model<f64>,
         trial: &Trial,
         along: &Along,
-        spectra: &Spectra,
+        (read, spectra): (&Spectra, &Spectra),
         hold: Hold,
         harmonics: usize,
     ) -> Result<Reduced, EstimateError> {
@@ -188,6 +193,7 @@ impl FirstOrder {
             return Err(EstimateError::NoSignal);
         }
         let error = error_lines(trial, spectra, coordinates, 2 * highest);
+        let read = error_lines(trial, read, coordinates, highest);
         let forward = feed_forward_lines(trial, inputs, highest);
         self.assemble(model, trial, along, (&error, &spectra.noise), (0, highest), |row, k, linear, right| {
             let frequency = k as f64 * along.frequency;
@@ -195,7 +201,7 @@ impl FirstOrder {
                 *right += trial.control.drive(i, frequency, hold) * along.map[row * inputs + i] * lines[k];
             }
             let mut gain = fed_back(trial, along, hold, row, k);
-            *right -= gain.iter().zip(&error).map(|(g, e)| g * e[k]).sum::<Complex<f64>>();
+            *right -= gain.iter().zip(&read).map(|(g, e)| g * e[k]).sum::<Complex<f64>>();
             // Noise passes through H^-1, whatever part of J an estimator takes into its equation; `effort` weighs by the loop alone.
             if self != FirstOrder::Effort {
                 for (gain, linear) in gain.iter_mut().zip(linear) {
