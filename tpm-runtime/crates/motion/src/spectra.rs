@@ -270,10 +270,13 @@ impl Spectra {
         if !(step > 0.0 && self.has_whole_periods() && self.noise_bins > 0 && highest > 0) {
             return None;
         }
-        // White noise has E|n|^2 = 4 sigma^2 bandwidth / N in every line. Noise that differs from period to period
-        // dithers the quantiser just as sensor noise does.
+        // White noise has E|n|^2 = 4 sigma^2 bandwidth / N in every line. What differs from period to period at low frequencies alone is
+        // alike in neighbouring readings and dithers them together, so that as many rounding errors as there are periods do not average
+        // out: the highest quarter of the lines tells what noise dithers reading by reading.
         let samples = self.samples_per_period * self.periods as f64;
-        let power = (1..=highest).map(|k| self.variance(channel, k)).sum::<f64>() / highest as f64;
+        let upper = highest - highest / 4..=highest;
+        let count = upper.clone().count() as f64;
+        let power = upper.map(|k| self.variance(channel, k)).sum::<f64>() / count;
         let noise = noise_variance(power * samples / (4.0 * self.window.bandwidth() * step * step));
         if noise < LEAST_DITHER {
             return None;
@@ -356,17 +359,16 @@ fn is_whole(samples_per_period: f64) -> bool {
     (samples_per_period - samples_per_period.round()).abs() < 1e-9
 }
 
-/// The step of the grid on which all values lie, provided that there are more values than grid points between the
-/// extremes; zero otherwise.
+/// The step of the grid on which all values lie; zero where they lie on none. Values that lie on no grid fit to one by chance only where there
+/// are a few of them, however fine it is.
 pub fn step(values: &[f64]) -> f64 {
     let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
     let least = apart().fold(f64::INFINITY, f64::min);
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let fits = |difference: f64| {
         let steps = difference / least;
         (steps - steps.round()).abs() < MOST_OFF_GRID
     };
-    let counted = least.is_finite() && (high - low) / least < values.len() as f64 && apart().all(fits);
+    let counted = least.is_finite() && apart().all(fits);
     if counted { least } else { 0.0 }
 }
 
