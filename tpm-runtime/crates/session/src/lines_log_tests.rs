@@ -110,3 +110,36 @@ fn friction_that_a_belt_lacks_is_named() {
     let named = named.unwrap_or_else(|| panic!("{:?}", result.warnings));
     assert!((named.value - f2).abs() < 0.05 * f2 && named.gain > 0.9, "{named:?}");
 }
+
+/// A wheel in an integrating speed loop that a hand holds back: the loop answers the hand, so that no values explain both, and the model says
+/// less of the next reading than the last one does.
+#[test]
+fn a_load_that_the_model_lacks_leaves_no_result() {
+    let [a, b, c] = [0.02, 0.2, 20.0];
+    for (count, load) in [(0.1, 60.0), (16.7, 60.0), (16.7, 40.0)] {
+        let [mut speed, mut command] = [0.0_f64; 2];
+        let mut text = String::from("t_s,w,u\n");
+        for i in 0..480 {
+            let t = 0.011 * f64::from(i);
+            let read = (speed / count).round() * count;
+            command = (command + 0.02 * (300.0 - read)).clamp(0.0, 255.0);
+            writeln!(text, "{t:.3},{read:.2},{command:.0}").expect("a string takes everything");
+            let hand = if (1.3..1.8).contains(&t) || (2.7..3.2).contains(&t) { load } else { 0.0 };
+            for _ in 0..110 {
+                let left = command - b * speed;
+                speed = (speed + 1e-4 * (left - c - hand) / a).max(0.0);
+            }
+        }
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        let model = DeclaredModel::parse(
+            "Wheel",
+            "model Wheel { coordinate w [rad/s]; input u [V]; parameter a [V*s^2/rad], b [V*s/rad], c [V];
+            a*dot(w) + b*w + c*sign(w) = u; }",
+        )
+        .expect("a model");
+        let result = from_log(&model, LogRequest::new(file.path()).hold(Hold::Zoh)).expect("identifies");
+        assert!(result.shortfall.is_some(), "{count} {load}: {:?}", result.warnings);
+        assert!(result.parameters.iter().all(|own| own.status != Status::Identified), "{count} {load}");
+    }
+}
