@@ -1,9 +1,9 @@
-"""Errors of an identified UR10 beside the Cramer-Rao bound: `python3 cramer_rao.py TPM URDF [SEEDS] [RATE_HZ] [PERIODS]`.
+"""Errors of an identified arm beside the Cramer-Rao bound: `python3 cramer_rao.py TPM URDF [SEEDS] [RATE_HZ] [PERIODS]`.
 
-The torques are Pinocchio's (`pip install pin numpy`), not tpm's: the description's inertias, rotor inertia, viscous and dry friction
-at every joint. The motion is a finite Fourier series of eight harmonics of 0.1 Hz. Readings are rounded to 2^18 counts a turn; torques
-have white noise of 1 % of their largest value. The bound is that of the torques' noise, of a motion that is known. Every value that is
-printed with a deviation is compared: parameters that show by themselves, and combinations.
+The arm is a UR10, or another one of up to six joints. The torques are Pinocchio's (`pip install pin numpy`), not tpm's: the description's
+inertias, rotor inertia, viscous and dry friction at every joint. The motion is a finite Fourier series of eight harmonics of 0.1 Hz.
+Readings are rounded to 2^18 counts a turn; torques have white noise of 1 % of their largest value. The bound is that of the torques' noise,
+of a motion that is known. Every value that is printed with a deviation is compared: parameters that show by themselves, and combinations.
 """
 
 import json
@@ -24,10 +24,10 @@ ROTOR = np.array([0.9, 0.9, 0.3, 0.1, 0.1, 0.08])
 ORDER = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz"]
 
 
-def motion(times, rng):
+def motion(times, rng, joints):
     """Positions, rates and accelerations of a series that is the same for every seed of noise."""
     w = 2 * np.pi * FUNDAMENTAL * np.arange(1, HARMONICS + 1)
-    a, b = rng.normal(size=(2, HARMONICS, 6)) / np.arange(1, HARMONICS + 1)[:, None]
+    a, b = rng.normal(size=(2, HARMONICS, joints)) / np.arange(1, HARMONICS + 1)[:, None]
     size = 2 * w[0] * 1.2 / np.abs(a).sum(0).clip(1)
     a, b = a * size, b * size
     s, c = np.sin(np.outer(times, w)), np.cos(np.outer(times, w))
@@ -43,27 +43,27 @@ def truth_of(name, values):
     return total
 
 
-LINKS = ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]
-
-
 class Machine:
-    """A UR10 with friction along a motion: regressors of Pinocchio, true parameters, torques, and their noise."""
+    """An arm of up to six joints with friction along a motion: regressors of Pinocchio, true parameters, torques, and their noise."""
 
     def __init__(self, urdf, rate, periods):
         model = pin.buildModelFromUrdf(urdf)
         data, self.joints = model.createData(), list(model.names[1:])
-        links = dict(zip(self.joints, LINKS))
+        count = len(self.joints)
+        bodies = [frame for frame in model.frames if frame.type == pin.FrameType.BODY]
+        # The link that a joint moves; those behind fixed joints follow it.
+        self.links = [next(body.name for body in bodies if body.parentJoint == 1 + j) for j in range(count)]
         self.times = np.arange(int(periods / FUNDAMENTAL * rate)) / rate
-        self.q, self.v, a = motion(self.times, np.random.default_rng(1))
-        self.names = [f"{p}_{links[j]}" for j in self.joints for p in ORDER]
+        self.q, self.v, a = motion(self.times, np.random.default_rng(1), count)
+        self.names = [f"{p}_{link}" for link in self.links for p in ORDER]
         self.names += [f"{k}_{j}" for j in self.joints for k in ("fv", "fc", "Ia")]
         theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]])
-        theta = np.concatenate([theta, np.ravel(np.column_stack([VISCOUS, COULOMB, ROTOR]))])
-        self.rows = np.zeros((len(self.times), 6, len(self.names)))
+        theta = np.concatenate([theta, np.ravel(np.column_stack([VISCOUS, COULOMB, ROTOR])[:count])])
+        self.rows = np.zeros((len(self.times), count, len(self.names)))
         for k in range(len(self.times)):
-            self.rows[k, :, :60] = pin.computeJointTorqueRegressor(model, data, self.q[k], self.v[k], a[k])
-            for j in range(6):
-                self.rows[k, j, 60 + 3 * j : 63 + 3 * j] = self.v[k, j], np.sign(self.v[k, j]), a[k, j]
+            self.rows[k, :, : 10 * count] = pin.computeJointTorqueRegressor(model, data, self.q[k], self.v[k], a[k])
+            for j in range(count):
+                self.rows[k, j, 10 * count + 3 * j : 10 * count + 3 * j + 3] = self.v[k, j], np.sign(self.v[k, j]), a[k, j]
         self.torque = self.rows @ theta
         self.noise = TORQUE_NOISE * np.abs(self.torque).max(0)
         self.values = dict(zip(self.names, theta))
@@ -80,7 +80,7 @@ class Machine:
 
 def imported(tpm, urdf, folder, losses="viscous,coulomb,rotor"):
     """The description as a model."""
-    file = folder / "ur10.tpm"
+    file = folder / "arm.tpm"
     text = subprocess.run([tpm, "import", urdf, "--output", file, "--losses", losses], capture_output=True, text=True)
     if not file.exists():
         sys.exit(text.stderr)
@@ -103,7 +103,7 @@ def numbers(result):
 def main(tpm, urdf, seeds=50, rate=1000.0, periods=2.0):
     seeds, rate, periods = int(seeds), float(rate), float(periods)
     machine = Machine(urdf, rate, periods)
-    information = sum(machine.rows[:, j].T @ machine.rows[:, j] / machine.noise[j] ** 2 for j in range(6))
+    information = sum(machine.rows[:, j].T @ machine.rows[:, j] / machine.noise[j] ** 2 for j in range(len(machine.joints)))
     scale = np.sqrt(np.diag(information))
     scale[scale == 0] = 1
     bound = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)

@@ -1,8 +1,9 @@
-"""A UR10 that is not what its model says: `python3 wrong.py TPM URDF [SEEDS] [RATE_HZ]` (`pip install pin numpy`).
+"""An arm that is not what its model says: `python3 wrong.py TPM URDF [SEEDS] [RATE_HZ]` (`pip install pin numpy`).
 
-The machine of `cramer_rao.py`, with a fault in the machine, the log or the model. Counted, fault by fault: logs with numbers that are
-wrong beyond 3.5 stated deviations and 1 %, exit code 0 and no cause named (confident and wrong), logs in which a cause is named, logs of
-which it is said that they do not show a fault of the sensor that is off, exit codes 1, and the share of the true values inside the 95 % intervals.
+The machine of `cramer_rao.py`, a UR10 or the arm of two joints of `two_link.urdf`, with a fault in the machine, the log or the model.
+Counted, fault by fault: logs with numbers that are wrong beyond 3.5 stated deviations and 1 %, exit code 0 and no cause named (confident
+and wrong), logs in which a cause is named, logs of which it is said that they do not show a fault of the sensor that is off, exit codes,
+and the share of the true values inside the 95 % intervals.
 """
 
 import sys
@@ -17,32 +18,36 @@ CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplai
 
 
 def faults(machine):
-    """Name, losses of the model, torques and readings of the log, and factors of the true values by joint."""
-    torque, q = machine.torque, machine.q
-    swapped = [0, 2, 1, 3, 4, 5]
+    """Name, losses of the model, torques and readings of the log, and true values."""
+    torque, q, count = machine.torque, machine.q, len(machine.joints)
+    unit = np.eye(count)
+    all_losses = "viscous,coulomb,rotor"
+    # Two neighbours that lift the arm, and joints whose torques are scaled: one of the wrist and the one that turns the whole beside them.
+    first, second = (1, 2) if count > 2 else (0, 1)
+    scaled = [first, 4, 0] if count > 4 else [first, second]
+    exchanged = np.arange(count)
+    exchanged[[first, second]] = second, first
     late = np.roll(torque, -round(0.003 / (machine.times[1] - machine.times[0])) or -1, axis=0)
-    unit = np.eye(6)
-    signs = np.array([1, 1, -1, 1, 1, 1])
-    constants = np.array([12.7, 12.7, 9.2, 6.1, 6.1, 4.4])
-    payload = {name: value for name, value in machine.values.items()}
+    constants = np.array([12.7, 12.7, 9.2, 6.1, 6.1, 4.4])[:count]
+    loaded_values = dict(machine.values)
     for name, value in zip(["m", "mx", "my", "mz", "Ixx", "Iyy", "Izz"], [2.0, 0.1, 0.0, 0.16, 0.02, 0.025, 0.012]):
-        payload[f"{name}_wrist_3_link"] += value
-    loaded = machine.rows @ np.array([payload[name] for name in machine.names])
-    yield "right", "viscous,coulomb,rotor", torque, q, machine.values
+        loaded_values[f"{name}_{machine.links[-1]}"] += value
+    loaded = machine.rows @ np.array([loaded_values[name] for name in machine.names])
+    yield "right", all_losses, torque, q, machine.values
     yield "no dry friction in the model", "viscous,rotor", torque, q, machine.values
     yield "no viscous friction in the model", "coulomb,rotor", torque, q, machine.values
-    yield "torques recorded 3 ms early", "viscous,coulomb,rotor", late, q, machine.values
-    yield "offset of .02 rad of joint 2", "viscous,coulomb,rotor", torque, q + 0.02 * unit[1], machine.values
-    yield "offset of .02 rad of joint 3", "viscous,coulomb,rotor", torque, q + 0.02 * unit[2], machine.values
-    yield "offset of 5 N m of joint 3", "viscous,coulomb,rotor", torque + 5 * unit[2], q, machine.values
-    yield "a load of 2 kg, compared with the empty arm", "viscous,coulomb,rotor", loaded, q, payload
-    yield "joints 2 and 3 exchanged", "viscous,coulomb,rotor", torque, q[:, swapped], machine.values
-    yield "torque of joint 3 with the other sign", "viscous,coulomb,rotor", torque * signs, q, machine.values
-    yield "torque of joint 2 in A, 12 N m each", "viscous,coulomb,rotor", torque / (1 + 11 * unit[1]), q, machine.values
-    yield "torque of joint 5 in A, 12 N m each", "viscous,coulomb,rotor", torque / (1 + 11 * unit[4]), q, machine.values
-    yield "torque of joint 5 by 5 % too small", "viscous,coulomb,rotor", torque / (1 + 0.05 * unit[4]), q, machine.values
-    yield "torque of joint 1 by 5 % too small", "viscous,coulomb,rotor", torque / (1 + 0.05 * unit[0]), q, machine.values
-    yield "torques in A, constants of their own", "viscous,coulomb,rotor", torque / constants, q, machine.values
+    yield "torques recorded 3 ms early", all_losses, late, q, machine.values
+    for j in (first, second):
+        yield f"offset of .02 rad of joint {j + 1}", all_losses, torque, q + 0.02 * unit[j], machine.values
+    yield f"offset of 5 N m of joint {second + 1}", all_losses, torque + 5 * unit[second], q, machine.values
+    yield "a load of 2 kg, compared with the empty arm", all_losses, loaded, q, loaded_values
+    yield f"joints {first + 1} and {second + 1} exchanged", all_losses, torque, q[:, exchanged], machine.values
+    yield f"torque of joint {second + 1} with the other sign", all_losses, torque * (1 - 2 * unit[second]), q, machine.values
+    for j in scaled[:2]:
+        yield f"torque of joint {j + 1} in A, 12 N m each", all_losses, torque / (1 + 11 * unit[j]), q, machine.values
+    for j in scaled[1:]:
+        yield f"torque of joint {j + 1} by 5 % too small", all_losses, torque / (1 + 0.05 * unit[j]), q, machine.values
+    yield "torques in A, constants of their own", all_losses, torque / constants, q, machine.values
 
 
 def unseen(result):
