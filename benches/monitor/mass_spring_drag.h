@@ -3,7 +3,7 @@
 #define NOISE_VELOCITY 1e-3
 #define NOISE_ACCELERATION 2e-2
 #define SMALL 0.0
-static const double deviation[1] = {0.15};
+static const double deviation[1] = {0.1};
 
 static void machine(double *parameters)
 {
