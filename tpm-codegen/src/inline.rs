@@ -241,7 +241,7 @@ mod tests {
         let plain = model_of("");
         assert!(!plain.contains("mod run") && !plain.contains("fn mass_matrix") && !plain.contains("fn stroke"));
         let all = model_of(
-            "crate = my::rt; with(run, campaign, mass_matrix, forward_dynamics, estimator, strokes, forgetting);",
+            "crate = my::rt; with(run, campaign, mass_matrix, forward_dynamics, estimator, monitor, strokes, forgetting);",
         );
         for word in [
             "mod run",
@@ -278,7 +278,10 @@ mod tests {
             assert!(expansion.contains("compile_error") && expansion.contains(wanted), "{head}: {expansion}");
         }
         let unknown = model_of("with(runn);");
-        assert!(unknown.contains("there is no part `runn`") && unknown.contains("campaign, strokes"), "{unknown}");
+        assert!(
+            unknown.contains("there is no part `runn`") && unknown.contains("campaign, monitor, strokes"),
+            "{unknown}"
+        );
         assert!(model_of("with run;").contains("write `with("));
         let none = "with(campaign); model A { coordinate x; input u; parameter m; m*ddot(x) = u; }";
         let none = model(none.parse().expect("tokens")).to_string();

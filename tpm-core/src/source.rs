@@ -3,13 +3,14 @@
 /// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
 ///
 /// Each file imports its names from its parent module, which must re-export the names that `support` re-exports.
-pub const SUPPORT: [(&str, &str); 17] = [
+pub const SUPPORT: [(&str, &str); 18] = [
     ("accelerations", include_str!("support/accelerations.rs")),
     ("campaign", include_str!("support/campaign.rs")),
     ("error", include_str!("support/error.rs")),
     ("hyperbolic", include_str!("support/hyperbolic.rs")),
     ("label", include_str!("support/label.rs")),
     ("least_squares", include_str!("support/least_squares.rs")),
+    ("monitor", include_str!("support/monitor.rs")),
     ("phasor", include_str!("support/phasor.rs")),
     ("real", include_str!("support/real.rs")),
     ("run_estimate", include_str!("support/run_estimate.rs")),

@@ -48,8 +48,8 @@ use std::path::Path;
 /// `model! { with(run, campaign); model Name { ... } }` asks for parts that are not made without being asked for, those of
 /// `tpm generate --with`: `split`, `gravity`, `mass_matrix`, `forward_dynamics`, `base_regressor`, `estimator` (base parameters from any
 /// motion), `run` (the declared parameters from one run), `linearised` (the same by the estimators `error` and `hill`), `numerical` (from
-/// differences of runs), `campaign` (the machine identifies itself); and `strokes` and `forgetting`. What a model does not allow is an error
-/// on the word.
+/// differences of runs), `campaign` (the machine identifies itself), `monitor` (is it still the same?); and `strokes` and
+/// `forgetting`. What a model does not allow is an error on the word.
 ///
 /// `filter(W[:Q], sample_time = T[, independent = W[:Q]]);` adds the feed-forward behind low passes (rad/s, quality, seconds), and
 /// `identified(NAME = VALUE, ...);` the constant `IDENTIFIED` with a value for every parameter.

@@ -54,11 +54,13 @@ enum Part {
     Numerical,
     /// A whole campaign on the controller, run by run, over the estimator of a run: the machine identifies itself.
     Campaign,
+    /// A test whether the machine is still the one that was identified, with a stated rate of false alarms (and `estimator`).
+    Monitor,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    const ALL: [(Self, Requested); 10] = [
+    const ALL: [(Self, Requested); 11] = [
         (Self::Split, Requested::Split),
         (Self::Gravity, Requested::Gravity),
         (Self::MassMatrix, Requested::MassMatrix),
@@ -69,6 +71,7 @@ impl Part {
         (Self::Linearised, Requested::Linearised),
         (Self::Numerical, Requested::Numerical),
         (Self::Campaign, Requested::Campaign),
+        (Self::Monitor, Requested::Monitor),
     ];
 }
 

@@ -12,6 +12,7 @@ mod dynamics;
 mod expression;
 mod filter;
 mod layout;
+mod monitor;
 mod pattern;
 /// C99 of a regulator.
 pub mod regulator;
@@ -71,6 +72,7 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
     }
     dynamics::write(&mut context);
     requested::write(&mut context);
+    monitor::write(&mut context);
     filter::write(&mut context);
     pattern::write(&mut context);
     run::write(&mut context);

@@ -38,11 +38,13 @@ pub enum Part {
     Numerical,
     /// A whole campaign, run by run, over the estimator of a run, which it includes.
     Campaign,
+    /// A test whether the machine is still the one that was identified, over the estimator of base parameters, which it includes.
+    Monitor,
 }
 
 impl Part {
     /// All of them, in the order of the code.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Split,
         Self::Gravity,
         Self::MassMatrix,
@@ -53,6 +55,7 @@ impl Part {
         Self::Linearised,
         Self::Numerical,
         Self::Campaign,
+        Self::Monitor,
     ];
 
     /// The name of the part in requests.
@@ -69,6 +72,7 @@ impl Part {
             Self::Linearised => "linearised",
             Self::Numerical => "numerical",
             Self::Campaign => "campaign",
+            Self::Monitor => "monitor",
         }
     }
 
@@ -128,6 +132,7 @@ pub(super) struct Parts {
     pub(super) forward_dynamics: Option<Dynamics>,
     pub(super) base: Option<BasePlan>,
     pub(super) estimator: bool,
+    pub(super) monitor: bool,
     pub(super) linearised: bool,
     pub(super) numerical: bool,
 }
@@ -148,11 +153,12 @@ impl Parts {
             Part::Gravity => self.gravity = Some(forces::at_rest(model, form, mechanism)),
             Part::MassMatrix => self.mass_matrix = Some(dynamics()?.mass_matrix()),
             Part::ForwardDynamics => self.forward_dynamics = Some(dynamics()?),
-            Part::BaseRegressor | Part::Estimator => {
+            Part::BaseRegressor | Part::Estimator | Part::Monitor => {
                 if self.base.is_none() {
                     self.base = Some(BasePlan::new(model, form, &plan.evaluation)?);
                 }
-                self.estimator |= part == Part::Estimator;
+                self.estimator |= part != Part::BaseRegressor;
+                self.monitor |= part == Part::Monitor;
             }
         }
         Ok(())

@@ -19,6 +19,13 @@ pub(super) const ESTIMATOR: &str = "Least squares for the base parameters, sampl
 pub(super) const FADE: &str = "Lets all samples so far count `share` times, from 0 to 1. Called at regular times, it makes the past fade away, so that the\n\
      base parameters follow a machine that changes.";
 
+/// The documentation of the monitor.
+pub(super) const MONITOR: &str = "Whether the machine is still the one whose base parameters are known, from any motion. Blocks of samples are compared with what\n\
+     these parameters explain: sums of log-likelihood ratios, one for every base parameter and direction and one for the power that no\n\
+     parameters explain, begin again at zero, and their threshold follows from the false alarms per hour that are allowed. Parameters\n\
+     that may drift are left out of the tests of all others. A run-in measures the noise, whatever its colour; a block without motion says\n\
+     nothing, and nothing is wound up.";
+
 /// The forces at rest.
 pub(super) fn gravity(estimator: &EstimatorSource) -> Option<Function> {
     let plan = estimator.parts.gravity.as_ref()?;

@@ -145,6 +145,7 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
             hyperbolic: estimator.calls(Function::Tanh),
             accelerations: estimator.parts.forward_dynamics.is_some(),
             square_root: estimator.parts.estimator,
+            monitor: estimator.parts.monitor,
             run: estimator.run.is_some(),
             campaign: estimator.campaign.is_some(),
         }));

@@ -9,6 +9,7 @@ mod format;
 mod generate;
 mod language;
 mod lowering;
+mod monitor;
 mod newton_euler;
 #[path = "../../../tests/support/random.rs"]
 mod random;

@@ -28,7 +28,7 @@ const CASES: u64 = 2;
 const ROUNDINGS: f64 = 64.0;
 
 /// The functions of the crate `libm` that generated Rust calls, over those of the standard library.
-const LIBM: &str = "#![allow(non_snake_case)]
+pub(crate) const LIBM: &str = "#![allow(non_snake_case)]
 macro_rules! of { ($($name:ident $single:ident $method:ident),*) => {$(
     pub fn $name(x: f64) -> f64 { x.$method() } pub fn $single(x: f32) -> f32 { x.$method() })*} }
 macro_rules! of_two { ($($name:ident $single:ident $method:ident),*) => {$(

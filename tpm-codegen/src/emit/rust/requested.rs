@@ -23,13 +23,16 @@ pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
     if parts.estimator {
         names.extend(["NotFinite", "SquareRoot"]);
     }
+    if parts.monitor {
+        names.extend(["MonitorFault", "MonitorState", "Monitoring"]);
+    }
     names
 }
 
 /// All items of the requested parts.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {
-    let parts = [gravity(context), mass_matrix(context), forward_dynamics(context), base(context), estimator(context)];
-    parts.into_iter().collect()
+    let parts = [gravity, mass_matrix, forward_dynamics, base, estimator, monitor];
+    parts.into_iter().map(|part| part(context)).collect()
 }
 
 fn gravity(context: &Context<'_>) -> TokenStream {
@@ -294,6 +297,79 @@ fn estimator(context: &Context<'_>) -> TokenStream {
             #[must_use]
             pub fn whole(&self) -> Option<BaseParameters<T>> {
                 Some(BaseParameters { #(#names: self.parameters.#names?),* })
+            }
+        }
+    }
+}
+
+fn monitor(context: &Context<'_>) -> TokenStream {
+    if !context.estimator.parts.monitor {
+        return TokenStream::new();
+    }
+    let (columns, rows) = (count(base_fields(context).len()), count(context.names.rows.len()));
+    let about = doc(requested::MONITOR);
+    let constants = context.constants_handed_on();
+    let argument = context.constants_argument();
+    let support = match context.options.standalone {
+        true => quote!(support),
+        false => {
+            let runtime = &context.runtime;
+            quote!(#runtime::support)
+        }
+    };
+    quote! {
+        /// What a monitor watches, and how; arrays in the order of [`BASE_PARAMETERS`] and of the equations.
+        pub type MonitorRules<T> = #support::MonitorRules<T, #rows, #columns>;
+
+        #about
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Monitor<'a, T> {
+            rules: &'a MonitorRules<T>,
+            block: BaseEstimator<T>,
+            watch: Monitoring<T, #rows, #columns>,
+        }
+
+        impl<'a, T: Real> Monitor<'a, T> {
+            /// Begins with the run-in.
+            ///
+            /// # Errors
+            /// [`MonitorFault`] when the rules cannot be followed.
+            pub fn new(rules: &'a MonitorRules<T>) -> Result<Self, MonitorFault> {
+                rules.check()?;
+                Ok(Self { rules, block: BaseEstimator::new(), watch: Monitoring::default() })
+            }
+
+            /// Takes in the motion, as it is measured, of one instant while the machine stands still, before the run-in: what varies
+            /// then is noise, which looks like a change of parameters where the machine moves little. Without any, the motion
+            /// counts as exact.
+            pub fn rest(&mut self, motion: &Motion<T>, #constants) {
+                self.watch.rest(self.rules, &base_regressor(motion, #argument));
+            }
+
+            /// Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is false where
+            /// the sample is missing, or where an input was at its limit, so that the applied force is not known.
+            pub fn push(
+                &mut self,
+                motion: &Motion<T>,
+                forces: &Forces<T>,
+                whole: bool,
+                #constants
+            ) -> MonitorState<T> {
+                let deviations = Forces::from_array(self.rules.deviations);
+                let taken = whole && self.block.push(motion, forces, Some(&deviations), #argument).is_ok();
+                if self.watch.counts(self.rules, taken) {
+                    self.watch.judge(self.rules, &self.block.rows);
+                    self.block = BaseEstimator::new();
+                }
+                match self.watch.state() {
+                    MonitorState::RunIn | MonitorState::Watching(_) if !taken => MonitorState::LeftOut,
+                    state => state,
+                }
+            }
+
+            /// Forgets evidence and alarm, and keeps what was measured at rest and in the run-in: after an alarm that was seen to.
+            pub fn again(&mut self) {
+                self.watch.again();
             }
         }
     }

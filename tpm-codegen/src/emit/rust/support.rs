@@ -16,6 +16,8 @@ pub(super) struct Needs {
     pub(super) accelerations: bool,
     /// Least squares sample by sample.
     pub(super) square_root: bool,
+    /// The watch over base parameters, beside least squares sample by sample.
+    pub(super) monitor: bool,
     /// The estimator of a run.
     pub(super) run: bool,
     /// The order of a campaign.
@@ -24,7 +26,7 @@ pub(super) struct Needs {
 
 /// The module `support`.
 pub(super) fn text(needs: Needs) -> String {
-    let Needs { solves, hyperbolic, accelerations, square_root, run, campaign } = needs;
+    let Needs { solves, hyperbolic, accelerations, square_root, monitor, run, campaign } = needs;
     let square_root = square_root || run;
     let mut text = String::from(
         "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, reason = \"no model needs all of it\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
@@ -39,6 +41,9 @@ pub(super) fn text(needs: Needs) -> String {
     }
     if square_root {
         text.push_str("    pub use self::square_root::{NotFinite, Shown, SquareRoot};\n");
+    }
+    if monitor {
+        text.push_str("    pub use self::monitor::{MonitorFault, MonitorRules, MonitorState, Monitoring, Moved};\n");
     }
     if campaign {
         text.push_str(
@@ -59,6 +64,7 @@ pub(super) fn text(needs: Needs) -> String {
             "hyperbolic" => hyperbolic,
             "accelerations" => accelerations,
             "square_root" => square_root,
+            "monitor" => monitor,
             "campaign" => campaign,
             "phasor" => run,
             name if name.starts_with("run_") => run,
@@ -93,6 +99,7 @@ mod tests {
                 hyperbolic,
                 accelerations: hyperbolic,
                 square_root: solves,
+                monitor: solves,
                 run: hyperbolic,
                 campaign: false,
             });
