@@ -87,6 +87,10 @@ pub struct Identified {
     pub directions: Vec<Weights>,
     /// Combinations of parameters that the data determine although they do not determine each parameter alone.
     pub combinations: Vec<IdentifiedCombination>,
+    /// Covariance of the parameters, nothing for those that the data do not show; empty where it is not known.
+    pub covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of every combination with all parameters, and then with all combinations; empty where it is not known.
+    pub combination_covariance: Vec<Vec<Option<f64>>>,
 }
 
 /// Why the result of an identification cannot be used.
@@ -330,6 +334,10 @@ impl Identified {
             unobservable: Vec<BTreeMap<String, String>>,
             #[serde(default)]
             combinations: Vec<Combination>,
+            #[serde(default)]
+            covariance: Vec<Vec<Option<f64>>>,
+            #[serde(default)]
+            combination_covariance: Vec<Vec<Option<f64>>>,
         }
         #[derive(serde::Deserialize)]
         struct Parameter {
@@ -377,6 +385,8 @@ impl Identified {
             physical: parameters(file.physical),
             directions: file.unobservable.into_iter().map(weights).collect::<Result<_, _>>()?,
             combinations: file.combinations.into_iter().map(combination).collect::<Result<_, _>>()?,
+            covariance: file.covariance,
+            combination_covariance: file.combination_covariance,
         })
     }
 }

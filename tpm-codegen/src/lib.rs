@@ -168,6 +168,7 @@ pub mod inline;
 pub mod language;
 mod near;
 pub mod source;
+mod spread;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use findings::findings;

@@ -3,7 +3,7 @@
 
 tpm_macros::model! {
     crate = tpm_core;
-    with(campaign, mass_matrix, forward_dynamics, strokes);
+    with(campaign, mass_matrix, forward_dynamics, monitor, strokes);
     filter(200:0.7, sample_time = 1e-3);
     model Slide {
         coordinate x [m], q [rad];

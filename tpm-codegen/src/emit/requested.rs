@@ -4,10 +4,11 @@ use num_traits::{One, Signed, Zero};
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::plan::operation::Op;
 
-use super::estimator::EstimatorSource;
+use super::estimator::{EstimatorSource, Identified};
 use super::function::{Body, Function, Reads, entries};
 use super::names::derivative_text;
 use super::text;
+use crate::identified::Weights;
 
 /// The documentation of the estimator that takes in samples.
 pub(super) const ESTIMATOR: &str = "Least squares for the base parameters, sample by sample: every equation of a sample is rotated into a triangular factor\n\
@@ -25,6 +26,23 @@ pub(super) const MONITOR: &str = "Whether the machine is still the one whose bas
      parameters explain, begin again at zero, and their threshold follows from the false alarms per hour that are allowed. Parameters\n\
      that may drift are left out of the tests of all others. A run-in measures the noise, whatever its colour; a block without motion says\n\
      nothing, and nothing is wound up.";
+
+/// Documentation of the square root of the covariance of the identified base parameters.
+pub(super) const SPREAD: &str =
+    "A lower triangular S with S S^T the covariance of the identified base parameters, for a monitor's rules.";
+
+/// A square root of the covariance of the identified base parameters, for a monitor; nothing where the result does not tell it.
+pub(super) fn spread(estimator: &EstimatorSource, identified: Option<&Identified>) -> Option<Vec<Vec<f64>>> {
+    let base = estimator.parts.base.as_ref().filter(|_| estimator.parts.monitor)?;
+    let name = |column: usize| estimator.form.columns[column].name.to_string();
+    let sums: Vec<Weights> = (base.parameters.iter())
+        .map(|base| {
+            let others = base.others.iter().map(|(column, factor)| (name(*column), rational::to_f64(factor)));
+            others.chain([(name(base.column), 1.0)]).collect()
+        })
+        .collect();
+    identified?.spread(&sums)
+}
 
 /// The forces at rest.
 pub(super) fn gravity(estimator: &EstimatorSource) -> Option<Function> {

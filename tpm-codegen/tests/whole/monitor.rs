@@ -65,6 +65,12 @@ fn samples(after: [f64; 3], odd: f64) -> Vec<Sample> {
     list
 }
 
+/// Position, velocity and acceleration while it stands still.
+fn rest() -> Vec<[f64; 3]> {
+    let part = |i: usize, factor: usize, modulus: usize| (i * factor % modulus) as f64 - (modulus / 2) as f64;
+    (0..64).map(|i| [0.1 + 1e-4 * part(i, 37, 11), 1e-3 * part(i, 17, 7), 2e-2 * part(i, 29, 13)]).collect()
+}
+
 /// What a monitor says after its last sample: its state, the parameter, the change and its deviation.
 #[derive(Debug, PartialEq)]
 struct Said {
@@ -88,6 +94,11 @@ fn twin(samples: &[Sample]) -> Said {
     let mut powers: Vec<f64> = Vec::new();
     let mut sums = [[[0.0; 3]; 2]; 3];
     let mut power_sum = 0.0;
+    let still: Vec<[f64; 3]> = rest().into_iter().map(|[x, v, a]| [a, x, v * v]).collect();
+    let mean = |i: usize| still.iter().map(|row| row[i]).sum::<f64>() / still.len() as f64;
+    let product = |i: usize, j: usize| {
+        still.iter().map(|row| (row[i] - mean(i)) * (row[j] - mean(j))).sum::<f64>() / still.len() as f64
+    };
     for (number, block) in samples.chunks(BLOCK).enumerate() {
         let rows: Vec<[f64; 4]> = (block.iter())
             .filter(|(sample, whole)| *whole && sample.iter().all(|value| value.is_finite()))
@@ -102,6 +113,16 @@ fn twin(samples: &[Sample]) -> Said {
                 if j == 2 { gram(a, b) } else { gram(a, b) - gram(a, 2) * gram(b, 2) / gram(2, 2) }
             };
             let (score, information) = (beside(j, 3), beside(j, j));
+            let weight = |i: usize| match i == j {
+                true => 1.0,
+                false if i == 2 => gram(j, 2) / gram(2, 2),
+                false => 0.0,
+            };
+            let lost = |i: usize| (0..3).map(|k| (product(i, k) * VALUES[k]).abs()).sum::<f64>() * rows.len() as f64;
+            let noise = (0..3).map(|i| weight(i).abs() * lost(i)).sum::<f64>() / information;
+            if noise >= 0.5 * changes[j] {
+                continue;
+            }
             if learned[j].len() < RUN_IN {
                 learned[j].push((score, information));
                 continue;
@@ -112,7 +133,7 @@ fn twin(samples: &[Sample]) -> Said {
             let variance = (squares - all * all / whole) / freedom * upper(freedom);
             let spread: f64 =
                 (0..3).map(|i| (beside(j, i) / information * SPREAD * VALUES[i]).powi(2)).sum::<f64>().sqrt();
-            let blind = (2.0 * (6.0_f64 / 1e-3).ln()).sqrt() * spread;
+            let blind = (2.0 * (6.0_f64 / 1e-3).ln()).sqrt() * spread + noise;
             if blind >= changes[j] {
                 continue;
             }
@@ -178,10 +199,14 @@ fn determinant(size: usize, gram: &dyn Fn(usize, usize) -> f64) -> f64 {
 }
 
 fn lines(samples: &[Sample]) -> String {
-    samples.iter().fold(String::new(), |mut text, ([x, v, a, f], whole)| {
-        let _ = writeln!(text, "{x:e} {v:e} {a:e} {f:e} {}", u8::from(*whole));
+    let mut text = rest().iter().fold(String::new(), |mut text, [x, v, a]| {
+        let _ = writeln!(text, "{x:e} {v:e} {a:e} 0 2");
         text
-    })
+    });
+    samples.iter().for_each(|([x, v, a, f], whole)| {
+        let _ = writeln!(text, "{x:e} {v:e} {a:e} {f:e} {}", u8::from(*whole));
+    });
+    text
 }
 
 /// Reads what a program prints: the block, the state, then numbers.

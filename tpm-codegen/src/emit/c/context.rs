@@ -36,7 +36,7 @@ pub struct Options<'a> {
 
 /// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
 /// equal one of them.
-const DYNAMICS: [&str; 96] = [
+const DYNAMICS: [&str; 106] = [
     "accelerations",
     "base",
     "base_accumulate",
@@ -66,6 +66,7 @@ const DYNAMICS: [&str; 96] = [
     "forward_dynamics",
     "gravity",
     "identified",
+    "identified_spread",
     "independent_low_pass",
     "input_labels",
     "input_map",
@@ -77,6 +78,15 @@ const DYNAMICS: [&str; 96] = [
     "low_pass_settle",
     "lump",
     "mass_matrix",
+    "monitor",
+    "monitor_again",
+    "monitor_begin",
+    "monitor_evidence",
+    "monitor_push",
+    "monitor_rest",
+    "monitor_rules",
+    "monitor_state",
+    "monitor_watched",
     "motion",
     "parameter_labels",
     "parameters",

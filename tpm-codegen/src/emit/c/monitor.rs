@@ -250,6 +250,17 @@ pub(super) fn write(context: &mut Context<'_>) {
     }
     let scalar = context.scalar;
     let (real, size, rows) = (scalar.name(), context.constant("BASE_PARAMETERS"), context.constant("EQUATIONS"));
+    if let Some(spread) = requested::spread(context.estimator, context.identified) {
+        let declaration = format!("const {real} {}[{size}][{size}]", context.global("identified_spread"));
+        context.header.push_str(&format!("\n{}extern {declaration};\n", doc(0, requested::SPREAD)));
+        let lines: String = (spread.iter())
+            .map(|row| {
+                let entries: Vec<String> = row.iter().map(|entry| scalar.literal(*entry)).collect();
+                format!("    {{{}}},\n", entries.join(", "))
+            })
+            .collect();
+        context.source.push_str(&format!("\n{declaration} = {{\n{lines}}};\n"));
+    }
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
     let rules = [
         field("The base parameters of the machine as it was identified.", format!("{real} values[{size}]")),
@@ -346,9 +357,11 @@ pub(super) fn write(context: &mut Context<'_>) {
          parameter, or the run-in fewer than 20 blocks; the monitor must not be used then. The rules must outlive the monitor.",
         context.constant("UNDETERMINED")
     );
-    let deviations: String =
-        context.names.rows.iter().map(|names| format!("        || !IN(rules->deviations.{})\n", names.field)).collect();
-    let body = filled(&BEGIN.replace("    DEVIATIONS\n", &deviations.replace("IN(", "is_positive(")), &words);
+    // Names of the model come in after the words, which they might equal.
+    let deviations: String = (context.names.rows.iter())
+        .map(|names| format!("        || !is_positive(rules->deviations.{})\n", names.field))
+        .collect();
+    let body = filled(BEGIN, &words).replace("    DEVIATIONS\n", &deviations);
     let helper = filled(POSITIVE, &words);
     context.source.push_str(&helper);
     let rules = Parameter::new(format!("const {} *rules", context.global("monitor_rules")));
@@ -357,30 +370,21 @@ pub(super) fn write(context: &mut Context<'_>) {
     let argument = context.constants_argument();
     let list: Vec<String> =
         context.names.rows.iter().map(|names| format!("monitor->rules->deviations.{}", names.field)).collect();
-    let body = filled(
-        &REST
-            .replace("REGRESSOR", &format!("{}(motion{argument}, matrix);", context.global("base_regressor")))
-            .replace("DEVIATION_LIST", &list.join(",\n                                   ")),
-        &words,
-    );
+    let body = filled(REST, &words)
+        .replace("REGRESSOR", &format!("{}(motion{argument}, matrix);", context.global("base_regressor")))
+        .replace("DEVIATION_LIST", &list.join(",\n                                   "));
     let mut parameters = vec![pointer.clone(), motion.clone()];
     parameters.extend(context.constants_parameter(true));
     let about = "Takes in the motion, as it is measured, of one instant while the machine stands still, before the run-in: what varies then\n\
                  is noise, which looks like a change of parameters where the machine moves little. Without any, the motion counts as exact.";
     context.function(&context.global("monitor_rest"), about, "void", &parameters, &body);
     // A sample.
-    let body = filled(
-        &PUSH
-            .replace(
-                "ACCUMULATE",
-                &format!(
-                    "{}(&monitor->block, motion{argument}, applied, &monitor->rules->deviations) == OK",
-                    context.global("base_accumulate")
-                ),
-            )
-            .replace("CLEAR", &context.global("base_estimator_clear")),
-        &words,
+    let accumulate = format!(
+        "{}(&monitor->block, motion{argument}, applied, &monitor->rules->deviations) == {}",
+        context.global("base_accumulate"),
+        context.constant("OK")
     );
+    let body = filled(PUSH, &words).replace("ACCUMULATE", &accumulate);
     parameters.push(Parameter::new(format!("const {} *applied", context.global("forces"))));
     parameters.push(Parameter::new("int whole".to_owned()));
     let about = "Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is 0 where the sample is\n\
@@ -399,7 +403,7 @@ static int is_positive(REAL value)
 }
 ";
 
-const BEGIN: &str = "    static const MONITOR nothing = {0};
+const BEGIN: &str = "    static const WATCHED unheard = {0};
     size_t i, j;
 
     if (!is_positive(rules->sample_time) || !is_positive(rules->false_alarms)
@@ -418,7 +422,28 @@ const BEGIN: &str = "    static const MONITOR nothing = {0};
             }
         }
     }
-    *monitor = nothing;
+    for (j = 0; j < COLUMNS; ++j) {
+        for (i = 0; i < ROWS; ++i) {
+            monitor->mean[i][j] = ZERO;
+        }
+        for (i = 0; i < COLUMNS; ++i) {
+            monitor->products[i][j] = ZERO;
+        }
+        monitor->parameters[j] = unheard;
+    }
+    CLEAR(&monitor->block);
+    monitor->unexplained = unheard.sides[0];
+    monitor->left = ZERO;
+    monitor->squares = ZERO;
+    monitor->rests = ZERO;
+    monitor->change = ZERO;
+    monitor->deviation = ZERO;
+    monitor->growth = ZERO;
+    monitor->moved = 0;
+    monitor->testable = 0;
+    monitor->blocks = 0;
+    monitor->samples = 0;
+    monitor->taken = 0;
     monitor->rules = rules;
     monitor->state = RUN_IN;
     return OK;
@@ -500,6 +525,7 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("LEFT_OUT", context.constant("MONITOR_LEFT_OUT")),
         ("MOVED", context.constant("MONITOR_MOVED")),
         ("UNEXPLAINED", context.constant("MONITOR_UNEXPLAINED")),
+        ("CLEAR", context.global("base_estimator_clear")),
         ("OK", context.constant("OK")),
         ("UNDETERMINED", context.constant("UNDETERMINED")),
         ("EPSILON", scalar.epsilon().to_owned()),

@@ -8,7 +8,7 @@ use super::super::function::{Body, Function};
 use super::super::requested;
 use super::super::text;
 use super::context::Context;
-use super::expression::Writer;
+use super::expression::{Writer, literal};
 use super::names::ident;
 use super::record::{Field, count, doc, record};
 use super::shapes::{arguments, force_fields, label, matrix, quantity_fields, structure};
@@ -317,7 +317,20 @@ fn monitor(context: &Context<'_>) -> TokenStream {
             quote!(#runtime::support)
         }
     };
+    let spread = requested::spread(context.estimator, context.options.identified).map(|spread| {
+        let about = doc(requested::SPREAD);
+        let rows = spread.iter().map(|row| {
+            let entries = row.iter().map(|entry| literal(*entry));
+            quote!([#(#entries),*])
+        });
+        quote! {
+            #about
+            pub const IDENTIFIED_SPREAD: [[f64; #columns]; #columns] = [#(#rows),*];
+        }
+    });
     quote! {
+        #spread
+
         /// What a monitor watches, and how; arrays in the order of [`BASE_PARAMETERS`] and of the equations.
         pub type MonitorRules<T> = #support::MonitorRules<T, #rows, #columns>;
 

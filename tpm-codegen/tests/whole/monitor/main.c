@@ -54,6 +54,10 @@ int main(void)
         force = (REAL)given[3];
         memcpy(&motion, q, sizeof motion);
         memcpy(&applied, &force, sizeof applied);
+        if (whole == 2) {
+            slider_monitor_rest(&monitor, &motion);
+            continue;
+        }
         state = slider_monitor_push(&monitor, &motion, &applied, whole);
         /* A sample that is not whole is left out, and says so. */
         if (state != SLIDER_MONITOR_MOVED && state != SLIDER_MONITOR_UNEXPLAINED

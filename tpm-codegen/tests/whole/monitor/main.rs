@@ -24,10 +24,15 @@ fn main() {
     let mut monitor = Monitor::new(&rules).expect("good rules");
     let text = std::io::read_to_string(std::io::stdin()).expect("text");
     let mut last = MonitorState::RunIn;
-    for (number, line) in text.lines().enumerate() {
+    let mut number = 0;
+    for line in text.lines() {
         let values: Vec<f64> = line.split(' ').map(|word| word.parse().expect("a number")).collect();
         let whole = values[4] == 1.0;
         let motion = Motion::from_array(&[values[0], values[1], values[2]]);
+        if values[4] == 2.0 {
+            monitor.rest(&motion);
+            continue;
+        }
         let state = monitor.push(&motion, &Forces::from_array([values[3]]), whole);
         match state {
             MonitorState::Moved(moved) => {
@@ -43,6 +48,7 @@ fn main() {
         if state != MonitorState::LeftOut {
             last = state;
         }
+        number += 1;
     }
-    println!("{} {} 0 0 0", text.lines().count() / 50, usize::from(matches!(last, MonitorState::Watching(_))));
+    println!("{} {} 0 0 0", number / 50, usize::from(matches!(last, MonitorState::Watching(_))));
 }

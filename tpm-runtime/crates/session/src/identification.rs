@@ -316,6 +316,8 @@ impl From<&Identification> for Identified {
             physical: result.physical.iter().map(parameter).collect(),
             directions: result.unobservable.iter().map(weights).collect(),
             combinations: result.combinations.iter().map(combination).collect(),
+            covariance: result.covariance.clone(),
+            combination_covariance: result.combination_covariance.clone(),
         }
     }
 }
