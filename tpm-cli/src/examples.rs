@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
-const EXAMPLES: [(&str, &str); 41] = [
+const EXAMPLES: [(&str, &str); 42] = [
     ("actuator", "tpm actuator cart.tpm --motor motors.toml --params values.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),
@@ -15,6 +15,7 @@ const EXAMPLES: [(&str, &str); 41] = [
     ("check", "tpm check cart.tpm"),
     ("compare", "tpm compare before.json after.json"),
     ("completions", "tpm completions bash"),
+    ("convert", "tpm convert log.mat --to csv"),
     ("demo", "tpm demo"),
     ("design", "tpm design cart.tpm --experiment cart.toml"),
     (

@@ -55,6 +55,8 @@ enum Command {
     Demo(verbs::demo::Args),
     /// Propose experiments that show the most within the limits.
     Design(Box<verbs::design::Args>),
+    /// Write a log in another format: CSV, MCAP or Parquet.
+    Convert(verbs::convert::Args),
     /// Compare two results of identifications: what changed, in their joint covariance.
     Compare(verbs::compare::Args),
     /// Make an input that excites a band of frequencies: noise, multisine or chirp, as a run to be played.
@@ -160,6 +162,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Completions(args) => verbs::shell::completions(args, command()),
         Command::Demo(args) => verbs::demo::run(args, line),
         Command::Design(args) => verbs::design::run(args),
+        Command::Convert(args) => verbs::convert::run(args),
         Command::Compare(args) => verbs::compare::run(args),
         Command::Excite(args) => verbs::excite::run(args),
         Command::Expand(args) => verbs::expand::run(args),

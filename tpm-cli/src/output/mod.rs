@@ -3,6 +3,7 @@
 pub(crate) mod file;
 pub(crate) mod picture;
 pub(crate) mod progress;
+pub(crate) mod recording;
 pub(crate) mod report;
 pub(crate) mod terminal;
 

@@ -7,7 +7,7 @@ use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
 use crate::interrupt;
-use crate::output::{file, progress, report, writable};
+use crate::output::{file, progress, recording, report, writable};
 use crate::render::campaign::Watched;
 use crate::render::flags;
 use crate::render::method::Style;
@@ -64,6 +64,9 @@ pub(crate) struct Args {
     /// parameters with intervals, correlations; of a campaign a table of the runs too.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    /// Record measured, predicted and simulated motion of the logs in this MCAP file, for PlotJuggler, Foxglove and Rerun.
+    #[arg(long, value_name = "FILE.mcap", requires = "log")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     issue: IssueArgs,
     /// Also show how the method came to the parameters: run by run the harmonics of error and inputs beside their prediction, the matrix
@@ -120,6 +123,7 @@ impl From<WeightsChoice> for Weights {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     writable(args.output.as_deref(), args.report.as_deref())?;
+    recording::possible(args.record.as_deref())?;
     match args.log.as_slice() {
         [] if is_log(&args.file) => propose(args),
         [] => simulated(args),
@@ -147,19 +151,22 @@ pub(crate) fn run(args: &Args) -> Outcome {
                     ..std::mem::take(&mut request.estimation)
                 };
             }
-            let kept = args.report.as_ref().map(|_| requests.clone());
+            let kept = (args.report.is_some() || args.record.is_some()).then(|| requests.clone());
             let result = from_logs(&model, requests)?;
             print(&result, args.json, args.output.as_deref())?;
-            if let (Some(folder), Some(requests)) = (&args.report, kept) {
+            if let Some(requests) = kept {
                 let shown = evidence(&model, requests, &result).unwrap_or_else(|error| {
-                    file::remark(&format!(
-                        "remark: the report is without measured against model: {}",
-                        flags::error(&error)
-                    ));
+                    let why = flags::error(&error);
+                    file::remark(&format!("remark: measured is not compared with the model: {why}"));
                     Vec::new()
                 });
-                let document = Document::of_identification(&result, &shown, &flags::remedy);
-                report::write(folder, &document.issued(args.issue.now()), &[])?;
+                if let Some(folder) = &args.report {
+                    let document = Document::of_identification(&result, &shown, &flags::remedy);
+                    report::write(folder, &document.issued(args.issue.now()), &[])?;
+                }
+                if let Some(path) = &args.record {
+                    recording::write(path, &shown)?;
+                }
             }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }

@@ -6,7 +6,7 @@ use crate::input::experiment::model;
 use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
-use crate::output::{file, report, writable};
+use crate::output::{file, recording, report, writable};
 use crate::render::flags;
 use std::path::PathBuf;
 use tpm_runtime::document::Document;
@@ -36,6 +36,9 @@ pub(crate) struct Args {
     /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    /// Record measured, predicted and simulated motion in this MCAP file, for PlotJuggler, Foxglove and Rerun.
+    #[arg(long, value_name = "FILE.mcap")]
+    record: Option<PathBuf>,
     #[command(flatten)]
     issue: IssueArgs,
     /// Print JSON (tpm.validation/1).
@@ -49,6 +52,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     writable(args.output.as_deref(), args.report.as_deref())?;
+    recording::possible(args.record.as_deref())?;
     let model = model(&args.file)?;
     let text = tpm_runtime::report::read_text(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text, model.evaluated().name())?;
@@ -66,6 +70,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
     if let Some(folder) = &args.report {
         report::write(folder, &Document::from(&result).issued(args.issue.now()), &[])?;
+    }
+    if let Some(path) = &args.record {
+        recording::write(path, std::slice::from_ref(&result))?;
     }
     result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
 }

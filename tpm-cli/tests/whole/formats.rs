@@ -5,6 +5,7 @@ use serde_json::Value;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
+use std::process::Output;
 
 /// m, k1, k2 of `models/mass_spring_drag.tpm`.
 const TRUTH: [f64; 3] = [2.0, 40.0, 1.5];
@@ -129,4 +130,87 @@ fn the_command_that_init_prints_for_a_log_pastes_into_a_shell() {
     for (k, truth) in [0.02, 0.3].into_iter().enumerate() {
         assert!((value(k) / truth - 1.0).abs() < 0.02, "{k}: {} {truth}", value(k));
     }
+}
+
+#[test]
+fn a_log_is_converted_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let there = |name: &str| folder.path().join(name).exists();
+    let lines: String = sweep()
+        .iter()
+        .map(|row| format!("{},{},{},idle\n", (1000.0 * row[0]).round(), 1e3 * row[1], force(*row)))
+        .collect();
+    std::fs::write(folder.path().join("run.txt"), format!("time [ms],x [mm],u,mode\n{lines}")).expect("writable");
+    let output = tpm_in(folder.path(), &["convert", "run.txt", "--to", "csv"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && output.stdout.is_empty(), "{said}");
+    assert!(said.contains("`mode` is left out: `idle` in line 2 is no number"), "{said}");
+    assert!(said.contains("run.csv: 3000 rows, time and 2 columns"), "{said}");
+    let expected = identified(folder.path(), &["--log", "run.txt"]);
+    assert_eq!(identified(folder.path(), &["--log", "run.csv"]), expected);
+    // Not over a file of the user.
+    let before = std::fs::read(folder.path().join("run.csv")).expect("written");
+    let refused = |arguments: &[&str]| {
+        let output = tpm_in(folder.path(), arguments);
+        assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{arguments:?}");
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let message = refused(&["convert", "run.txt", "--to", "csv"]);
+    assert!(message.contains("run.csv is there already; type another name (-o)"), "{message}");
+    assert_eq!(std::fs::read(folder.path().join("run.csv")).expect("untouched"), before);
+    let message = refused(&["convert", "none.txt", "--to", "csv"]);
+    assert!(message.contains("none.txt") && !there("none.csv"), "{message}");
+    // Formats that are features, of this build or not.
+    for format in ["mcap", "parquet"] {
+        let other = format!("run.{format}");
+        let output = tpm_in(folder.path(), &["convert", "run.txt", "--to", format]);
+        if output.status.success() {
+            for ((value, std), (own, _)) in identified(folder.path(), &["--log", &other]).iter().zip(&expected) {
+                assert!((value - own).abs() < 1e-6 * std, "{format}: {value} {own}");
+            }
+        } else {
+            assert_without(&output, format);
+            assert!(!there(&other));
+        }
+    }
+}
+
+/// Asserts that a format was refused because it is a feature that this build is without.
+fn assert_without(output: &Output, feature: &str) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{said}");
+    assert!(said.contains(&format!("with the feature `{feature}` only")), "{said}");
+}
+
+#[test]
+fn what_a_result_makes_of_a_log_is_recorded() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let lines: String = sweep().iter().map(|row| format!("{},{},{}\n", row[0], row[1], force(*row))).collect();
+    std::fs::write(folder.path().join("run.csv"), format!("t_s,x,u\n{lines}")).expect("writable");
+    let model = root().join("models/mass_spring_drag.tpm").display().to_string();
+    let identify = ["identify", &model, "--log", "run.csv", "--record", "seen.mcap"];
+    let output = tpm_in(folder.path(), &identify);
+    if !output.status.success() {
+        assert_without(&output, "mcap");
+        assert!(!folder.path().join("seen.mcap").exists());
+        return;
+    }
+    let seen = printed_in(
+        folder.path(),
+        &["convert", "seen.mcap", "--to", "csv", "-o", "-", "--map", "t_s=/measured:stamp"],
+        0,
+    );
+    let (header, rows) = seen.split_once('\n').expect("a header");
+    let at = |name: &str| header.split(',').position(|of| of == name).unwrap_or_else(|| panic!("{name}: {header}"));
+    let places = ["measured", "predicted", "residual", "free_run"].map(|name| at(&format!("/{name}:position.x [m]")));
+    let log = sweep();
+    let mut compared = 0;
+    for row in rows.lines() {
+        let fields: Vec<f64> = row.split(',').map(|field| field.parse().unwrap_or(f64::NAN)).collect();
+        let [seen, predicted, residual, free] = places.map(|at| fields[at]);
+        assert_eq!(residual, seen - predicted);
+        assert!((free - seen).abs() < 5e-3, "{row}");
+        compared += usize::from(log.iter().any(|own| own[1] == seen));
+    }
+    assert!(compared > 1000, "{compared}");
 }

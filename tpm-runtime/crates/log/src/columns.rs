@@ -22,6 +22,16 @@ impl ColumnName {
     }
 }
 
+/// A text where a number belongs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct NotedText {
+    /// Place of its column among the selected ones.
+    pub(super) field: usize,
+    /// Line of the text.
+    pub(super) line: u64,
+    pub(super) text: String,
+}
+
 /// A table of numbers in a file, whatever its format is.
 ///
 /// Names and units are settled by the caller, who then selects the columns that it needs, and takes them row by row.
@@ -46,6 +56,15 @@ pub(super) trait Columns {
     /// # Errors
     /// [`LogError`] when the row cannot be read.
     fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError>;
+
+    /// From now on a text where a number belongs is a missing reading that is noted, not a fault, in the selected columns from this place
+    /// on. Formats whose columns hold nothing but numbers have none.
+    fn note_texts(&mut self, _from: usize) {}
+
+    /// What was noted so far: the first text of each selected column that has one.
+    fn noted_texts(&self) -> Vec<NotedText> {
+        Vec::new()
+    }
 
     /// Text of a selected field of the last row, for messages.
     fn text(&self, field: usize) -> String;

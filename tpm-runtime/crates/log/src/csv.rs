@@ -1,12 +1,13 @@
 //! Tables of text: numbers in columns, line by line.
 
 use crate::assumption::Assumption;
-use crate::columns::{ColumnName, Columns};
+use crate::columns::{ColumnName, Columns, NotedText};
 use crate::dates::Date;
 use crate::dialect::{Counted, Dialect, is_comment, number, split};
 use crate::error::LogError;
 use crate::stamps::{Resolution, last_digit};
 use std::borrow::Cow;
+use std::collections::{BTreeMap, HashSet};
 use std::io::Read;
 use std::ops::Range;
 
@@ -129,6 +130,10 @@ pub(super) struct Csv<R> {
     between: (u64, u64),
     /// Whether the last line is text.
     is_text: bool,
+    /// The place among the selected columns from which on texts are noted; nothing where they are faults.
+    noted_from: Option<usize>,
+    /// Line and text of the first text in each selected column that has one.
+    noted: BTreeMap<usize, (u64, String)>,
 }
 
 impl<R: Read> Csv<R> {
@@ -182,6 +187,8 @@ impl<R: Read> Csv<R> {
             epoch: None,
             between: (0, 0),
             is_text: false,
+            noted_from: None,
+            noted: BTreeMap::new(),
         };
         // Comments above the first row of numbers are counted; the other lines there were parsed with the dialect.
         while csv.line + 1 < csv.dialect.data_line {
@@ -244,13 +251,14 @@ impl<R: Read> Csv<R> {
         let mut places = Vec::new();
         let counted = Counted::of(line, self.dialect.separator, self.dialect.decimal.unwrap_or(b'.'), &mut places);
         let columns = self.dialect.header.len();
-        let text = |&(from, to): &(u32, u32)| &line[from as usize..to as usize];
-        let mut names =
-            places.iter().zip(&self.dialect.header).filter(|(place, own)| text(place) != own.text.as_bytes());
-        let moved = names.any(|(place, _)| self.dialect.header.iter().any(|of| of.text.as_bytes() == text(place)));
+        let is_moved = || {
+            let names: HashSet<&[u8]> = self.dialect.header.iter().map(|own| own.text.as_bytes()).collect();
+            let fields = places.iter().map(|&(from, to)| &line[from as usize..to as usize]);
+            fields.zip(&self.dialect.header).any(|(field, own)| field != own.text.as_bytes() && names.contains(field))
+        };
         // A quote that is opened and not closed has swallowed what stands behind it.
         let open_quote = line.iter().filter(|byte| **byte == b'"').count() % 2 == 1;
-        let foreign = if counted.fields == columns { counted.numbers == 0 && !moved } else { !counted.is_data() };
+        let foreign = if counted.fields == columns { counted.numbers == 0 && !is_moved() } else { !counted.is_data() };
         let is_text = foreign && !open_quote;
         if is_text {
             self.is_text = true;
@@ -279,6 +287,23 @@ impl<R: Read> Csv<R> {
             None => return false,
         };
         text.as_bytes().contains(&other) && number(text.as_bytes(), other).is_some_and(f64::is_finite)
+    }
+
+    /// A missing reading in place of a field that is neither a number nor missing, where these are noted.
+    ///
+    /// # Errors
+    /// The fault of the field where they are not.
+    fn note(&mut self, field: usize) -> Result<f64, LogError> {
+        if self.noted_from.is_none_or(|from| field < from) {
+            return Err(self.fault(field));
+        }
+        if !self.noted.contains_key(&field) {
+            match self.fault(field) {
+                LogError::NotANumber { line, text, .. } => self.noted.insert(field, (line, text)),
+                other => return Err(other),
+            };
+        }
+        Ok(f64::NAN)
     }
 
     /// The fault of a field that is neither a number nor missing.
@@ -329,6 +354,16 @@ impl<R: Read> Columns for Csv<R> {
 
     fn select(&mut self, wanted: &[usize]) {
         self.wanted = wanted.to_vec();
+        self.noted.clear();
+    }
+
+    fn note_texts(&mut self, from: usize) {
+        self.noted_from = Some(from);
+    }
+
+    fn noted_texts(&self) -> Vec<NotedText> {
+        let noted = self.noted.iter();
+        noted.map(|(&field, (line, text))| NotedText { field, line: *line, text: text.clone() }).collect()
     }
 
     fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError> {
@@ -370,9 +405,10 @@ impl<R: Read> Columns for Csv<R> {
                     expected: columns as u64,
                 });
             }
-            for (field, value) in values.iter_mut().enumerate().take(self.wanted.len()) {
+            let mut has_numbers = false;
+            for field in 0..self.wanted.len() {
                 let read = number(self.field(field), self.dialect.decimal.unwrap_or(b'.'));
-                *value = match read {
+                values[field] = match read {
                     // Stamps are dates throughout.
                     Some(number) if field == 0 && self.epoch.is_some() && number.is_finite() => {
                         return Err(self.fault(field));
@@ -387,10 +423,11 @@ impl<R: Read> Columns for Csv<R> {
                     }
                     None => match self.date(field) {
                         Some(stamp) => stamp,
-                        None if self.take_text(values) => return Ok(Some(self.line)),
-                        None => return Err(self.fault(field)),
+                        None if !has_numbers && self.take_text(values) => return Ok(Some(self.line)),
+                        None => self.note(field)?,
                     },
                 };
+                has_numbers |= !values[field].is_nan();
                 if self.dialect.decimal.is_none() && self.field(field).contains(&b'.') {
                     self.dialect.decimal = Some(b'.');
                 }

@@ -159,13 +159,12 @@ impl Names<'_> {
         Ok(Plan { time, places, optional: also, assumptions })
     }
 
-    /// Finds the column of the time, and takes every other column, except those left out, for a signal of the column's
-    /// own name and unit. Factors and offsets are given by these names; only the time may be mapped to a column of
+    /// Finds the column of the time, and takes every other column for a signal of the column's own name and unit. Factors and offsets are given by these names; only the time may be mapped to a column of
     /// another name.
     ///
     /// # Errors
     /// [`LogError`] for a time that is missing or ambiguous, or a setting of an unknown name.
-    pub(super) fn settle_all(&self, left_out: &[String]) -> Result<(Plan, Vec<Signal>), LogError> {
+    pub(super) fn settle_all(&self) -> Result<(Plan, Vec<Signal>), LogError> {
         let names: Vec<String> = self.header.iter().map(|column| column.text.clone()).collect();
         let unknown = |adjustment: Adjustment, name: &String| LogError::UnknownColumn {
             adjustment,
@@ -193,7 +192,7 @@ impl Names<'_> {
             Time::Rows { .. } => false,
         };
         let (mut signals, mut optional) = (Vec::new(), Vec::new());
-        for index in (0..names.len()).filter(|index| !of_time(*index) && !left_out.contains(&names[*index])) {
+        for index in (0..names.len()).filter(|index| !of_time(*index)) {
             let name = &names[index];
             let (_, in_name, bracketed) = split_unit(name);
             let beside = self.header[index].unit.as_deref().filter(|unit| !unit.is_empty());
@@ -523,7 +522,7 @@ fn is_time(unit: &str) -> bool {
 
 /// Splits a unit off a name: `name [unit]`, `name (unit)`, `name_unit`; whether it stands in brackets. What stands in round brackets
 /// or behind an underscore is a unit only if it is one that is known.
-fn split_unit(text: &str) -> (&str, Option<&str>, bool) {
+pub(super) fn split_unit(text: &str) -> (&str, Option<&str>, bool) {
     // A number in brackets is an index.
     let bracketed = text.strip_suffix(']').and_then(|text| text.rsplit_once('['));
     if let Some((base, unit)) = bracketed.filter(|(_, unit)| unit.trim().parse::<usize>().is_err()) {

@@ -8,7 +8,7 @@ use crate::options::ReadingSettings;
 use crate::read::{rate_signals, signals};
 use crate::recording::Recording;
 use crate::source::LogSource;
-use crate::table::Table;
+use crate::table::{Table, Unread};
 use serde::Serialize;
 use tpm_core::model::Model;
 
@@ -35,15 +35,6 @@ pub struct Surveyed {
     pub unit: Option<String>,
     /// Its role in the model.
     pub role: Role,
-}
-
-/// A column that is not read as a channel.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Unread {
-    /// The column.
-    pub column: String,
-    /// Why it is not read.
-    pub why: String,
 }
 
 /// A record and the roles of its channels.
@@ -95,34 +86,13 @@ impl Survey {
     pub fn of_all<'a>(source: impl Into<LogSource<'a>>, options: &ReadingSettings) -> Result<Self, LogError> {
         let source: LogSource<'_> = source.into();
         let name = source.name();
-        let mut unread: Vec<Unread> = Vec::new();
-        loop {
-            let left_out: Vec<String> = unread.iter().map(|unread| unread.column.clone()).collect();
-            let mut columns = source.columns()?;
-            let (table, signals, empty) = match Table::read_all(&mut *columns, &name, &left_out, options) {
-                Err(LogError::NotANumber { line, column, text, .. })
-                    if may_be_left_out(&column, &left_out, options) =>
-                {
-                    let shown: String = text.chars().take(40).collect();
-                    unread.push(Unread { column, why: format!("`{shown}` in line {line} is no number") });
-                    continue;
-                }
-                read => read?,
-            };
-            drop(columns);
-            let why = || "it has no number in most rows".to_string();
-            unread.extend(empty.into_iter().map(|column| Unread { column, why: why() }));
-            let channels = signals.into_iter().map(|of| Surveyed { name: of.name, unit: of.unit, role: Role::Column });
-            let recording = Recording::of(table, (&[], &[]), |_| Ok(()))?;
-            return Ok(Survey { recording, channels: channels.collect(), unread });
-        }
+        let mut columns = source.columns()?;
+        let (table, signals, unread) = Table::read_all(&mut *columns, &name, options)?;
+        drop(columns);
+        let channels = signals.into_iter().map(|of| Surveyed { name: of.name, unit: of.unit, role: Role::Column });
+        let recording = Recording::of(table, (&[], &[]), |_| Ok(()))?;
+        Ok(Survey { recording, channels: channels.collect(), unread })
     }
-}
-
-/// Whether a record can be read without a column, which the column of the time cannot be.
-fn may_be_left_out(column: &str, left_out: &[String], options: &ReadingSettings) -> bool {
-    let time = options.map.get("t_s").is_some_and(|of| of == column);
-    !time && !left_out.iter().any(|other| other == column)
 }
 
 #[cfg(test)]

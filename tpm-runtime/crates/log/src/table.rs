@@ -1,13 +1,14 @@
 //! The rows of a log in the order of the file, with the places where readings are missing.
 
 use crate::assumption::Assumption;
-use crate::columns::Columns;
+use crate::columns::{Columns, NotedText};
 use crate::computed::Computed;
 use crate::error::LogError;
 use crate::names::{Names, Plan, Signal, Time};
 use crate::options::ReadingSettings;
 use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
+use serde::Serialize;
 
 /// Least stamps that count nanoseconds, microseconds or milliseconds from 1970 on, with the unit and its length in s.
 /// As seconds such stamps would lie thousands of years ahead.
@@ -19,6 +20,18 @@ const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
 
 /// Largest magnitude of a reading, in the model's unit. Products of squares of larger readings would overflow.
 const LARGEST_READING: f64 = 1e100;
+
+/// Most characters of a text that is shown where a number belongs.
+const MOST_SHOWN_TEXT: usize = 40;
+
+/// A column that is not read as a channel.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Unread {
+    /// The column.
+    pub column: String,
+    /// Why it is not read.
+    pub why: String,
+}
 
 /// Whether a value in the model's unit can be the reading of a machine.
 fn is_reading(value: f64) -> bool {
@@ -145,37 +158,72 @@ impl Table {
         Ok(table)
     }
 
-    /// Reads every column but those that are left out, and says which signal each channel holds. Columns that are empty in most rows are
-    /// named apart: they are no channels.
+    /// Reads every column but those of text, which are named apart, and says which signal each channel holds. A row keeps what it has: a
+    /// channel is not a number where a field is blank.
     ///
     /// # Errors
     /// [`LogError`] when there is no time, or a row cannot be read.
+    pub(super) fn read_every(
+        columns: &mut dyn Columns,
+        path: &str,
+        options: &ReadingSettings,
+    ) -> Result<(Self, Vec<Signal>, Vec<Unread>), LogError> {
+        let (plan, mut signals) = Names::of(columns, path, options).settle_all()?;
+        let stamps = plan.stamps();
+        columns.note_texts(stamps);
+        let mut table = Self::of(columns, path, plan)?;
+        table.channels = std::mem::take(&mut table.rates).into_iter().map(Option::unwrap_or_default).collect();
+        let mut unread = Vec::new();
+        let mut is_text = vec![false; table.columns.len()];
+        for NotedText { field, line, text } in columns.noted_texts() {
+            let shown: String = text.chars().take(MOST_SHOWN_TEXT).collect();
+            unread.push(Unread {
+                column: table.columns[field].clone(),
+                why: format!("`{shown}` in line {line} is no number"),
+            });
+            is_text[field] = true;
+        }
+        table.keep(&mut signals, stamps, |channel| !is_text[stamps + channel]);
+        Ok((table, signals, unread))
+    }
+
+    /// Reads every column of numbers, and says which signal each channel holds. Columns of text, and columns that are empty in most rows, are
+    /// named apart; rows in which any other has no number are left out.
+    ///
+    /// # Errors
+    /// Those of [`read_every`](Self::read_every).
     pub(super) fn read_all(
         columns: &mut dyn Columns,
         path: &str,
-        left_out: &[String],
         options: &ReadingSettings,
-    ) -> Result<(Self, Vec<Signal>, Vec<String>), LogError> {
-        let (plan, signals) = Names::of(columns, path, options).settle_all(left_out)?;
-        let mut table = Self::of(columns, path, plan)?;
+    ) -> Result<(Self, Vec<Signal>, Vec<Unread>), LogError> {
+        let (mut table, mut signals, mut unread) = Self::read_every(columns, path, options)?;
         let rows = table.time.len();
-        let mut kept = Vec::new();
-        let (mut empty, mut places) = (Vec::new(), Vec::new());
-        for (at, (signal, values)) in signals.into_iter().zip(std::mem::take(&mut table.rates)).enumerate() {
-            let values = values.unwrap_or_default();
-            if 2 * values.iter().filter(|value| value.is_finite()).count() > rows {
-                kept.push(signal);
-                table.channels.push(values);
-                places.push(at);
-            } else {
-                empty.push(signal.name);
-            }
-        }
-        let stamps = table.columns.len() - kept.len() - empty.len();
-        let names = places.iter().map(|at| table.columns[stamps + at].clone());
-        table.columns = table.columns[..stamps].iter().cloned().chain(names).collect();
+        let stamps = table.columns.len() - table.channels.len();
+        let full: Vec<bool> = table
+            .channels
+            .iter()
+            .map(|values| 2 * values.iter().filter(|value| value.is_finite()).count() > rows)
+            .collect();
+        let empty = signals.iter().zip(&full).filter(|(_, full)| !**full);
+        unread.extend(
+            empty
+                .map(|(signal, _)| Unread { column: signal.name.clone(), why: "it has no number in most rows".into() }),
+        );
+        table.keep(&mut signals, stamps, |channel| full[channel]);
         table.leave_out_missing(stamps);
-        Ok((table, kept, empty))
+        Ok((table, signals, unread))
+    }
+
+    /// Keeps some of the channels, with their signals and the names of their columns, which stand behind `stamps` of the time.
+    fn keep(&mut self, signals: &mut Vec<Signal>, stamps: usize, keeps: impl Fn(usize) -> bool) {
+        fn retain<T>(of: &mut Vec<T>, from: usize, keeps: &impl Fn(usize) -> bool) {
+            let mut at = 0..;
+            of.retain(|_| at.next().is_none_or(|at: usize| at.checked_sub(from).is_none_or(keeps)));
+        }
+        retain(&mut self.channels, 0, &keeps);
+        retain(&mut self.columns, stamps, &keeps);
+        retain(signals, 0, &keeps);
     }
 
     /// Takes the rows in which a channel has no number out of the table; `stamps` columns are those of the time.

@@ -88,6 +88,7 @@ mod synthetic_tests;
 mod templates;
 mod term_words;
 mod text;
+mod tracks;
 mod truth;
 mod validate;
 mod warning;

@@ -183,6 +183,13 @@ pub enum Finding {
     },
     /// Nothing repeats for long enough.
     NotPeriodic,
+    /// So many columns that they are not all compared with each other.
+    ComparedInPart {
+        /// How many are compared, the first of the file.
+        compared: usize,
+        /// How many there are.
+        channels: usize,
+    },
     /// A channel changes slowly over a record that repeats.
     Drift {
         /// The channel.
@@ -344,6 +351,9 @@ impl Finding {
             }
             Finding::NotPeriodic => {
                 "every sample is used in the time domain; a motion that repeats would show noise and settling by itself".into()
+            }
+            Finding::ComparedInPart { .. } => {
+                "whether another column is the rate of one, or says the same, is not known; with a model its channels alone are looked at".into()
             }
             Finding::Drift { .. } => {
                 "the machine or its load changes over the record, or it has not settled or warmed up: parameters are means over the record; record when it is steady, or identify parts of the record and compare them".into()
@@ -523,6 +533,9 @@ impl fmt::Display for Finding {
                 percent(*mismatch)
             ),
             Finding::NotPeriodic => f.write_str("nothing repeats through at least half of the record"),
+            Finding::ComparedInPart { compared, channels } => {
+                write!(f, "the first {compared} of {channels} columns are compared with each other")
+            }
             Finding::Drift { channel, share } => write!(
                 f,
                 "{channel} drifts: from the first to the last period it changes by {} % of its deviation, beyond noise",

@@ -13,6 +13,8 @@ use tpm_log::Role;
 use tpm_numerics::Iteration;
 use tpm_numerics::fourier::forward;
 
+/// Most channels that are compared with each other, of a log without a model: every pair takes its time.
+pub(super) const MOST_COMPARED: usize = 128;
 /// Most samples on which two channels are compared.
 const MOST_SAMPLES: usize = 1 << 17;
 /// Most frequencies on which they are compared.
@@ -66,10 +68,12 @@ struct Spectrum {
     highest: f64,
 }
 
-/// The relations between channels, at most one of a kind for a channel.
+/// The relations between channels, at most one of a kind for a channel. Of columns without a model the first [`MOST_COMPARED`] are compared.
 pub(super) fn relations(signals: &[Signal<'_>], reports: &[ChannelReport], sample_time: f64) -> Vec<Relation> {
     let longest = signals.iter().flat_map(|signal| &signal.parts).max_by_key(|part| part.values.len());
     let Some(segment) = longest.map(|part| part.segment) else { return Vec::new() };
+    let modelled = signals.iter().any(|signal| signal.role != Role::Column);
+    let signals = if modelled { signals } else { &signals[..signals.len().min(MOST_COMPARED)] };
     let spectrum = |(signal, report): (&Signal<'_>, &ChannelReport)| -> Option<Spectrum> {
         let values = signal.part(segment)?.values;
         let highest = report.highest.filter(|_| !report.constant)?;
@@ -78,7 +82,6 @@ pub(super) fn relations(signals: &[Signal<'_>], reports: &[ChannelReport], sampl
     let spectra: Vec<Option<Spectrum>> = signals.par_iter().zip(reports).map(spectrum).collect();
     let samples = longest.map_or(0, |part| part.values.len().min(MOST_SAMPLES));
     let spacing = 2.0 * PI / (samples as f64 * sample_time);
-    let modelled = signals.iter().any(|signal| signal.role != Role::Column);
     let of = |b: usize| -> Vec<Relation> {
         let own = &signals[b];
         let related = |kind: RelationKind| -> Option<Relation> {

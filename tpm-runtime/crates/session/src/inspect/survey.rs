@@ -5,7 +5,7 @@ use crate::inspect::channel::{ChannelReport, measured};
 use crate::inspect::finding::Finding;
 use crate::inspect::period;
 use crate::inspect::prospect::{Prospect, prospect};
-use crate::inspect::relation::relations;
+use crate::inspect::relation::{MOST_COMPARED, relations};
 use crate::inspect::report::{Inspection, Sampling};
 use crate::inspect::signal::{Signal, signals};
 use crate::log::LogRequest;
@@ -186,6 +186,10 @@ fn of_record(inspection: &Inspection, survey: &Survey, signals: &[Signal<'_>], o
         },
         None => Finding::NotPeriodic,
     });
+    let columns = signals.iter().filter(|signal| signal.role == Role::Column).count();
+    if columns > MOST_COMPARED {
+        findings.push(Finding::ComparedInPart { compared: MOST_COMPARED, channels: columns });
+    }
     findings
 }
 

@@ -3,6 +3,7 @@
 use crate::inspect::channel::ChannelReport;
 use crate::inspect::finding::Finding;
 use crate::inspect::report::Inspection;
+use std::collections::HashMap;
 use std::fmt;
 use tpm_log::Role;
 use tpm_numerics::tolerance;
@@ -64,11 +65,15 @@ fn explained(findings: &[&Finding], spell: &dyn Fn(&Remedy) -> Option<String>) -
         if flags.is_empty() { meaning } else { format!("{meaning} ({})", flags.join(" ")) }
     };
     let mut groups: Vec<(String, Vec<&Finding>)> = Vec::new();
+    let mut places: HashMap<String, usize> = HashMap::new();
     for finding in findings {
         let words = words(finding);
-        match groups.iter_mut().find(|(other, _)| *other == words) {
-            Some((_, group)) => group.push(finding),
-            None => groups.push((words, vec![finding])),
+        match places.get(&words) {
+            Some(&at) => groups[at].1.push(finding),
+            None => {
+                places.insert(words.clone(), groups.len());
+                groups.push((words, vec![finding]));
+            }
         }
     }
     let mut text = String::new();
