@@ -65,7 +65,7 @@ fn vary(experiment: &mut Experiment, random: &mut Random) {
     }
     for sensor in experiment.plant.sensors.values_mut() {
         scaled(&mut sensor.noise, random);
-        sensor.counts = *random.of(&[0.0, 500.0, 2000.0, 8192.0]);
+        (sensor.counts, sensor.step) = (0.0, *random.of(&[0.0, 1e-2, 3e-3, 7e-4]));
         sensor.delay = usize::try_from(random.below(3)).expect("small");
         sensor.jitter = if random.below(4) == 0 { 1e-5 } else { 0.0 };
         if random.below(4) == 0 {

@@ -144,7 +144,7 @@ fn with_motors_the_common_feed_forward_meets_the_current_limit() {
 
 const SLIDER: &str = "models/mass_spring_drag.tpm";
 const AMPLIFIER: &str = "{ delay = 0.0035, natural_frequency = 250.0, quality = 0.8 }";
-const QUIET: [&str; 4] = ["--set", "plant.sensors.x.noise=0", "--set", "counts=0"];
+const QUIET: [&str; 4] = ["--set", "plant.sensors.x.noise=0", "--set", "plant.sensors.x.step=0"];
 
 #[test]
 fn experiments_take_motors_and_say_which_limit_ended_them() {

@@ -471,3 +471,10 @@ fn a_dash_is_standard_output() {
     assert!(printed("import arm.urdf -o -").contains("model "));
     assert_eq!(names(at), before, "something was written");
 }
+
+#[test]
+fn counts_of_a_turn_are_refused_on_a_length() {
+    let sets = ["--set", "plant.sensors.x.step=0", "--set", "plant.sensors.x.counts=4000"];
+    let arguments = [&["identify", "models/mass_spring_drag.tpm"], &sets[..]].concat();
+    fails(&arguments, 2, &["plant.sensors.x.counts", "the coordinate is no angle", "(step)"]);
+}

@@ -234,7 +234,7 @@ impl Default for PlantSection {
 pub struct SensorSection {
     /// Standard deviation of the white noise on every sample, unit of the coordinate.
     pub noise: f64,
-    /// Counts of an encoder per turn of 2 pi; zero for none.
+    /// Counts of an encoder per turn, of a coordinate that is an angle; zero for none.
     pub counts: f64,
     /// Step of a linear encoder, unit of the coordinate; zero for none. Cannot be combined with `counts`.
     pub step: f64,

@@ -10,7 +10,7 @@ use tpm_test_support::rest_to_rest_3;
 /// Number of runs played and largest relative error of the parameters after every update, on an exact machine.
 fn errors(settings: &str) -> Vec<(usize, f64)> {
     let mut experiment = Experiment::parse(include_str!("../../../../models/mass_spring_drag.toml")).expect("shipped");
-    for (key, value) in [("noise", "0"), ("counts", "0"), ("measure_time", "0"), ("max_runs", "14")] {
+    for (key, value) in [("noise", "0"), ("plant.sensors.x.step", "0"), ("measure_time", "0"), ("max_runs", "14")] {
         experiment.apply_override(key, value).expect("known");
     }
     experiment.apply_override("estimator", "numerical").expect("known");

@@ -11,6 +11,7 @@ use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 use tpm_estimate::{Frozen, Method, Settings, Weights};
+use tpm_log::unit_of;
 use tpm_motion::smoothing::Smoothing;
 use tpm_motion::stroke::{Stroke, first_break, substantial_harmonic};
 use tpm_motion::trajectory::ReferencePattern;
@@ -24,6 +25,12 @@ const LOOKED_AT: usize = 1024;
 /// Names of a model's constants.
 fn constant_names(model: &dyn Model<f64>) -> Vec<String> {
     (0..model.dims().constants).map(|i| model.constant(i).name.to_string()).collect()
+}
+
+/// One turn in the unit of a coordinate, where that is an angle; a coordinate without a unit may be one, in rad.
+fn turn(unit: Option<&str>) -> Option<f64> {
+    let (Some(unit), Some(radian)) = (unit, unit_of("rad")) else { return Some(2.0 * PI) };
+    Some(2.0 * PI * radian.ratio(&unit_of(unit)?)?)
 }
 
 /// Requires that a stage's reference keeps within the limits of position, velocity and acceleration, at [`LOOKED_AT`] phases of its
@@ -195,7 +202,14 @@ impl Experiment {
             }
             let both = section.counts > 0.0 && section.step > 0.0;
             require(!both, key("step"), section.step, "give either counts or step, not both")?;
-            let step = if section.counts > 0.0 { 2.0 * std::f64::consts::PI / section.counts } else { section.step };
+            let step = if section.counts > 0.0 {
+                let turn = turn(model.coordinate(at).unit);
+                let must = "counts are those of a turn, and the coordinate is no angle; give the step of a count in its unit (step)";
+                require(turn.is_some(), key("counts"), section.counts, must)?;
+                turn.unwrap_or(0.0) / section.counts
+            } else {
+                section.step
+            };
             let mut dropout = None;
             if let Some(DropoutSection { run, time }) = section.dropout {
                 require(run > 0, key("dropout.run"), run as f64, "runs are counted from 1")?;
@@ -535,5 +549,17 @@ impl Experiment {
             prior,
             stated: parameters.names.iter().map(|name| self.prior.contains_key(name)).collect(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::turn;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn a_turn_is_in_the_unit_of_its_angle() {
+        assert_eq!((turn(None), turn(Some("rad")), turn(Some("m"))), (Some(2.0 * PI), Some(2.0 * PI), None));
+        assert!((turn(Some("deg")).expect("an angle") - 360.0).abs() < 1e-12);
     }
 }

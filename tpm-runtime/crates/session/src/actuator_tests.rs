@@ -19,7 +19,7 @@ const TRUTH: [f64; 3] = [2.0, 40.0, 1.5];
 /// The shipped experiment without noise.
 fn experiment(sets: &[(&str, &str)]) -> Experiment {
     let mut experiment = Experiment::parse(FILE).expect("the shipped file is right");
-    for (key, value) in [("plant.sensors.x.noise", "0"), ("counts", "0")].iter().chain(sets) {
+    for (key, value) in [("plant.sensors.x.noise", "0"), ("plant.sensors.x.step", "0")].iter().chain(sets) {
         experiment.apply_override(key, value).expect("known");
     }
     experiment

@@ -14,7 +14,10 @@ use crate::summary::lone_readings;
 use crate::warning::Warning;
 use tpm_core::harmonics::Hold;
 use tpm_estimate::{Domain, EstimateError, LARGE_RESIDUAL, is_static};
-use tpm_log::{AsRecorded, Log, LogSource, Lone, ReadingReport, Recording};
+use tpm_log::{AsRecorded, Assumption, Log, LogSource, Lone, ReadingReport, Recording};
+
+/// Error of the interpolation between uneven stamps, as a share of a channel's deviation, above which the channel is lost.
+const MOST_MISSED: f64 = 0.1;
 
 /// How a log is identified.
 pub(super) struct Entry<'a> {
@@ -59,12 +62,17 @@ impl Entry<'_> {
     }
 
     /// The result of a log as even samples, with its fingerprint. Stamps that are not even had to be resampled, which moves the steps of a
-    /// held input; where that leaves the log unexplained, it is simulated between its stamps.
+    /// held input; where that leaves the log unexplained, or a channel is lost between the stamps, the log is simulated between them. So it
+    /// is where a held input has stamps of its own, whose steps the rows of another channel do not show.
     pub(super) fn evenly(&self, source: LogSource<'_>) -> Result<(Identification, String), SessionError> {
-        let mut resampled = false;
-        let even = self.on_even_samples(source, &mut resampled);
-        let left = even.as_ref().map_or(f64::INFINITY, |(part, _)| part.residual);
-        let held = resampled && self.options.reading.hold == Hold::Zoh && self.options.domain.is_none();
+        let mut moved = Moved::default();
+        let even = self.on_even_samples(source, &mut moved);
+        let left = match &even {
+            Ok((part, _)) if !moved.lost => part.residual,
+            _ => f64::INFINITY,
+        };
+        let held =
+            (moved.resampled || moved.lost) && self.options.reading.hold == Hold::Zoh && self.options.domain.is_none();
         if left < LARGE_RESIDUAL || !held || !recorded_log::may_be(self.options) || is_static(self.rows.model()) {
             return even;
         }
@@ -77,11 +85,11 @@ impl Entry<'_> {
     fn on_even_samples(
         &self,
         source: LogSource<'_>,
-        resampled: &mut bool,
+        moved: &mut Moved,
     ) -> Result<(Identification, String), SessionError> {
         let model = self.rows.model();
         let mut recording = Recording::open(source, model, &self.options.reading.columns)?;
-        *resampled = recording.report.uneven.as_ref().is_some_and(|uneven| uneven.resampled);
+        *moved = Moved::of(&recording.report);
         let coordinates = model.dims().coordinates;
         let hash = std::mem::take(&mut recording.fingerprint);
         if self.options.domain == Some(Domain::Harmonics) {
@@ -103,6 +111,24 @@ impl Entry<'_> {
             report.reading = recording.report;
         }
         Ok((part, hash))
+    }
+}
+
+/// What even samples did to the steps of held inputs.
+#[derive(Clone, Copy, Default)]
+struct Moved {
+    /// The stamps were uneven, and readings are interpolated.
+    resampled: bool,
+    /// A channel is lost: interpolation misses much of it, or it is an input with stamps of its own, between the rows that are used.
+    lost: bool,
+}
+
+impl Moved {
+    fn of(report: &ReadingReport) -> Self {
+        let apart = |of: &Assumption| matches!(of, Assumption::OwnTimes { held, .. } if !held.is_empty());
+        let resampled = report.uneven.as_ref().filter(|uneven| uneven.resampled);
+        let missed = resampled.is_some_and(|uneven| uneven.interpolation.iter().any(|of| of.share > MOST_MISSED));
+        Moved { resampled: resampled.is_some(), lost: missed || report.assumptions.iter().any(apart) }
     }
 }
 

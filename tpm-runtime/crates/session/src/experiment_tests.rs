@@ -51,12 +51,16 @@ fn limits_end_a_campaign() {
         }
         identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs")
     };
-    let share = run(&[("plant.sensors.x.noise", "0"), ("counts", "0"), ("limits.inputs.u", "60")]);
+    let share = run(&[("plant.sensors.x.noise", "0"), ("plant.sensors.x.step", "0"), ("limits.inputs.u", "60")]);
     assert_eq!(share.outcome.expect("ended"), tpm_campaign::Outcome::EffortShare);
     assert!(share.is_complete() && share.runs.len() < 8);
     // A force of 5 N cannot move this machine so far: the first run is aborted, a run with smaller amplitudes is not.
-    let tight =
-        [("plant.sensors.x.noise", "0"), ("counts", "0"), ("limits.inputs.u", "5"), ("limits.tracking.x", "0.01")];
+    let tight = [
+        ("plant.sensors.x.noise", "0"),
+        ("plant.sensors.x.step", "0"),
+        ("limits.inputs.u", "5"),
+        ("limits.tracking.x", "0.01"),
+    ];
     let backed = run(&tight);
     assert_eq!(backed.runs[0].ending, RunEnding::TrackingBound);
     assert!(backed.is_complete() && backed.runs[1].amplitudes[0].1 < 0.2, "{:?}", backed.warnings);
@@ -347,7 +351,7 @@ fn a_measured_rate_adds_what_its_noise_allows() {
         let mut experiment = experiment();
         let sets = [
             ("estimator", "error"),
-            ("counts", "0"),
+            ("plant.sensors.x.step", "0"),
             ("control.derivative_filter", "2e-3"),
             ("prior", "{ m = 2.0, k1 = 40.0, k2 = 1.5 }"),
             ("schedule.stages", "[{ lambda = 0.3, w = 3.14159265 }]"),

@@ -291,7 +291,7 @@ mod tests {
     fn the_spread_is_near_the_bound() {
         let mut experiment = short();
         // The bound is that of white noise alone. The priors are the truth, so that all runs have the same weights.
-        experiment.plant.sensors.entry("x".into()).or_default().counts = 0.0;
+        experiment.plant.sensors.entry("x".into()).or_default().step = 0.0;
         for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
             experiment.prior.insert(name.into(), value);
         }

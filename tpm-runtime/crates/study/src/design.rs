@@ -484,7 +484,7 @@ mod tests {
         for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
             experiment.prior.insert(name.to_string(), value);
         }
-        experiment.plant.sensors.entry("x".to_string()).or_default().counts = 0.0;
+        experiment.plant.sensors.entry("x".to_string()).or_default().step = 0.0;
         experiment
     }
 

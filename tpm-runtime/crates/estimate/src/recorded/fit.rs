@@ -8,6 +8,7 @@ use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
 use crate::recorded::starts::{Pace, Scales, first_state, start};
 use crate::recorded::steps::{Course, Point, Settled, beside_states};
 use crate::result::{Estimate, LeastSquares, ResidualOf};
+use crate::sensor::Sensor;
 use crate::settings::Settings;
 use crate::verdict::LARGE_RESIDUAL;
 use tpm_core::harmonics::Hold;
@@ -45,7 +46,12 @@ const STEP_SETTLED: f64 = 0.02;
 const MOST_HALVINGS: usize = 6;
 /// Longest step of the integration at first, as a share of a cycle of the motion.
 const FIRST_STEP: f64 = 0.02;
-/// A motion is tried once more at the pace with which it turns back where that is so many times faster than its crossings.
+/// What is left of a sensor is explained where it is no more than so many times the noise that its readings show by themselves.
+const MOST_OVER_NOISE: f64 = 3.0;
+/// How much shorter the first blocks are where no start follows the record over longer ones.
+const SHORTER: usize = 8;
+/// A motion that is not explained is tried once more at the pace with which it turns back where that is so many times faster than the
+/// pace of its crossings.
 const LEAST_FASTER: f64 = 2.0;
 /// A direction of the parameters is not shown where it moves the readings by less than this share of what the others do.
 const UNSHOWN: f64 = 1e-5;
@@ -119,6 +125,8 @@ pub(super) struct Work<'a, 'f> {
     pub(super) stretches: Vec<Vec<Reading>>,
     free: Vec<usize>,
     bounds: Vec<[f64; 2]>,
+    /// How much shorter the first blocks are than the motion suggests.
+    shorter: usize,
     settings: &'a Settings,
 }
 
@@ -134,36 +142,51 @@ pub fn fit_recorded(
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
-    let at = |pace: Pace| fit_at_pace((model, constants), signals, pace, unshown, settings);
-    let first = at(Pace::Crossings);
-    let left = match &first {
-        Ok(found) => found.estimate.residual,
-        Err(RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }) => f64::INFINITY,
-        Err(_) => return first,
+    let at = |pace: Pace, shorter: usize| fit_at_pace((model, constants), signals, (pace, shorter), unshown, settings);
+    let first = at(Pace::Crossings, 1);
+    let settled = match &first {
+        Ok(found) => found.is_explained(signals),
+        Err(fault) => !matches!(fault, RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }),
     };
-    if left <= LARGE_RESIDUAL
-        || Scales::of(model, signals, Pace::Turns).frequency
-            < LEAST_FASTER * Scales::of(model, signals, Pace::Crossings).frequency
-    {
+    if settled {
         return first;
     }
-    match at(Pace::Turns) {
-        Ok(found) if found.estimate.residual < left => Ok(found),
-        _ => first,
+    let left =
+        |fit: &Result<RecordedFit, RecordedFault>| fit.as_ref().map_or(f64::INFINITY, |own| own.estimate.residual);
+    let better = |one, other| if left(&other) < left(&one) { other } else { one };
+    let frequency = |pace: Pace| Scales::of(model, signals, pace).frequency;
+    // Steps that settled on another minimum leave much more than the sensors' noise, however small a share of the motion that is.
+    let mut best = first;
+    if frequency(Pace::Turns) >= LEAST_FASTER * frequency(Pace::Crossings) {
+        best = better(best, at(Pace::Turns, 1));
+    }
+    // A machine that only its loop holds leaves every start before a cycle of its motion is over.
+    if left(&best) > LARGE_RESIDUAL {
+        best = better(best, at(Pace::Turns, SHORTER));
+    }
+    best
+}
+
+impl RecordedFit {
+    /// Whether what is left of every sensor may be its noise.
+    fn is_explained(&self, signals: &SignalsAsRecorded) -> bool {
+        let sensors = self.noise.iter().zip(&signals.sensors);
+        sensors.into_iter().all(|(left, own)| *left <= MOST_OVER_NOISE * Sensor::of(&[&own.channel.value]).noise)
     }
 }
 
-/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests.
+/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests, and first blocks so much shorter.
 fn fit_at_pace(
     (model, constants): (&dyn Model<f64>, &[f64]),
     signals: &SignalsAsRecorded,
-    pace: Pace,
+    (pace, shorter): (Pace, usize),
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
     let dims = model.dims();
     let free = settings.free(dims.parameters)?;
-    let mut work = Work::new((model, constants), signals, pace, free.indices.clone(), settings)?;
+    let work = Work::new((model, constants), signals, pace, free.indices.clone(), settings)?;
+    let mut work = Work { shorter, ..work };
     let of: usize = work.stretches.iter().map(Vec::len).sum();
     let unknowns = free.indices.len() + work.flow.states.len();
     if of <= unknowns {
@@ -311,7 +334,7 @@ impl<'a, 'f> Work<'a, 'f> {
         let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps };
         let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
         let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
-        Ok(Self { flow, scales, stretches: signals.stretches(), free, bounds, settings })
+        Ok(Self { flow, scales, stretches: signals.stretches(), free, bounds, shorter: 1, settings })
     }
 
     pub(super) fn course<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
@@ -356,7 +379,7 @@ impl<'a, 'f> Work<'a, 'f> {
         let whole: f64 = self.stretches.iter().map(span).sum();
         let cycle = std::f64::consts::TAU / self.scales.frequency;
         let own = (CYCLES_TRIED * cycle / whole * readings as f64).ceil() as usize;
-        own.min(readings / BLOCKS_TRIED).max(LEAST_PER_STATE * self.flow.states.len())
+        (own / self.shorter).min(readings / BLOCKS_TRIED).max(LEAST_PER_STATE * self.flow.states.len())
     }
 
     /// The best of many starts over short blocks, with the size of every parameter and the noise that is left.
