@@ -2514,6 +2514,12 @@ pub mod support {
                 self.residual
             }
 
+            /// The right-hand sides of the triangular factor.
+            #[must_use]
+            pub fn right_side(&self) -> [T; C] {
+                self.right
+            }
+
             /// The rows of the triangular factor, each with its right-hand side: equations of x with independent errors of variance one.
             pub fn equations(&self) -> impl Iterator<Item = (&[T; C], T)> {
                 self.factor.iter().zip(self.right)

@@ -50,6 +50,11 @@ pub(super) trait Columns {
     /// Says which columns [`next_row`](Self::next_row) delivers, in this order. The first of them is the time.
     fn select(&mut self, wanted: &[usize]);
 
+    /// Number of readings of a column, where a file holds every column by itself and they may differ.
+    fn readings(&self, _column: usize) -> Option<usize> {
+        None
+    }
+
     /// Fills in the selected fields of the next row, NaN or infinite where one is missing, and returns its line in the file (or its
     /// number, where a file has no lines), from 1. Returns nothing at the end.
     ///

@@ -91,6 +91,15 @@ pub(super) struct Plan {
 }
 
 impl Plan {
+    /// The column of the time, or of its seconds; nothing where rows are counted.
+    pub(super) fn time_column(&self) -> Option<usize> {
+        match self.time {
+            Time::One { index, .. } => Some(index),
+            Time::Two { seconds, .. } => Some(seconds),
+            Time::Rows { .. } => None,
+        }
+    }
+
     /// Number of the columns of the time.
     pub(super) fn stamps(&self) -> usize {
         match self.time {

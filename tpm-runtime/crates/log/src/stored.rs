@@ -107,6 +107,10 @@ impl Columns for Stored<'_> {
         self.row = 0;
     }
 
+    fn readings(&self, column: usize) -> Option<usize> {
+        Some(self.columns[column].values.len())
+    }
+
     fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError> {
         if self.row == 0 {
             self.check_lengths()?;

@@ -33,6 +33,30 @@ pub struct Unread {
     pub why: String,
 }
 
+/// Takes the columns that were recorded apart from the time out of a plan, with their signals.
+fn leave_out_apart(columns: &dyn Columns, plan: &mut Plan, signals: &mut Vec<Signal>) -> Vec<Unread> {
+    let of = |column: Option<usize>| columns.readings(column?);
+    let (time, mut unread) = (plan.time_column(), Vec::new());
+    let Some(stamps) = of(time) else { return unread };
+    let (mut places, mut kept) = (Vec::new(), Vec::new());
+    for (place, signal) in plan.optional.drain(..).zip(signals.drain(..)) {
+        match of(place.as_ref().map(|place| place.index)).filter(|readings| *readings != stamps) {
+            None => {
+                places.push(place);
+                kept.push(signal);
+            }
+            Some(readings) => {
+                let why = format!(
+                    "it has {readings} readings and the time {stamps}; it is read with its own time (--map t_s=COLUMN)"
+                );
+                unread.push(Unread { column: signal.name, why });
+            }
+        }
+    }
+    (plan.optional, *signals) = (places, kept);
+    unread
+}
+
 /// Whether a value in the model's unit can be the reading of a machine.
 fn is_reading(value: f64) -> bool {
     value.abs() <= LARGEST_READING
@@ -168,12 +192,12 @@ impl Table {
         path: &str,
         options: &ReadingSettings,
     ) -> Result<(Self, Vec<Signal>, Vec<Unread>), LogError> {
-        let (plan, mut signals) = Names::of(columns, path, options).settle_all()?;
+        let (mut plan, mut signals) = Names::of(columns, path, options).settle_all()?;
+        let mut unread = leave_out_apart(columns, &mut plan, &mut signals);
         let stamps = plan.stamps();
         columns.note_texts(stamps);
         let mut table = Self::of(columns, path, plan)?;
         table.channels = std::mem::take(&mut table.rates).into_iter().map(Option::unwrap_or_default).collect();
-        let mut unread = Vec::new();
         let mut is_text = vec![false; table.columns.len()];
         for NotedText { field, line, text } in columns.noted_texts() {
             let shown: String = text.chars().take(MOST_SHOWN_TEXT).collect();

@@ -13,17 +13,9 @@ use std::fmt;
 mod mcap;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod signals;
 
-/// Signals with the stamps that they share.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Track {
-    /// What they are: the topic, in formats that hold several tracks.
-    pub name: String,
-    /// Stamps, s, in the order of the record.
-    pub time: Vec<f64>,
-    /// Names with units (`q [deg]`), and readings, as many as there are stamps; not a number where one is missing.
-    pub signals: Vec<(String, Vec<f64>)>,
-}
+pub use signals::Track;
 
 /// A format in which tracks are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

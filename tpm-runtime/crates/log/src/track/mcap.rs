@@ -5,7 +5,7 @@
 
 use crate::error::LogError;
 use crate::joint_state::{CDR, JOINT_STATE};
-use crate::track::Track;
+use crate::track::signals::Track;
 use mcap::records::MessageHeader;
 use mcap::{McapError, WriteOptions};
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 
 use crate::error::LogError;
 use crate::options::TIME;
-use crate::track::Track;
+use crate::track::signals::Track;
 use parquet::basic::{Compression, Repetition, Type as Physical};
 use parquet::data_type::DoubleType;
 use parquet::errors::ParquetError;
