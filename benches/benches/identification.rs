@@ -64,7 +64,7 @@ fn update(criterion: &mut Criterion) {
     let samples = trial.samples_per_period;
     let channels: Vec<&[f64]> = record.coordinates.iter().chain(&record.inputs).map(|c| &c[from * samples..]).collect();
     let spectra = Spectra::analyse(&channels, record.sample_time, samples as f64, trial.periods - from).expect("whole");
-    let run = Run { trial: &trial, spectra: &spectra, unrounded: &spectra, rates: None, hold: Hold::Zoh, alone: None };
+    let run = Run { trial: &trial, spectra: &spectra, rates: None, hold: Hold::Zoh, alone: None };
     let mut group = criterion.benchmark_group("reduction of a record of 20 s at 1 kHz");
     group.bench_function("spectra", |b| {
         let periods = trial.periods - from;

@@ -35,7 +35,7 @@ fn identified(model: &str, experiment: &str, estimator: &str) -> Identification 
     let mut experiment = Experiment::parse(&text).expect("a shipped experiment");
     experiment.apply_override("estimator", estimator).expect("an estimator");
     for sensor in experiment.plant.sensors.values_mut() {
-        (sensor.noise, sensor.counts) = (0.0, 0.0);
+        (sensor.noise, sensor.counts, sensor.step) = (0.0, 0.0, 0.0);
     }
     experiment.schedule.stages.truncate(1);
     experiment.schedule.updates_per_stage = UPDATES;

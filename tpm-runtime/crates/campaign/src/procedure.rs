@@ -655,19 +655,13 @@ impl<'m> Campaign<'m> {
             let own: Vec<usize> = (0..dims.coordinates + dims.inputs).collect();
             spectra = spectra.select(&own);
         }
-        // What quantisation does to the mean of a dithered sensor is alike in every run of a motion, and would not average out.
-        let mut unrounded = spectra.clone();
-        let rounding: Vec<Option<Vec<f64>>> = (0..dims.coordinates)
-            .map(|c| channels[c].first().and_then(|reading| unrounded.subtract_mean_rounding(c, *reading)))
-            .collect();
         let hold = self.setup.procedure.hold;
         let own = &channels[..dims.coordinates + dims.inputs];
-        let steady = SteadyRun::of(self.reports.len(), own, &rounding, samples, &unrounded);
+        let steady = SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra);
         let alone = self.refinement.as_deref().map(|refinement| OneRun { refinement, run: &steady });
         let alone = alone.as_ref().map(|run| run as &dyn Alone);
         // The estimator processes the run.
-        let (spectra, unrounded) = (&spectra, &unrounded);
-        let seen = Run { trial: &trial, spectra, unrounded, rates: rates.as_ref(), hold, alone };
+        let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold, alone };
         let update =
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
         self.aborts = 0;
@@ -678,14 +672,14 @@ impl<'m> Campaign<'m> {
         report.tracking_rms = tracking_rms(&trial, record, from * samples);
         // The report states what was measured.
         report.harmonics = Some(self.estimator.harmonics());
-        let used = self.motor_use(&trial, spectra).into_iter().chain(self.limited_use(&trial, spectra));
+        let used = self.motor_use(&trial, &spectra).into_iter().chain(self.limited_use(&trial, &spectra));
         if let Some(used) = used.fold(None, most_used) {
             report.limit = most_used(report.limit.take(), used);
             report.effort_share = report.limit.as_ref().map(|limit| limit.share);
         }
         if record.saturated > 0 && report.effort_share.is_some_and(|share| share < 1.0) {
             report.limit = cut_by_noise(self.limited(), record, report.limit.take(), |i, limited| {
-                self.limit_used((i, limited), &trial, spectra)
+                self.limit_used((i, limited), &trial, &spectra)
             });
         }
         report.contradicts = self.contradictions();
@@ -695,7 +689,7 @@ impl<'m> Campaign<'m> {
             let pooled = report.contradicts.is_none();
             let refined = self.refine(&estimate, pooled);
             let judged = refined.as_ref().unwrap_or(&estimate);
-            let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, spectra));
+            let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, &spectra));
             self.current.clone_from(&estimate.values);
             self.refined = refined;
             report.updated = pooled;
@@ -706,7 +700,7 @@ impl<'m> Campaign<'m> {
         let highest = self.estimator.harmonics();
         let after = self.current.clone();
         let of = (dims.coordinates, dims.inputs);
-        self.harmonics.push(RunHarmonics::of(self.reports.len(), &trial, spectra, of, highest, after));
+        self.harmonics.push(RunHarmonics::of(self.reports.len(), &trial, &spectra, of, highest, after));
         self.finish(report)
     }
 

@@ -33,16 +33,14 @@ impl SteadyRun {
     pub const MOST_SAMPLES: usize = 160_000;
 
     /// The last samples of a settled part. `channels` holds whole periods of every channel, the coordinates before the
-    /// inputs; `rounding` has the mean quantisation error of every coordinate along a period, where it was taken off the lines of `spectra`.
-    pub(super) fn of(
-        run: usize,
-        channels: &[&[f64]],
-        rounding: &[Option<Vec<f64>>],
-        period: usize,
-        spectra: &Spectra,
-    ) -> Self {
-        let coordinates = rounding.len();
-        let steps: Vec<f64> = (0..coordinates).map(|c| spectra.step(c)).collect();
+    /// inputs.
+    pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
+        let readings = channels.iter().take(coordinates).enumerate();
+        let rounding: Vec<Option<Vec<f64>>> =
+            readings.map(|(c, own)| spectra.mean_rounding(c, *own.first()?)).collect();
+        // Readings from which the mean quantisation error is subtracted are no longer multiples of a step.
+        let step = |(c, rounding): (usize, &Option<_>)| if rounding.is_some() { 0.0 } else { spectra.step(c) };
+        let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
         let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
         let kept = |(c, channel): (usize, &&[f64])| {
             let mut readings = end(channel, Self::MOST_SAMPLES).to_vec();

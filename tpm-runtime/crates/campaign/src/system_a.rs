@@ -272,7 +272,7 @@ fn an_update_asked_for_again_is_the_same_and_counts_no_run_twice() {
             let channels: Vec<&[f64]> =
                 record.coordinates.iter().chain(&record.inputs).map(|channel| &channel[3 * samples..]).collect();
             let spectra = Spectra::analyse(&channels, 1e-3, samples as f64, periods).expect("whole periods");
-            let run = Run { trial, spectra: &spectra, unrounded: &spectra, rates: None, hold: Hold::Zoh, alone: None };
+            let run = Run { trial, spectra: &spectra, rates: None, hold: Hold::Zoh, alone: None };
             let expected = once.take(&MassSpringDrag, &run).expect("an update");
             again.reduce(&MassSpringDrag, &run).expect("accepted");
             for _ in 0..3 {

@@ -17,9 +17,6 @@ pub struct Run<'a> {
     pub trial: &'a Trial,
     /// Spectra of the coordinates, then the inputs, over whole periods that start at phase zero.
     pub spectra: &'a Spectra,
-    /// The same without the mean error of rounding to counts, where it is known: the motion of the machine rather than what its feedback
-    /// read.
-    pub unrounded: &'a Spectra,
     /// Spectra in which every measured rate, integrated, stands in place of its coordinate, whose mean a rate does not show;
     /// nothing when no rate was measured.
     pub rates: Option<&'a Spectra>,

@@ -245,17 +245,6 @@ impl Spectra {
         }
     }
 
-    /// Takes the mean rounding error off the lines of a quantised channel, and gives it along a period, of which
-    /// the lines are then free: they are those of a channel without steps. Nothing where the readings are not quantised, or where noise
-    /// does not dither the quantiser. `reading` is one of the channel's readings and places the grid.
-    pub fn subtract_mean_rounding(&mut self, channel: usize, reading: f64) -> Option<Vec<f64>> {
-        let error = self.mean_rounding(channel, reading)?;
-        let of_error = analyse(&error, 0, 1, self.highest());
-        self.lines[channel].iter_mut().zip(&of_error).for_each(|(line, error)| *line -= error);
-        self.steps[channel] = 0.0;
-        Some(error)
-    }
-
     /// The mean rounding error of a quantised channel along a period, in the channel's unit; `reading` is one of its
     /// readings and places the grid. Nothing where the readings are not quantised, or where noise does not dither the
     /// quantiser.
@@ -264,7 +253,7 @@ impl Spectra {
     /// same in every period, so that it biases the lines, most of all where the motion dwells. The motion follows from
     /// the lines and the error from the motion, by a fixed-point iteration. With enough noise the error is less steep
     /// than the motion, and the iteration converges.
-    fn mean_rounding(&self, channel: usize, reading: f64) -> Option<Vec<f64>> {
+    pub fn mean_rounding(&self, channel: usize, reading: f64) -> Option<Vec<f64>> {
         let (step, points) = (self.step(channel), self.samples_per_period.round() as usize);
         let highest = self.highest();
         if !(step > 0.0 && self.has_whole_periods() && self.noise_bins > 0 && highest > 0) {
@@ -514,7 +503,7 @@ fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Spectra, Window};
+    use super::{Spectra, Window, analyse};
     use num_complex::Complex;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -625,19 +614,19 @@ mod tests {
             let readings: Vec<f64> = (0..points * periods)
                 .map(|i| ((wave(i) + step * deviation * normal()) / step).round() * step + 0.02)
                 .collect();
-            let mut spectra = Spectra::analyse(&[&readings], 1e-3, points as f64, periods).expect("whole periods");
+            let spectra = Spectra::analyse(&[&readings], 1e-3, points as f64, periods).expect("whole periods");
             let truth = |k: usize| match k {
                 0 => 0.02021,
                 1 => 0.0137,
                 3 => -0.0137 / 9.0,
                 _ => 0.0,
             };
-            let error =
-                |spectra: &Spectra| (0..10).map(|k| (spectra.lines[0][k] - truth(k)).norm()).fold(0.0, f64::max) / step;
-            let before = error(&spectra);
-            let rounding = spectra.subtract_mean_rounding(0, readings[0]);
-            assert_eq!(rounding.is_some(), spectra.step(0) == 0.0);
-            (before, rounding.map(|_| error(&spectra)))
+            let error = |rounding: &[Complex<f64>]| {
+                let left = |k: usize| spectra.lines[0][k] - rounding.get(k).copied().unwrap_or_default() - truth(k);
+                (0..10).map(|k| left(k).norm()).fold(0.0, f64::max) / step
+            };
+            let rounding = spectra.mean_rounding(0, readings[0]);
+            (error(&[]), rounding.map(|rounding| error(&analyse(&rounding, 0, 1, 9))))
         };
         for deviation in [0.22, 0.3] {
             let (before, after) = errors(deviation);

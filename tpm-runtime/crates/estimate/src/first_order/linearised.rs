@@ -124,7 +124,6 @@ impl Estimator for Linearised {
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
         self.ready = false;
-        let (read, run) = (run.spectra, &Run { spectra: run.unrounded, ..*run });
         let highest = run.highest_harmonic(&self.settings);
         let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
             Some(reference) => reference,
@@ -136,7 +135,7 @@ impl Estimator for Linearised {
         };
         let along = &self.reference.insert(reference).along;
         let mut reduced = match run.rates {
-            None => self.kind.reduce(model, run.trial, along, (read, run.spectra), run.hold, highest)?,
+            None => self.kind.reduce(model, run.trial, along, run.spectra, run.hold, highest)?,
             Some(_) => self.kind.reduce_applied(model, run.trial, along, run.spectra, run.hold, (0, highest))?,
         };
         let own = reduced.equations.len();

@@ -172,8 +172,7 @@ fn sum<'f>(lines: &[Complex<f64>], factors: impl IntoIterator<Item = &'f f64>) -
 
 impl FirstOrder {
     /// The harmonic equations of one run: `spectra` has the measured coordinates as its first channels, over whole periods
-    /// that start at the phase zero of the trial, `read` what the feedback read of them, with the rounding to counts; `hold` is how the
-    /// inputs became forces.
+    /// that start at the phase zero of the trial; `hold` is how the inputs became forces.
     ///
     /// # Errors
     /// [`EstimateError::Channels`] when spectra or trial do not fit the model, [`EstimateError::NoSignal`] when the record does
@@ -183,7 +182,7 @@ impl FirstOrder {
         model: &dyn Model<f64>,
         trial: &Trial,
         along: &Along,
-        (read, spectra): (&Spectra, &Spectra),
+        spectra: &Spectra,
         hold: Hold,
         harmonics: usize,
     ) -> Result<Reduced, EstimateError> {
@@ -193,7 +192,6 @@ impl FirstOrder {
             return Err(EstimateError::NoSignal);
         }
         let error = error_lines(trial, spectra, coordinates, 2 * highest);
-        let read = error_lines(trial, read, coordinates, highest);
         let forward = feed_forward_lines(trial, inputs, highest);
         self.assemble(model, trial, along, (&error, &spectra.noise), (0, highest), |row, k, linear, right| {
             let frequency = k as f64 * along.frequency;
@@ -201,7 +199,7 @@ impl FirstOrder {
                 *right += trial.control.drive(i, frequency, hold) * along.map[row * inputs + i] * lines[k];
             }
             let mut gain = fed_back(trial, along, hold, row, k);
-            *right -= gain.iter().zip(&read).map(|(g, e)| g * e[k]).sum::<Complex<f64>>();
+            *right -= gain.iter().zip(&error).map(|(g, e)| g * e[k]).sum::<Complex<f64>>();
             // Noise passes through H^-1, whatever part of J an estimator takes into its equation; `effort` weighs by the loop alone.
             if self != FirstOrder::Effort {
                 for (gain, linear) in gain.iter_mut().zip(linear) {

@@ -17,11 +17,8 @@ use tpm_numerics::{Cholesky, DMatrix, DVector, Iteration};
 
 /// Steps, and the largest change of the logarithm of a variance after which they end.
 const STEPS: Iteration = Iteration { most: 25, settled: 0.03 };
-/// By how much the logarithm of the noise may change from one band to the next (standard deviation of a random walk): from a noise as good as
-/// white to one that every band tells for itself. The bands of a row say which of them is likely.
-const WALKS: [f64; 7] = [0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 2.0];
-/// Deviation of the logarithm of the noise of the first band before anything is known.
-const ANY_NOISE: f64 = 1e3;
+/// Numbers of degrees of freedom by which a band leans on its neighbours: bands that the parameters saturate tell nothing themselves.
+const LEANING: f64 = 8.0;
 /// Least noise in proportion to the force: nothing is claimed to better than 1e-4 of the force on a line.
 pub(super) const LEAST_PROPORTIONAL: f64 = 1e-8;
 /// Noise in proportion to the force from which the steps begin: it grows where a misfit asks for it, while a large one would be kept alive by
@@ -120,19 +117,23 @@ impl Noise {
             all[b] += freedom[l];
             own[b] += (freedom[l] * weight * self.bands[j][b]).max(0.0);
         }
-        // Of its parts a window that correlates lines leaves fewer that are independent.
-        let told: Vec<f64> = own.iter().map(|own| own / row.correlation).collect();
         let step = |b: usize| {
             let ratio = (left[b].max(f64::MIN_POSITIVE) / expected[b].max(f64::MIN_POSITIVE)).ln();
-            // The mean logarithm of a sum of squares lies below the logarithm of its mean.
-            let below = 1.0 / (told[b] + 1.0);
-            self.bands[j][b].ln() + ratio.clamp(-20.0, 20.0) * all[b] / (all[b] + 1.0) + below
+            self.bands[j][b].ln() + ratio.clamp(-20.0, 20.0) * all[b] / (all[b] + 1.0)
         };
         let logs: Vec<f64> = (0..count).map(step).collect();
         let peak = row.power.iter().copied().fold(0.0, f64::max);
         let least = (LEAST_BAND * peak).max(f64::MIN_POSITIVE);
-        for (band, log) in self.bands[j].iter_mut().zip(smoothed(&logs, &told)) {
-            *band = log.exp().max(least);
+        for b in 0..count {
+            let mut log = logs[b];
+            if count > 1 {
+                let below = if b == 0 { 1 } else { b - 1 };
+                let above = if b + 1 == count { b - 1 } else { b + 1 };
+                let (wa, wc) = (own[below] + 0.5, own[above] + 0.5);
+                let beside = (logs[below] * wa + logs[above] * wc) / (wa + wc);
+                log = (own[b] * log + LEANING * beside) / (own[b] + LEANING);
+            }
+            self.bands[j][b] = log.exp().max(least);
         }
         if self.proportional[j] > 0.0 {
             let of = |by: &[f64]| -> f64 { (0..row.lines()).map(|l| row.power[l] * by[l] / self.variance[j][l]).sum() };
@@ -140,36 +141,6 @@ impl Noise {
             self.proportional[j] = (self.proportional[j] * ratio.clamp(1e-6, 1e6).sqrt()).max(LEAST_PROPORTIONAL);
         }
     }
-}
-
-/// Logarithms of the noise of bands, given what every band tells by itself and with how many degrees of freedom: the mean over random walks,
-/// each smoothed (Rauch, Tung, Striebel 1965) and weighed by its likelihood. Where all bands agree they share their degrees of freedom, so
-/// that the weights and deviations of parameters which a few lines tell do not hang on the chance of these lines; where they differ, each
-/// stands for itself.
-fn smoothed(logs: &[f64], freedom: &[f64]) -> Vec<f64> {
-    // Variance of the logarithm of a sum of squares.
-    let spread: Vec<f64> = freedom.iter().map(|n| n.max(1e-3)).map(|n| 2.0 / n + 2.0 / (n * n)).collect();
-    let walks = WALKS.map(|step| {
-        let (mut mean, mut variance, mut likelihood) = (logs[0], ANY_NOISE * ANY_NOISE, 0.0);
-        let mut passed = Vec::with_capacity(logs.len());
-        for (log, spread) in logs.iter().zip(&spread) {
-            let whole = variance + spread;
-            let apart = log - mean;
-            likelihood -= 0.5 * (whole.ln() + apart * apart / whole);
-            mean += variance / whole * apart;
-            variance *= spread / whole;
-            passed.push((mean, variance));
-            variance += step * step;
-        }
-        let mut found = vec![mean; logs.len()];
-        for (b, (mean, variance)) in passed.iter().enumerate().rev().skip(1) {
-            found[b] = mean + variance / (variance + step * step) * (found[b + 1] - mean);
-        }
-        (likelihood, found)
-    });
-    let best = walks.iter().map(|walk| walk.0).fold(f64::NEG_INFINITY, f64::max);
-    let whole: f64 = walks.iter().map(|walk| (walk.0 - best).exp()).sum();
-    (0..logs.len()).map(|b| walks.iter().map(|(own, found)| (own - best).exp() / whole * found[b]).sum()).collect()
 }
 
 /// Weighted equations, solved by their normal equations, which is enough for weights.
@@ -260,43 +231,4 @@ pub(super) fn triangle(rows: &[RowLines], variance: &[Vec<f64>], columns: &[usiz
         column *= *scale;
     }
     triangle
-}
-
-#[cfg(test)]
-mod tests {
-    use super::smoothed;
-    use rand::SeedableRng;
-    use rand_distr::{ChiSquared, Distribution};
-
-    /// Bias and deviation of the logarithm of the first band's noise over many draws of rows with these true logarithms.
-    fn first_band(truth: &[f64; 8]) -> (f64, f64) {
-        let freedom = [12.0, 16.0, 18.0, 22.0, 31.0, 42.0, 56.0, 67.0];
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
-        let off: Vec<f64> = (0..2000)
-            .map(|_| {
-                let draw = |(log, n): (&f64, &f64)| {
-                    let squares: f64 = ChiSquared::new(*n).expect("positive").sample(&mut rng);
-                    log + (squares / n).ln() + 1.0 / (n + 1.0)
-                };
-                let logs: Vec<f64> = truth.iter().zip(&freedom).map(draw).collect();
-                smoothed(&logs, &freedom)[0] - truth[0]
-            })
-            .collect();
-        let mean = off.iter().sum::<f64>() / off.len() as f64;
-        (mean, (off.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / off.len() as f64).sqrt())
-    }
-
-    #[test]
-    fn bands_that_agree_share_their_degrees_of_freedom_and_others_keep_their_own() {
-        // By itself the first band knows the logarithm of its noise to sqrt(2 / 12) = .41.
-        let (bias, deviation) = first_band(&[0.0; 8]);
-        assert!(bias.abs() < 0.03 && deviation < 0.2, "white: {bias} {deviation}");
-        let (bias, deviation) = first_band(&[6.0, 4.5, 3.0, 1.5, 0.0, 0.0, 0.0, 0.0]);
-        assert!(bias.abs() < 0.3 && deviation < 0.5, "coloured: {bias} {deviation}");
-        // A band that tells nothing takes what its neighbours say.
-        let leaning = smoothed(&[-30.0, 1.0, 1.0, 1.0], &[0.0, 50.0, 50.0, 50.0]);
-        assert!((leaning[0] - 1.0).abs() < 0.1, "{leaning:?}");
-        let alone = smoothed(&[2.0], &[5.0]);
-        assert!((alone[0] - 2.0).abs() < 1e-12, "{alone:?}");
-    }
 }

@@ -32,10 +32,10 @@ impl PooledMotion {
     fn reduce_last(&mut self, model: &dyn Model<f64>, run: &Run<'_>, motion: &Trajectory) -> Result<(), EstimateError> {
         let last = self.designs.len() - 1;
         let own = Settings { reach: reach(motion), ..self.designs.hidden(&self.settings, |run| run == last)? };
-        let record = MeasuredMotion::new(model, &run.trial.constants, run.unrounded, run.hold, &own)?;
+        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &own)?;
         let refine = |records: &mut [MeasuredMotion], settings: &Settings| {
             let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, settings)?.values);
-            refine_last(records, model, &run.trial.constants, run.unrounded, run.hold, &mut first)
+            refine_last(records, model, &run.trial.constants, run.spectra, run.hold, &mut first)
         };
         if self.records.judges() {
             let mut alone = [record.clone()];
