@@ -1,7 +1,7 @@
 //! The settled part of a run as samples.
 
 use tpm_estimate::beside_counts;
-use tpm_motion::Spectra;
+use tpm_motion::{Spectra, grid};
 use tpm_numerics::alarm;
 use tpm_numerics::differences::white_noise;
 
@@ -38,8 +38,9 @@ impl SteadyRun {
         let readings = channels.iter().take(coordinates).enumerate();
         let rounding: Vec<Option<Vec<f64>>> =
             readings.map(|(c, own)| spectra.mean_rounding(c, *own.first()?)).collect();
-        // Readings from which the mean quantisation error is subtracted are no longer multiples of a step.
-        let step = |(c, rounding): (usize, &Option<_>)| if rounding.is_some() { 0.0 } else { spectra.step(c) };
+        // Readings from which the mean quantisation error is subtracted are no longer multiples of a step. An encoder whose counts are finer
+        // than the readings are dense rounds a motion that repeats alike in every period all the same.
+        let step = |(c, rounding): (usize, &Option<_>)| if rounding.is_some() { 0.0 } else { grid(channels[c]) };
         let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
         let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
         let kept = |(c, channel): (usize, &&[f64])| {

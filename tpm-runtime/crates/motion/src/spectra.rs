@@ -348,17 +348,23 @@ fn is_whole(samples_per_period: f64) -> bool {
     (samples_per_period - samples_per_period.round()).abs() < 1e-9
 }
 
-/// The step of the grid on which all values lie; zero where they lie on none. Values that lie on no grid fit to one by chance only where there
-/// are a few of them, however fine it is.
+/// The step of the grid on which all values lie, provided that there are more values than grid points between the extremes; zero otherwise.
 pub fn step(values: &[f64]) -> f64 {
+    let step = grid(values);
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    if step > 0.0 && (high - low) / step < values.len() as f64 { step } else { 0.0 }
+}
+
+/// The step of the grid on which all values lie, however fine it is; zero where they lie on none. Values that lie on no grid fit to one by
+/// chance only where there are a few of them.
+pub fn grid(values: &[f64]) -> f64 {
     let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
     let least = apart().fold(f64::INFINITY, f64::min);
     let fits = |difference: f64| {
         let steps = difference / least;
         (steps - steps.round()).abs() < MOST_OFF_GRID
     };
-    let counted = least.is_finite() && apart().all(fits);
-    if counted { least } else { 0.0 }
+    if least.is_finite() && apart().all(fits) { least } else { 0.0 }
 }
 
 /// Covariance of the noise in the first `count` lines, estimated from the bins between lines, and the least number of
