@@ -3,7 +3,7 @@
 //! A result states covariances of the parameters that the data show, and of the combinations that they show of the others. A base parameter
 //! that is a sum of multiples of these has a covariance; where one is not, there is none at all.
 
-use crate::identified::{Identified, Weights};
+use crate::identified::{Identified, IdentifiedParameter, Weights};
 
 /// The share of a base parameter that may be left beside the combinations: their weights are rounded to text.
 const LEFT: f64 = 1e-6;
@@ -13,7 +13,8 @@ impl Identified {
     pub(crate) fn spread(&self, sums: &[Weights]) -> Option<Vec<Vec<f64>>> {
         let count = self.parameters.len();
         let known = count + self.combinations.len();
-        let factors: Vec<Vec<f64>> = sums.iter().map(|sum| self.factors(sum)).collect::<Option<_>>()?;
+        let hidden = Hidden::of_result(self);
+        let factors: Vec<Vec<f64>> = sums.iter().map(|sum| self.factors(sum, &hidden)).collect::<Option<_>>()?;
         let entry = |i: usize, j: usize| -> Option<f64> {
             let (i, j) = (i.max(j), i.min(j));
             match i.checked_sub(count) {
@@ -52,52 +53,79 @@ impl Identified {
 
     /// The factors of parameters and then of combinations whose sum is a weighted sum of parameters: the parameters that have a value by
     /// themselves, the others by combinations.
-    fn factors(&self, sum: &Weights) -> Option<Vec<f64>> {
-        let hidden: Vec<&str> =
-            self.parameters.iter().filter(|one| one.value.is_none()).map(|one| one.name.as_str()).collect();
-        let of = |weights: &Weights, name: &str| weights.get(name).copied().unwrap_or(0.0);
-        // Modified Gram-Schmidt over the hidden parts of the combinations.
-        let mut basis: Vec<(Vec<f64>, Vec<f64>)> = Vec::new();
-        let size = |values: &[f64]| values.iter().map(|value| value * value).sum::<f64>().sqrt();
-        let clear = |values: &mut [f64], factors: &mut [f64], basis: &[(Vec<f64>, Vec<f64>)]| {
-            for (direction, own) in basis {
-                let along: f64 = direction.iter().zip(values.iter()).map(|(a, b)| a * b).sum();
-                values.iter_mut().zip(direction).for_each(|(value, other)| *value -= along * other);
-                factors.iter_mut().zip(own).for_each(|(factor, other)| *factor -= along * other);
-            }
-        };
-        for (index, combination) in self.combinations.iter().enumerate() {
-            let mut values: Vec<f64> = hidden.iter().map(|name| of(&combination.terms, name)).collect();
-            let mut factors = vec![0.0; self.combinations.len()];
-            factors[index] = 1.0;
-            let before = size(&values);
-            clear(&mut values, &mut factors, &basis);
-            let length = size(&values);
-            if length > LEFT * before {
-                let scaled = |list: Vec<f64>| list.into_iter().map(|value| value / length).collect();
-                basis.push((scaled(values), scaled(factors)));
-            }
-        }
-        let mut values: Vec<f64> = hidden.iter().map(|name| of(sum, name)).collect();
-        let mut lacking = vec![0.0; self.combinations.len()];
-        let before = size(&values);
-        clear(&mut values, &mut lacking, &basis);
-        if size(&values) > LEFT * before {
+    fn factors(&self, sum: &Weights, hidden: &Hidden<'_>) -> Option<Vec<f64>> {
+        let mut lacking = hidden.of(sum, vec![0.0; self.combinations.len()]);
+        if lacking.clear(&hidden.basis) {
             return None;
         }
-        let mut factors: Vec<f64> = (self.parameters.iter())
-            .map(|one| {
-                if one.value.is_none() {
-                    return 0.0;
-                }
-                let shares =
-                    self.combinations.iter().zip(&lacking).map(|(own, lacking)| lacking * of(&own.terms, &one.name));
-                of(sum, &one.name) + shares.sum::<f64>()
-            })
-            .collect();
-        factors.extend(lacking.iter().map(|lacking| -lacking));
-        Some(factors)
+        let shares = |name: &str| -> f64 {
+            let combinations = self.combinations.iter().zip(&lacking.factors);
+            combinations.map(|(own, lacking)| lacking * weight(&own.terms, name)).sum()
+        };
+        let of = |one: &IdentifiedParameter| match one.value {
+            Some(_) => weight(sum, &one.name) + shares(&one.name),
+            None => 0.0,
+        };
+        let parameters = self.parameters.iter().map(of);
+        Some(parameters.chain(lacking.factors.iter().map(|lacking| -lacking)).collect())
     }
+}
+
+/// The parameters that have no value by themselves, and what the combinations say of them.
+struct Hidden<'a> {
+    names: Vec<&'a str>,
+    /// Orthonormal hidden parts of combinations.
+    basis: Vec<Part>,
+}
+
+/// The hidden part of a sum, with the combinations that make it up.
+struct Part {
+    values: Vec<f64>,
+    factors: Vec<f64>,
+}
+
+impl<'a> Hidden<'a> {
+    fn of_result(result: &'a Identified) -> Self {
+        let unknown = result.parameters.iter().filter(|one| one.value.is_none());
+        let names = unknown.map(|one| one.name.as_str()).collect();
+        let mut hidden = Hidden { names, basis: Vec::new() };
+        for (index, combination) in result.combinations.iter().enumerate() {
+            let mut factors = vec![0.0; result.combinations.len()];
+            factors[index] = 1.0;
+            let mut part = hidden.of(&combination.terms, factors);
+            if part.clear(&hidden.basis) {
+                let length = size(&part.values);
+                part.values.iter_mut().chain(&mut part.factors).for_each(|value| *value /= length);
+                hidden.basis.push(part);
+            }
+        }
+        hidden
+    }
+
+    fn of(&self, sum: &Weights, factors: Vec<f64>) -> Part {
+        Part { values: self.names.iter().map(|name| weight(sum, name)).collect(), factors }
+    }
+}
+
+impl Part {
+    /// Takes out what lies along a basis (modified Gram-Schmidt), and says whether more than rounding is left.
+    fn clear(&mut self, basis: &[Part]) -> bool {
+        let before = size(&self.values);
+        for other in basis {
+            let along: f64 = other.values.iter().zip(&self.values).map(|(a, b)| a * b).sum();
+            self.values.iter_mut().zip(&other.values).for_each(|(value, other)| *value -= along * other);
+            self.factors.iter_mut().zip(&other.factors).for_each(|(factor, other)| *factor -= along * other);
+        }
+        size(&self.values) > LEFT * before
+    }
+}
+
+fn weight(weights: &Weights, name: &str) -> f64 {
+    weights.get(name).copied().unwrap_or(0.0)
+}
+
+fn size(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

@@ -335,7 +335,7 @@ impl<T: Real, const R: usize, const C: usize> Monitoring<T, R, C> {
 }
 
 impl<T: Real> Evidence<T> {
-    /// Adds a log-likelihood ratio, of which one block never gives more than a third of an alarm; whether anything is left.
+    /// Adds a log-likelihood ratio, of which one block never gives more than three tenths of an alarm; whether anything is left.
     fn step(&mut self, step: T, threshold: T) -> bool {
         if !step.is_finite() {
             return false;

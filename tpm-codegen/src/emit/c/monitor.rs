@@ -102,7 +102,7 @@ static REAL monitor_upper(REAL freedom)
     return ONE / (root * root * root);
 }
 
-/* Adds a log-likelihood ratio, of which one block never gives more than a third of an alarm; whether anything is left. */
+/* Adds a log-likelihood ratio, of which one block never gives more than three tenths of an alarm; whether anything is left. */
 static int monitor_step(EVIDENCE *side, REAL step, REAL threshold)
 {
     if (!(FABS(step) <= MAX)) {

@@ -168,8 +168,8 @@ impl Names<'_> {
         Ok(Plan { time, places, optional: also, assumptions })
     }
 
-    /// Finds the column of the time, and takes every other column for a signal of the column's own name and unit. Factors and offsets are given by these names; only the time may be mapped to a column of
-    /// another name.
+    /// Finds the column of the time, and takes every other column for a signal of the column's own name and unit. Factors and offsets are
+    /// given by these names; only the time may be mapped to a column of another name.
     ///
     /// # Errors
     /// [`LogError`] for a time that is missing or ambiguous, or a setting of an unknown name.

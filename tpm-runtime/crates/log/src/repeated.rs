@@ -7,10 +7,10 @@
 //! ```
 //!
 //! the reading y_k is the one before, late by a sample. Numbers that were written with so many significant digits are rounded more
-//! coarsely the larger they are, so that r is taken among readings of the same power of ten. Rounding makes readings equal too, about as often as it makes
-//! them differ by one step, or by two, in a given direction. Readings count as repeated only where there are more equal
-//! ones than that by chance. A repeated reading holds no information; it is replaced by the cubic through the two fresh
-//! readings on either side.
+//! coarsely the larger they are, so that r is taken among readings of the same power of ten. Rounding makes readings equal too, about as
+//! often as it makes them differ by one step, or by two, in a given direction. Readings count as repeated only where there are more equal
+//! ones than that by chance. A repeated reading holds no information; it is replaced by the cubic through the two fresh readings on either
+//! side.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -65,6 +65,10 @@ fn power_of_ten(size: f64) -> i32 {
 /// Indices of the readings that repeat the reading before, each with the value interpolated from the fresh readings
 /// around it.
 pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+    // Most channels have too few equal readings to look any further.
+    if (signal.windows(2).filter(|pair| pair[0] == pair[1]).count() as f64) < MARGIN_COUNT {
+        return Vec::new();
+    }
     let steps = Steps::of(signal);
     let changes = |from: usize, to: usize| {
         from > 0

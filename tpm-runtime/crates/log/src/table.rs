@@ -182,8 +182,8 @@ impl Table {
         Ok(table)
     }
 
-    /// Reads every column but those of text, which are named apart, and says which signal each channel holds. A row keeps what it has: a
-    /// channel is not a number where a field is blank.
+    /// Reads every column but those of text and those that were recorded apart from the time, which are named apart, and says which signal
+    /// each channel holds. A row keeps what it has: a channel is not a number where a field is blank.
     ///
     /// # Errors
     /// [`LogError`] when there is no time, or a row cannot be read.

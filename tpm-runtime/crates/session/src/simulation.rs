@@ -242,7 +242,7 @@ fn of_parts(
         let (predicted, simulated) = (&found.one_step[c], &found.free_run[c]);
         let ahead = measured.iter().zip(predicted).zip(&found.counts).filter(|(_, counts)| **counts);
         let free = measured.iter().zip(simulated).map(|(y, run)| (*y, *run));
-        let steps = measured.windows(2).zip(&found.counts[1..]).filter(|(_, counts)| **counts);
+        let steps = measured.windows(2).zip(found.counts.iter().skip(1)).filter(|(_, counts)| **counts);
         let errors = cut(&found.normalised[c]);
         let errors: Vec<&[f64]> = errors.iter().map(Vec::as_slice).collect();
         let white = whiteness(&errors);
