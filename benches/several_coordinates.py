@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 STEP, SUBSTEPS, SECONDS = 1e-3, 4, 8.0
-CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged"}
+CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged",
+          "gives_energy"}
 
 
 class Arm:

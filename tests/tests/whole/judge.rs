@@ -101,6 +101,7 @@ fn findings() -> Vec<Warning> {
         Warning::PoorlyDetermined { parameter: m(), value: 1.0, std: 0.9 },
         Warning::OnlyInCombinations { parameters: vec![m(), "c".into()], data: Data::Log },
         Warning::NegativeInertia { parameter: m(), value: -1.0 },
+        Warning::GivesEnergy { parameter: m(), value: -1.0, std: 0.1 },
         Warning::Run { run: 1, ending: RunEnding::Unsettled, goes_on: true },
         Warning::Contradicts { run: 2, parameter: m(), deviations: 5.0, pooled: vec![1, 3], majority: true },
         Warning::Contradicts { run: 2, parameter: m(), deviations: 5.0, pooled: vec![1], majority: false },
@@ -148,6 +149,7 @@ fn findings() -> Vec<Warning> {
             | Warning::PoorlyDetermined { .. }
             | Warning::OnlyInCombinations { .. }
             | Warning::NegativeInertia { .. }
+            | Warning::GivesEnergy { .. }
             | Warning::Run { .. }
             | Warning::Contradicts { .. }
             | Warning::NearMode { .. }

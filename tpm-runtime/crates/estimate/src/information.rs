@@ -166,7 +166,18 @@ impl Scaled<'_> {
         }
         let mut misfit = of.right().into_owned();
         misfit.gemv(-1.0, factor, &total, 1.0);
-        let known = if shown.is_some() { hidden } else { &[] };
+        let spanned: Vec<Vec<f64>>;
+        let known = match &shown {
+            None => &[],
+            Some(basis) if basis.ncols() + hidden.len() == n => hidden,
+            // Directions that rounding alone holds apart count once.
+            Some(basis) => {
+                let span = complement(basis);
+                let span = span.column_iter().map(|direction| direction.iter().copied().collect()).collect();
+                spanned = beside_known(&[], span, scale);
+                &spanned
+            }
+        };
         let unobservable = known.iter().cloned().chain(beside_known(known, lost, scale)).collect();
         Solution {
             values: total.iter().zip(scale).map(|(t, s)| t / s).collect(),
@@ -346,7 +357,8 @@ pub(super) fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>>
         return None;
     }
     let n = scale.len();
-    let columns = DMatrix::from_fn(n, hidden.len(), |r, c| hidden[c][r] * scale[r]);
+    // Directions of one length: beside a long one a short one would count as rounding.
+    let (columns, _) = unit_columns(DMatrix::from_fn(n, hidden.len(), |r, c| hidden[c][r] * scale[r]));
     Some(complement(&columns)).filter(|basis| basis.ncols() > 0)
 }
 
@@ -450,6 +462,15 @@ mod tests {
         let condition = |hidden: &[Vec<f64>]| information.scaled().condition(hidden);
         assert!((condition(&[]) - scaled_condition(&information)).abs() < 1e-10);
         assert!(condition(&hidden) <= condition(&[]));
+    }
+
+    /// Of two parameters that the rows do not feel but in the last digits of a third one, the hidden directions lie side by side.
+    #[test]
+    fn hidden_directions_that_lie_side_by_side_count_once() {
+        let rows = DMatrix::from_row_slice(3, 3, &[1.0, 1e-18, 0.0, 0.0, 1e-18, 1e-18, 0.0, 0.0, 1e-18]);
+        let hidden = [vec![0.7, 1.0, 0.0], vec![0.7, 0.0, 1.0]];
+        let solved = Information::of(beside(&rows, &[1.0, 0.0, 0.0])).scaled().solve(&[], None, &hidden);
+        assert_eq!(solved.rank + solved.unobservable.len(), 3, "{solved:?}");
     }
 
     /// The sum of two parameters is shown and their difference is hidden by the reference, but a run that tracks badly feels it.

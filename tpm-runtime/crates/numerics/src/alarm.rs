@@ -57,6 +57,8 @@ pub const ESTIMATE_CHANGED: f64 = 3.0;
 pub const BIAS_LEAVES_INTERVAL: f64 = 3.0;
 /// A value is certainly negative: 2.3 in 100, to one side.
 pub const SURELY_NEGATIVE: f64 = 2.0;
+/// Damping or friction that is certainly negative, which the model's wording forbids: 2.3 in 10,000, to one side.
+pub const DRIVES: f64 = 3.5;
 /// A limit of an input is told from none: 5.7 in 10,000,000, to either side.
 pub const LIMIT_SHOWN: f64 = 5.0;
 /// One of two models predicts better, in standard errors of the difference of their errors: 4.6 in 100, to either side.
@@ -149,6 +151,7 @@ mod tests {
             ("lumped", LUMPED_CONTRADICT, 1e-3),
             ("coherence", COHERENT_LINE, 1e-3),
             ("negative", SURELY_NEGATIVE, 2.3e-2),
+            ("drives", DRIVES, 2.3e-4),
             ("innovations", INNOVATIONS_NOT_WHITE, 3.4e-6),
             ("periods", PERIODS_DIFFER, 3.2e-5),
             ("plateau", PLATEAU_STAYS, 3.4e-6),

@@ -250,6 +250,52 @@ pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64]
     symmetric && matrix.iter().all(|x| x.is_finite()) && matrix.symmetric_eigenvalues().iter().all(|m| *m > 0.0)
 }
 
+/// The powers of ten over which speeds and positions are tried by [`takes_energy`].
+const DECADES: i32 = 3;
+/// A sum of powers that cancel is zero below this share of them.
+const CANCELLED: f64 = 1e-12;
+
+/// Which parameters stand in terms that take energy out of the machine whatever it does, as damping and dry friction do: with the rows
+/// `Y theta`, the power `dot(q)' Y_j` of parameter j is never negative, and does not depend on accelerations. Tried at speeds of all signs
+/// and many sizes, about a position; nothing of rows that are no balance of forces, for which [`has_inertia`] has to be asked before.
+#[must_use]
+pub fn takes_energy(model: &dyn Model<f64>, constants: &[f64], position: &[f64]) -> Vec<bool> {
+    let dims = model.dims();
+    let (n, p) = (dims.coordinates, dims.parameters);
+    let mut scratch = vec![0.0; model.workspace_len()];
+    let mut regressor = |motion: &[f64]| {
+        let mut rows = vec![0.0; dims.regressor_len()];
+        model.regressor(motion, constants, &mut scratch, &mut rows).is_ok().then_some(rows)
+    };
+    let (mut never, mut some) = (vec![true; p], vec![false; p]);
+    // Squares times an irrational number fill an interval evenly, and so do pairs of neighbours a square.
+    let mut number = 0.0;
+    let mut even = || {
+        number += 1.0;
+        2.0 * (number * number * std::f64::consts::SQRT_2).fract() - 1.0
+    };
+    for size in -DECADES..=DECADES {
+        for _ in 0..4 * n.max(2) {
+            let mut motion = vec![0.0; dims.motion_len()];
+            for c in 0..n {
+                motion[c] = position[c] + even() * 10_f64.powi(size.min(0));
+                motion[n + c] = even() * 10_f64.powi(size);
+            }
+            let Some(slow) = regressor(&motion) else { return vec![false; p] };
+            motion[2 * n..].iter_mut().for_each(|entry| *entry = even());
+            let Some(accelerated) = regressor(&motion) else { return vec![false; p] };
+            for j in 0..p {
+                let powers = || (0..n).map(|row| motion[n + row] * slow[row * p + j]);
+                let (power, whole) = (powers().sum::<f64>(), powers().map(f64::abs).sum::<f64>());
+                let moved = (0..n).any(|row| slow[row * p + j] != accelerated[row * p + j]);
+                never[j] &= !moved && power >= -CANCELLED * whole;
+                some[j] |= power > CANCELLED * whole;
+            }
+        }
+    }
+    never.into_iter().zip(some).map(|(never, some)| never && some).collect()
+}
+
 /// Masses and moments of inertia that are certainly negative, which no machine has, by name with their values.
 #[must_use]
 pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {

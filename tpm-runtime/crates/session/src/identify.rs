@@ -359,7 +359,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         estimate: Some(estimate),
         shortfall: None,
     };
-    summary::warn_of_negative_inertias(&mut result, model, &options.constants, &used.position);
+    summary::warn_of_impossible_values(&mut result, model, &options.constants, &used.position);
     result
 }
 

@@ -10,8 +10,10 @@ use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Estimate, LARGE_RESIDUAL, ResidualOf, Status, Weights};
 use tpm_log::Lone;
 use tpm_motion::RunEnding;
-use tpm_numerics::tolerance;
-use tpm_physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
+use tpm_numerics::{alarm, tolerance};
+use tpm_physical::{
+    PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical, takes_energy,
+};
 use tpm_plant::stability::LoopStability;
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -153,7 +155,7 @@ fn of_estimate(
             stage.trajectory(&setup.pattern, 1.0).motion(0.0, &mut position);
         }
         position.truncate(model.dims().coordinates);
-        warn_of_negative_inertias(&mut result, model, &setup.constants, &position);
+        warn_of_impossible_values(&mut result, model, &setup.constants, &position);
     }
     result
 }
@@ -238,13 +240,23 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
 
 /// Warns of masses and inertias that came out negative, unless the matrix of accelerations at rest at a
 /// position is that of some machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
-pub(super) fn warn_of_negative_inertias(
+/// Where it is, the rows are a balance of forces, and damping or friction that came out negative would drive the machine.
+pub(super) fn warn_of_impossible_values(
     result: &mut Identification,
     model: &dyn Model<f64>,
     constants: &[f64],
     position: &[f64],
 ) {
     if has_inertia(model, &result.current, constants, position) {
+        let Some(estimate) = &result.estimate else { return };
+        let takes = takes_energy(model, constants, position);
+        let surely = |j: usize| estimate.values[j] < -alarm::DRIVES * estimate.std[j];
+        let gives = (0..takes.len()).filter(|&j| takes[j] && surely(j)).map(|j| Warning::GivesEnergy {
+            parameter: model.parameter(j).name.into(),
+            value: estimate.values[j],
+            std: estimate.std[j],
+        });
+        result.warnings.extend(gives);
         return;
     }
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };

@@ -108,6 +108,30 @@ fn exchanged_columns_are_named_and_nothing_of_them_is_trusted() {
     assert_eq!(trusted.count(), 0, "{:?}", result.parameters);
 }
 
+/// Dry friction of the wrong sign drives the machine, whatever else the model is made of; an offset of the force may have either sign.
+#[test]
+fn friction_that_gives_energy_is_named() {
+    let w = 2.0 * PI / 0.8;
+    let log = |friction: f64| {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let sample = |i: usize| {
+            let [x, v, a] = motion(&[(1.0, 0.3, 0.1), (2.0, 0.05, 0.0)], w, i as f64 * 1e-3);
+            (x + 1e-6 * normal(&mut rng), 95.0 * a + 200.0 * v + friction * v.signum() - 3.0)
+        };
+        let (xs, us) = (0..4000).map(sample).unzip();
+        Log::from_samples("synthetic", 1e-3, vec![xs, us]).expect("sound")
+    };
+    for (friction, named) in [(20.0, None), (-20.0, Some("Fc"))] {
+        let result = identify_log(&Emps, &log(friction), &LogOptions::default()).expect("identifies");
+        let gives = result.warnings.iter().find_map(|warning| match warning {
+            Warning::GivesEnergy { parameter, .. } => Some(parameter.as_str()),
+            _ => None,
+        });
+        assert_eq!(gives, named, "{:?}", result.warnings);
+        assert_eq!(result.warnings.iter().any(Warning::is_distrust), named.is_some(), "{:?}", result.warnings);
+    }
+}
+
 /// A log of m x'' + k1 x + k2 x'^2 = u on any motion of a period of one second, with noise on the position, and a force `lacking` at one
 /// harmonic that the model lacks.
 fn pushed(series: &Series, lacking: (usize, f64)) -> Log {

@@ -235,6 +235,15 @@ pub enum Warning {
         /// Its value, in its unit.
         value: f64,
     },
+    /// A parameter of damping or dry friction came out negative, so that its term gives energy to the machine.
+    GivesEnergy {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+        /// Its standard deviation.
+        std: f64,
+    },
     /// A run ended before all of its samples were used, or had to be played again.
     Run {
         /// Number of the run, from 1.
@@ -541,6 +550,11 @@ impl fmt::Display for Warning {
             Warning::NegativeInertia { parameter, value } => write!(
                 f,
                 "{parameter} = {value:.4e} is negative, which no machine has: a term may be missing, or a scale, a sign or a column may be wrong"
+            ),
+            Warning::GivesEnergy { parameter, value, std } => write!(
+                f,
+                "{parameter} = {} is negative, so that its term gives energy to the machine, which damping and friction do not: a term may be missing, or a scale, a sign or a column may be wrong",
+                plus_minus(*value, *std)
             ),
             Warning::Run { run, ending, goes_on } => match (ending, goes_on) {
                 (RunEnding::Unsettled, true) => {

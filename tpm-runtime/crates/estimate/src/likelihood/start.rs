@@ -154,6 +154,9 @@ impl<'a> Pass<'a> {
             None => (factor, None),
         };
         let singular = Singular::new(&narrow, RANK);
+        if singular.rank() == 0 {
+            return Err(EstimateError::NoSignal);
+        }
         let in_scaled =
             |directions: DMatrix<f64>| whole.map_or_else(|| directions.clone(), |basis| basis * &directions);
         // Coordinates in which the information is the identity, and what noise alone would make of it there.
