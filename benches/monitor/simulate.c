@@ -14,6 +14,8 @@
 #define DT 0.05
 #define TONES 3
 #define RUN_IN 200
+/* Work in which a run-in of 200 blocks of 5 s must be over, h: many times as long as it takes. */
+#define RUN_IN_HOURS 24.0
 /* Standard deviation of the identified values, as a share of them. */
 #define SPREAD 0.001
 
@@ -145,6 +147,23 @@ static estimator_monitor_state sample(struct world *world)
     return estimator_monitor_push(&monitor, (const estimator_motion *)given, (const estimator_forces *)applied, whole);
 }
 
+/* Whether the run-in has lasted so long that it will not end; says what it waits for. */
+static int waits_forever(const struct world *world)
+{
+    size_t i;
+
+    if (world->time < 3600.0 * RUN_IN_HOURS) return 0;
+    printf("the run-in has not ended after %.0f h of work:", RUN_IN_HOURS);
+    for (i = 0; i < B; ++i) {
+        if (monitor.parameters[i].blocks < RUN_IN) {
+            printf(" %s has %u blocks of %u;", estimator_base_parameter_labels[i].name, (unsigned)monitor.parameters[i].blocks,
+                   (unsigned)RUN_IN);
+        }
+    }
+    printf("\n");
+    return 1;
+}
+
 /* An identification with its errors, then rest and run-in. */
 static int begin(struct world *world, double false_alarms)
 {
@@ -177,7 +196,10 @@ static int begin(struct world *world, double false_alarms)
         estimator_monitor_rest(&monitor, (const estimator_motion *)given);
     }
     /* A rest of hours may fall into the run-in. */
-    while (monitor.state == ESTIMATOR_MONITOR_RUN_IN) (void)sample(world);
+    while (monitor.state == ESTIMATOR_MONITOR_RUN_IN) {
+        (void)sample(world);
+        if (waits_forever(world)) return 1;
+    }
     return 0;
 }
 
