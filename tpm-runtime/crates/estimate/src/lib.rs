@@ -25,6 +25,7 @@ mod first_order;
 mod free;
 mod information;
 mod likelihood;
+mod local;
 mod measured_motion;
 mod method;
 pub mod named;

@@ -8,7 +8,7 @@
 use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{Information, Solution};
-use crate::output_error::local;
+use crate::local;
 use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::settings::Settings;

@@ -99,7 +99,7 @@ pub fn best_arrangement(
     settings: &Settings,
 ) -> Result<Option<Arranged>, EstimateError> {
     let free = settings.free(model.dims().parameters)?.indices;
-    let motion = Motion::new(record)?;
+    let motion = Motion::new(record, false)?;
     let rows = Rows { model, constants };
     let look = Look::first(model);
     let paths = Paths::new(rows, record, &motion, false, (&look.inputs, &look.taken));
@@ -111,7 +111,7 @@ pub fn best_arrangement(
         let left = match *arrangement {
             Arrangement::CoordinateAndInput(c, i) => {
                 let record = crossed(record, c, i);
-                let motion = Motion::new(&record).ok()?;
+                let motion = Motion::new(&record, false).ok()?;
                 regression.left(&Paths::new(rows, &record, &motion, false, (&look.inputs, &look.taken)))
             }
             other => regression.left(&arranged(&paths, other)),

@@ -166,7 +166,7 @@ pub fn estimate_any_motion(
     settings: &Settings,
 ) -> Result<OfAnyMotion, EstimateError> {
     let free = settings.free(model.dims().parameters)?;
-    let motion = Motion::new(record)?;
+    let motion = Motion::new(record, circular)?;
     let rows = Rows { model, constants };
     let known = (record, &motion, circular);
     let mut look = Look::first(model);

@@ -79,10 +79,10 @@ impl Measured {
         together * h
     }
 
-    /// What smoothing makes of a derivative of the position at an angular frequency, when motions up to `fastest`, Hz, are followed.
-    fn smoothing(&self, w: f64, fastest: f64, derivative: usize) -> Complex<f64> {
+    /// What smoothing leaves of the position at an angular frequency, when motions up to `fastest`, Hz, are followed.
+    fn smoothing(&self, w: f64, fastest: f64) -> f64 {
         let share = if self.rate_noise.is_some() { 1.0 } else { self.spectrum.share(w / (2.0 * PI)) };
-        Complex::new(0.0, w).powu(derivative as u32) * wide(fastest).response(w) * share
+        wide(fastest).response(w) * share
     }
 }
 
@@ -182,7 +182,8 @@ impl<'a> Paths<'a> {
             let mut noisy = path.clone();
             for (c, own) in self.measured.iter().enumerate() {
                 for d in 0..=self.rows.model.coordinate_order(c) {
-                    let noise = moving.noise[c].filtered(path.points, |w| own.smoothing(w, fastest, d));
+                    let noise = moving.noise[c]
+                        .filtered(path.points, |w| Complex::new(0.0, w).powu(d as u32) * own.smoothing(w, fastest));
                     noisy
                         .motion
                         .iter_mut()
@@ -346,7 +347,7 @@ fn on_grid(
     for (c, signal) in moving.coordinates.iter().enumerate() {
         let own = &measured[c];
         for d in 0..=model.coordinate_order(c) {
-            let values = signal.filtered(points, |w| own.smoothing(w, fastest, d));
+            let values = signal.derivative(points, d, |w| own.smoothing(w, fastest));
             for (k, value) in values.iter().enumerate() {
                 motion[k * slots + d * dims.coordinates + c] = *value;
             }

@@ -5,8 +5,8 @@
 //! promising; the likelihood of every sample chooses among them, and decides whether there is a limit at all. Where the motion is too fast
 //! for derivatives, all limits are promising that are not hopeless (`DESIGN.md`, "How is a clipped input found?").
 
+use crate::local;
 use crate::output_error::error::OutputErrorFault;
-use crate::output_error::local;
 use crate::output_error::problem::{Column, Place, Problem};
 use crate::output_error::signals::Signals;
 use crate::time_domain::typical_period;

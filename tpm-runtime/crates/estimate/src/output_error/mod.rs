@@ -21,7 +21,6 @@ mod explanation;
 mod fit;
 #[cfg(test)]
 mod fit_tests;
-pub(crate) mod local;
 mod misfit;
 mod noise;
 mod predictor;

@@ -1,6 +1,6 @@
 //! The signals of a record, the motion from which a fit begins, and the noise that the sensors are taken to have.
 
-use crate::output_error::local;
+use crate::local;
 use crate::output_error::noise::Noise;
 use num_complex::Complex;
 use std::sync::OnceLock;

@@ -197,7 +197,7 @@ impl Band<'_> {
         for (c, signal) in self.stretch.coordinates.iter().enumerate() {
             for d in 0..=model.coordinate_order(c) {
                 let response = |w: f64| Complex::new(0.0, w).powu(d as u32) * low_pass.response(w);
-                let mut values = signal.filtered(fine, response);
+                let mut values = signal.derivative(fine, d, |w| low_pass.response(w));
                 if with_noise {
                     let noise = self.stretch.noise[c].filtered(fine, response);
                     values.iter_mut().zip(&noise).for_each(|(value, noise)| *value += noise);

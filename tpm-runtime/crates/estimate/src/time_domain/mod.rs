@@ -21,6 +21,7 @@
 
 pub(crate) mod band;
 mod bands;
+mod course;
 mod equations;
 mod fit;
 pub(crate) mod low_pass;

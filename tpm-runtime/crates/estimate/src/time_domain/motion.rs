@@ -3,11 +3,13 @@
 use crate::error::EstimateError;
 use crate::sensor::Sensor;
 use crate::time_domain::bands::Bands;
+use crate::time_domain::course::{Course, Trend};
 use crate::time_domain::transform::{Transform, quick};
 use num_complex::Complex;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::PI;
 use tpm_core::harmonics::Hold;
 use tpm_motion::Dynamics;
 
@@ -50,7 +52,7 @@ pub struct TimeRecord<'a> {
 pub(crate) struct Moving {
     pub(crate) samples: usize,
     pub(crate) points: usize,
-    pub(crate) coordinates: Vec<Transform>,
+    pub(crate) coordinates: Vec<Course>,
     /// Noise of the size that the coordinates have.
     pub(crate) noise: Vec<Transform>,
     pub(crate) inputs: Vec<Transform>,
@@ -70,11 +72,11 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    /// Transforms a record.
+    /// Transforms a record; `circular` says that its ends go over into its beginnings.
     ///
     /// # Errors
     /// [`EstimateError::NoSignal`] when there are no samples.
-    pub(crate) fn new(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
+    pub(crate) fn new(record: &TimeRecord<'_>, circular: bool) -> Result<Self, EstimateError> {
         let Some(first) = record.stretches.first() else { return Err(EstimateError::NoSignal) };
         let coordinates = first.coordinates.len();
         let of = |c: usize| -> Vec<&[f64]> { record.stretches.iter().map(|stretch| stretch.coordinates[c]).collect() };
@@ -102,11 +104,20 @@ impl Motion {
             };
             let mut moving = Moving { samples, points, coordinates: Vec::new(), noise: Vec::new(), inputs: Vec::new() };
             for c in 0..coordinates {
-                let position = transform(stretch.coordinates[c]);
+                let measured = stretch.coordinates[c];
+                let trend = if circular {
+                    Trend::nothing()
+                } else {
+                    // A quarter of the fastest oscillation that stands out of the noise is as good as a cubic.
+                    let quarter = 0.5 * PI / highest[c].max(f64::MIN_POSITIVE) / record.sample_time;
+                    Trend::of(measured, record.sample_time, quarter.min(samples as f64) as usize)
+                };
+                let without =
+                    |signal: &[f64], derivative: usize| transform(&trend.off(signal, record.sample_time, derivative));
                 let noise = random(white[c]);
-                match (stretch.rates.get(c).copied().flatten(), rate_noise[c]) {
-                    (Some(rate), Some(of_rate)) => {
-                        let rate = transform(rate);
+                let rest = match (stretch.rates.get(c).copied().flatten(), rate_noise[c]) {
+                    (Some(of_sensor), Some(of_rate)) => {
+                        let (position, rate) = (transform(measured), transform(of_sensor));
                         let gain = &mut gains[c];
                         let last = (highest[c] / position.spacing()) as usize;
                         for k in 1..=last.min(points / 2) {
@@ -116,13 +127,14 @@ impl Motion {
                         }
                         let noise_of_rate = random(of_rate);
                         moving.noise.push(together(noise, &noise_of_rate, white[c], of_rate));
-                        moving.coordinates.push(together(position, &rate, white[c], of_rate));
+                        together(without(measured, 0), &without(of_sensor, 1), white[c], of_rate)
                     }
                     _ => {
-                        moving.coordinates.push(position);
                         moving.noise.push(noise);
+                        without(measured, 0)
                     }
-                }
+                };
+                moving.coordinates.push(Course::new(rest, trend, (points, record.sample_time)));
             }
             moving.inputs = stretch.inputs.iter().map(|signal| transform(signal)).collect();
             stretches.push(moving);

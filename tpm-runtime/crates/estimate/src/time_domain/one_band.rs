@@ -30,7 +30,7 @@ impl<'a> OneBand<'a> {
     /// # Errors
     /// [`EstimateError::NoSignal`] when the stretches are too short for any band.
     pub fn new(record: &'a TimeRecord<'a>) -> Result<Self, EstimateError> {
-        let motion = Motion::new(record)?;
+        let motion = Motion::new(record, false)?;
         let cut_off = cut_off(&motion, record.sample_time).ok_or(EstimateError::NoSignal)?;
         Ok(Self { record, motion, low_pass: LowPass { cut_off } })
     }

@@ -65,7 +65,7 @@ impl Pace {
     /// # Errors
     /// [`EstimateError::NoSignal`] when there are no samples.
     pub fn of(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
-        let motion = Motion::new(record)?;
+        let motion = Motion::new(record, false)?;
         let cut_off = cut_off(&motion, record.sample_time).unwrap_or_else(|| motion.fastest()) / (2.0 * PI);
         Ok(Pace {
             typical_period: motion.typical_period / record.sample_time,
@@ -92,7 +92,7 @@ pub fn predict_in_band(
     directions: &[Vec<f64>],
 ) -> Result<Prediction, EstimateError> {
     let dims = model.dims();
-    let motion = Motion::new(record)?;
+    let motion = Motion::new(record, false)?;
     let cut_off = cut_off(&motion, record.sample_time).ok_or(EstimateError::NoSignal)?;
     let machine = Machine { model, derivatives, constants };
     let lost = Equations::lost(LowPass { cut_off });

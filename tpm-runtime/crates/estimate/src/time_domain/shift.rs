@@ -83,7 +83,7 @@ pub fn input_shift(
     record: &TimeRecord<'_>,
     settings: &Settings,
 ) -> Result<Option<InputShift>, EstimateError> {
-    let motion = Motion::new(record)?;
+    let motion = Motion::new(record, false)?;
     let cut_off = cut_off(&motion, record.sample_time).ok_or(EstimateError::NoSignal)?;
     let machine = Machine { model, derivatives, constants };
     let low_pass = LowPass { cut_off };

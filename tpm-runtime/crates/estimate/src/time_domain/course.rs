@@ -1,0 +1,134 @@
+//! A measured signal as a polynomial and a rest that closes upon itself.
+//!
+//! A discrete transform takes a signal for periodic. One that ends with another value or slope than it begins with has a second derivative
+//! with impulses where its end meets its beginning, and every filter spreads these over its own reach. The share of a motion that is read
+//! from a spectrum reaches over seconds: impulses of thousands of newtons then leave newtons in the middle of a record. So the polynomial
+//! of degree five that has the signal's value, slope and curvature at both ends is taken off before the transform; its derivatives are exact.
+
+use crate::local::derivatives;
+use crate::time_domain::transform::Transform;
+use num_complex::Complex;
+
+/// Coefficients of a polynomial of degree five in time over the length of the signal.
+type Quintic = [f64; 6];
+/// Fewest samples to which a cubic is fitted at an end: twice as many as it has coefficients, and one.
+const LEAST_SAMPLES: usize = 9;
+
+/// A signal with its derivatives.
+#[derive(Clone, Debug)]
+pub(crate) struct Course {
+    rest: Transform,
+    quintic: Quintic,
+    /// Time from the first sample to the last, s.
+    duration: f64,
+    sample_time: f64,
+    /// Points of the transform.
+    points: usize,
+}
+
+/// What is taken off a signal, and its rate.
+pub(crate) struct Trend {
+    quintic: Quintic,
+    duration: f64,
+}
+
+impl Trend {
+    /// Nothing, for a signal whose end goes over into its beginning.
+    pub(crate) fn nothing() -> Self {
+        Trend { quintic: [0.0; 6], duration: 1.0 }
+    }
+
+    /// The polynomial with the value, slope and curvature that a signal has at both of its ends, as cubics through `near` samples there tell.
+    pub(crate) fn of(signal: &[f64], sample_time: f64, near: usize) -> Self {
+        let half = near.max(LEAST_SAMPLES).min(signal.len() / 2).saturating_sub(1) / 2;
+        let width = 2 * half + 1;
+        let duration = signal.len().saturating_sub(1) as f64 * sample_time;
+        // Value, slope and curvature at the first and the last of some samples, in units of the whole duration.
+        let ends = |part: &[f64]| {
+            let found = derivatives(part, sample_time, half, 2, width - 1)?;
+            Some(found.into_iter().enumerate().map(|(at, x)| x * duration.powi((at % 3) as i32)).collect::<Vec<f64>>())
+        };
+        let both = if half > 0 { ends(&signal[..width]).zip(ends(&signal[signal.len() - width..])) } else { None };
+        let Some(([a, da, dda, ..], [.., b, db, ddb])) = both.as_ref().map(|(x, y)| (&x[..], &y[..])) else {
+            return Trend::nothing();
+        };
+        let (a, da, dda, b, db, ddb) = (*a, *da, *dda, *b, *db, *ddb);
+        let (value, slope, bend) = (b - a - da - 0.5 * dda, db - da - dda, ddb - dda);
+        let quintic = [
+            a,
+            da,
+            0.5 * dda,
+            10.0 * value - 4.0 * slope + 0.5 * bend,
+            -15.0 * value + 7.0 * slope - bend,
+            6.0 * value - 3.0 * slope + 0.5 * bend,
+        ];
+        if quintic.iter().all(|x| x.is_finite()) { Trend { quintic, duration } } else { Trend::nothing() }
+    }
+
+    /// What is left of a derivative of the signal that was measured, `derivative` zero for the signal itself.
+    pub(crate) fn off(&self, signal: &[f64], sample_time: f64, derivative: usize) -> Vec<f64> {
+        let left =
+            |(k, x): (usize, &f64)| x - polynomial(&self.quintic, self.duration, k as f64 * sample_time, derivative);
+        signal.iter().enumerate().map(left).collect()
+    }
+}
+
+impl Course {
+    /// From the transform of what a trend leaves.
+    pub(crate) fn new(rest: Transform, trend: Trend, (points, sample_time): (usize, f64)) -> Self {
+        Course { rest, quintic: trend.quintic, duration: trend.duration, sample_time, points }
+    }
+
+    /// A derivative of the signal at even times over the time of the transform. `response` is that of a smoother which passes what is slow,
+    /// given the angular frequency (rad/s).
+    pub(crate) fn derivative(&self, points: usize, derivative: usize, response: impl Fn(f64) -> f64) -> Vec<f64> {
+        let of = |w: f64| Complex::new(0.0, w).powu(derivative as u32) * response(w);
+        let mut values = self.rest.filtered(points, of);
+        let apart = self.points as f64 * self.sample_time / points as f64;
+        for (k, value) in values.iter_mut().enumerate() {
+            // Beyond the last sample there is nothing to follow.
+            let time = (k as f64 * apart).min(self.duration);
+            *value += polynomial(&self.quintic, self.duration, time, derivative);
+        }
+        values
+    }
+}
+
+/// A derivative by time of a polynomial in time over a duration.
+fn polynomial(quintic: &Quintic, duration: f64, time: f64, derivative: usize) -> f64 {
+    let x = time / duration;
+    let falling = |power: usize| ((power + 1 - derivative)..=power).map(|n| n as f64).product::<f64>();
+    let powers = (derivative..quintic.len()).rev();
+    powers.fold(0.0, |sum, power| sum * x + falling(power) * quintic[power]) / duration.powi(derivative as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Course, Trend};
+    use crate::time_domain::transform::{Transform, quick};
+
+    #[test]
+    fn derivatives_of_a_motion_that_does_not_close_are_right_up_to_its_ends() {
+        let (samples, h) = (3001, 1e-3);
+        let at = |t: f64, d: usize| -> f64 {
+            let w = 7.3;
+            let turned = w * t + 0.4 + d as f64 * std::f64::consts::FRAC_PI_2;
+            w.powi(d as i32) * turned.sin() + [0.3 * t + 0.2 * t * t, 0.3 + 0.4 * t, 0.4][d]
+        };
+        let signal: Vec<f64> = (0..samples).map(|k| at(k as f64 * h, 0)).collect();
+        let points = quick(samples);
+        let largest = |trend: Trend, d: usize| {
+            let rest = Transform::new(&trend.off(&signal, h, 0), points, h);
+            let course = Course::new(rest, trend, (points, h));
+            // A smoother whose response has a corner, so that it reaches far.
+            let values =
+                course.derivative(points, d, |w| (1.0 - (w - 60.0).abs() / 60.0).max(f64::from(u8::from(w < 60.0))));
+            let wrong = |k: &usize| (values[*k] - at(*k as f64 * h, d)).abs();
+            (200..samples - 200).map(|k| wrong(&k)).fold(0.0, f64::max)
+        };
+        for d in 0..=2 {
+            let (open, closed) = (largest(Trend::of(&signal, h, 40), d), largest(Trend::nothing(), d));
+            assert!(open < 1e-4 * 7.3_f64.powi(d as i32) && open < 1e-2 * closed, "{d}: {open} beside {closed}");
+        }
+    }
+}
