@@ -14,9 +14,10 @@ use crate::warning::{Data, Warning};
 use tpm_core::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, Course, Differentiable, Estimate, EstimateError, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand, Sensor,
-    Stretch, TermKind, UnseenFault, best_arrangement, estimate_any_motion,
+    Settings, Stretch, TermKind, UnseenFault, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
+use tpm_numerics::{Matrix, alarm};
 
 /// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
 /// simulation: below it the smoothed motion says all that a joint estimate would.
@@ -108,7 +109,14 @@ pub(super) fn identify(
     } else {
         unrefined(&found)
     };
-    let refined = if told_by_simulation(&refined, &found, dims) { refined } else { unrefined(&found) };
+    let apart = Apart::of(&refined, &found);
+    let refined = if told_by_simulation(&refined, &found, dims, apart.as_ref()) {
+        refined
+    } else {
+        // Nothing that is named says why the two are apart, so that the lines may be as far off.
+        let unexplained = apart.filter(|_| found.lacking.is_empty());
+        unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings))
+    };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
     if periodic.is_none() {
@@ -156,9 +164,11 @@ pub(super) fn follows(report: &RefinementReport, warnings: &[Warning]) -> bool {
 /// so that its simulation tells less. But the ratios of a row without an input it may find better: where the lines did not find them, or no
 /// term of theirs explains as much of what is left as one of the simulation does. Of a single coordinate it knows what the model lacks, unless
 /// it follows no better than the lines do.
-fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims) -> bool {
+fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims, apart: Option<&Apart>) -> bool {
     let Some(report) = refined.report.as_ref().filter(|report| report.used) else { return false };
-    if follows(report, &refined.warnings) || lines.estimate.residual > LARGE_RESIDUAL {
+    // With noise of the inputs a simulation follows any record, and what the model lacks passes for such noise.
+    let exact = report.input_noise.iter().all(|noise| *noise == 0.0);
+    if (follows(report, &refined.warnings) && (exact || apart.is_none())) || lines.estimate.residual > LARGE_RESIDUAL {
         return true;
     }
     if dims.coordinates > 1 {
@@ -168,6 +178,56 @@ fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims) -> boo
         return dims.inputs < dims.rows && (lines.report.free_row_left.is_some() || by_simulation > by_lines);
     }
     refined.estimate.residual <= LARGE_RESIDUAL
+}
+
+/// Estimates of one record, by its lines and by a simulation, that contradict each other. Of a right model both are consistent, so that their
+/// difference is no larger than their deviations (Hausman 1978).
+struct Apart {
+    /// The parameter that contradicts most.
+    parameter: usize,
+    /// Deviation of its difference.
+    deviation: f64,
+    /// By how much every parameter of the simulation is larger, zero for those that the record does not show.
+    moved: Vec<f64>,
+}
+
+impl Apart {
+    fn of(refined: &Refined, lines: &OfAnyMotion) -> Option<Self> {
+        refined.report.as_ref().filter(|report| report.used)?;
+        let (own, other) = (&lines.estimate, &refined.estimate);
+        let deviation = |j: usize| own.std[j].hypot(other.std[j]);
+        let shown: Vec<usize> =
+            (0..own.values.len()).filter(|&j| deviation(j) > 0.0 && deviation(j).is_finite()).collect();
+        let mut moved = vec![0.0; own.values.len()];
+        shown.iter().for_each(|&j| moved[j] = other.values[j] - own.values[j]);
+        let standardised = |j: &usize| (moved[*j] / deviation(*j)).powi(2);
+        let farthest = shown.iter().copied().max_by(|a, b| standardised(a).total_cmp(&standardised(b)))?;
+        let threshold = alarm::squared_normal(alarm::WAYS_CONTRADICT_RATE, shown.len());
+        (standardised(&farthest) > threshold).then(|| Apart {
+            parameter: farthest,
+            deviation: deviation(farthest),
+            moved,
+        })
+    }
+
+    /// The estimate of the lines, whose deviations contain the difference.
+    fn widened(&self, model: &dyn Model<f64>, lines: &OfAnyMotion, settings: &Settings) -> Refined {
+        let own = &lines.estimate;
+        let row = |i: usize| -> Vec<f64> {
+            let of = |j: usize| own.covariance[(i, j)] + self.moved[i] * self.moved[j];
+            (0..own.values.len()).map(of).collect()
+        };
+        let rows: Vec<Vec<f64>> = (0..own.values.len()).map(row).collect();
+        let covariance = Matrix::from_rows(&rows).unwrap_or_else(|| own.covariance.clone());
+        let parameter = model.parameter(self.parameter).name.to_string();
+        let warning =
+            Warning::WaysContradict { parameter, moved: self.moved[self.parameter], deviation: self.deviation };
+        Refined {
+            estimate: lines.restated(own.values.clone(), covariance, settings),
+            report: None,
+            warnings: vec![warning],
+        }
+    }
 }
 
 /// Whether a record of a motion that repeats has no noise: then its harmonics are exact, while the smoothing of a motion and the window that

@@ -97,6 +97,7 @@ impl Warning {
             Warning::MissingTerm { .. } => (Misfit, Record, Nothing),
             Warning::Limited { .. } => (Remark, Record, Nothing),
             Warning::Halves { parameter, .. } => (Distrust, Record, Concern::one(parameter)),
+            Warning::WaysContradict { .. } => (Misfit, Record, Nothing),
             Warning::Unsettled { .. } => (Distrust, Record, All),
             Warning::Repeats { .. } => (Misfit, Record, Nothing),
             Warning::Vibration { .. } => (Misfit, Record, Nothing),
