@@ -168,7 +168,8 @@ fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims, apart:
     let Some(report) = refined.report.as_ref().filter(|report| report.used) else { return false };
     // With noise of the inputs a simulation follows any record, and what the model lacks passes for such noise.
     let exact = report.input_noise.iter().all(|noise| *noise == 0.0);
-    if (follows(report, &refined.warnings) && (exact || apart.is_none())) || lines.estimate.residual > LARGE_RESIDUAL {
+    let left_by_lines = lines.report.with_terms.iter().copied().fold(0.0, f64::max);
+    if (follows(report, &refined.warnings) && (exact || apart.is_none())) || left_by_lines > LARGE_RESIDUAL {
         return true;
     }
     if dims.coordinates > 1 {
