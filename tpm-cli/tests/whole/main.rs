@@ -9,6 +9,7 @@ mod campaign;
 mod compare;
 mod controller;
 mod controller_estimators;
+mod coordinates;
 mod dry_friction;
 mod editors;
 mod excite;
