@@ -414,3 +414,89 @@ fn the_filter_passes_the_velocity_of_a_mass() {
     let wanted = mean / count - lacks;
     assert!((found / wanted - 1.0).abs() < 0.03, "{found} {wanted}");
 }
+
+/// m x'' + k x + d x'^2 = u.
+struct Drag;
+
+const DRAG: [f64; 3] = [2.0, 40.0, 1.5];
+
+impl RunModel<f64, 1, 1, 3, 3> for Drag {
+    const MOTION: [(usize, u32); 3] = [(0, 0), (0, 1), (0, 2)];
+    const POINTS: usize = 128;
+
+    fn rows(&self, motion: &[f64; 3], regressor: &mut [[f64; 3]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
+        let [x, rate, acceleration] = *motion;
+        regressor[0] = [acceleration, x, rate * rate];
+        map[0][0] = 1.0;
+    }
+}
+
+/// A run of that machine under a feedback of its noisy position and its filtered derivative.
+fn under_feedback(seed: u64) -> Played<f64> {
+    let (samples, settling, periods, step) = (1600_u32, 3_u32, 10_u32, 1e-3);
+    let w = 2.0 * core::f64::consts::PI / (f64::from(samples) * step);
+    let [m, k, d] = DRAG;
+    let mut state = seed;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    };
+    let mut normal = || libm::sqrt(-2.0 * libm::log(uniform())) * libm::cos(2.0 * core::f64::consts::PI * uniform());
+    let reference = |time: f64| {
+        let (first, third) = (w * time, 3.0 * w * time);
+        let x = 0.3 * (libm::cos(first) - libm::cos(third) / 9.0);
+        let v = -0.3 * w * (libm::sin(first) - libm::sin(third) / 3.0);
+        let a = -0.3 * w * w * (libm::cos(first) - libm::cos(third));
+        (x, m * a + k * x + d * v * v)
+    };
+    let pass = 1.0 - libm::exp(-step / 2e-3);
+    let (mut position, mut speed) = (reference(0.0).0, 0.0);
+    let (mut rate, mut before) = (0.0, 0.0);
+    let mut lines = RunLines::new(samples, periods).expect("a shape");
+    let mut passed = RunPassed::new(samples, 26);
+    for number in 0..samples * (settling + periods) {
+        let (x, feed_forward) = reference(f64::from(number) * step);
+        let measured = position + 1e-3 * normal();
+        let error = measured - x;
+        rate += pass * ((error - before) / step - rate);
+        before = error;
+        let force = feed_forward - 2000.0 * error - 120.0 * rate;
+        if number >= samples * settling {
+            lines.push(number - samples * settling, &[measured, force]).expect("finite");
+            passed.push(&[force]);
+        }
+        let slope = |[x, v]: [f64; 2]| [v, (force - k * x - d * v * v) / m];
+        let along = |from: [f64; 2], by: [f64; 2], h: f64| [from[0] + h * by[0], from[1] + h * by[1]];
+        let now = [position, speed];
+        let first = slope(now);
+        let second = slope(along(now, first, 0.5 * step));
+        let third = slope(along(now, second, 0.5 * step));
+        let fourth = slope(along(now, third, step));
+        let sum = |i: usize| step / 6.0 * (first[i] + 2.0 * second[i] + 2.0 * third[i] + fourth[i]);
+        position += sum(0);
+        speed += sum(1);
+    }
+    (lines, passed)
+}
+
+#[test]
+fn a_mean_is_used_without_what_noise_makes_of_it() {
+    let sampling = RunSampling { sample_time: 1e-3, held: true, delay: 0.0 };
+    let (mut sum, mut squares, runs) = (0.0, 0.0, 16);
+    for seed in 1..=runs {
+        let (lines, passed) = under_feedback(seed);
+        let mut workspace = RunWorkspace::<f64, 1, 1, 3, 3, 26, 25, 325>::default();
+        let of = (&lines, &passed);
+        let found = workspace.estimate::<_, 1, 2>(&Drag, of, sampling, &[3.0, 20.0, 0.75], None).expect("a run");
+        let [value, deviation] = [found.values, found.deviations].map(|of| of[2].expect("shown"));
+        assert!(workspace.shifts);
+        // Left in, the motion that noise makes would move the parameter by this much.
+        let moved = workspace.shifted[0] / workspace.regressor[0][2][0].re;
+        assert!(moved.abs() > 2.0 * deviation, "the test tells nothing: {moved} {deviation}");
+        let error = (value - DRAG[2]) / deviation;
+        sum += error / runs as f64;
+        squares += error * error / runs as f64;
+    }
+    // A mean of 16 deviates by a quarter; three quarters are three deviations of it.
+    assert!(sum.abs() < 0.75 && (0.4..1.8).contains(&squares), "{sum} {squares}");
+}
