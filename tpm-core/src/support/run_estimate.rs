@@ -20,8 +20,8 @@
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
 
 use super::{
-    Real, RunFault, RunLinearisation, RunLines, RunMeans, RunModel, RunPassed, RunReference, RunSampling,
-    RunWorkspace, Shown, SquareRoot,
+    Real, RunFault, RunLinearisation, RunLines, RunMeans, RunModel, RunPassed, RunReference, RunSampling, RunWorkspace,
+    Shown, SquareRoot,
 };
 
 /// Passes that weigh equations by their noise.

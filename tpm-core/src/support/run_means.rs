@@ -75,8 +75,7 @@ impl<T: Real, const U: usize> RunPassed<T, U> {
             let between = self.bend * self.bend / T::from_f64(3.0);
             for input in 0..U {
                 for other in 0..=input {
-                    self.products[input][other] +=
-                        passed[input] * passed[other] + between * fast[input] * fast[other];
+                    self.products[input][other] += passed[input] * passed[other] + between * fast[input] * fast[other];
                 }
             }
         }
@@ -277,7 +276,7 @@ impl<
     }
 
     /// Finds what the motion that noise makes adds to the means of the regressor, half the mean second derivative times its covariance, and
-    /// takes of what the rows leave. It is not known where noise is not that of the sensors alone, or masses do not answer above the lines.
+    /// takes of what the rows leave, where a row has a mean. It is not known where noise is not that of the sensors alone, or masses do not answer above the lines.
     pub(super) fn find_shift<M: RunModel<T, U, R, P, S>, const U: usize, const C: usize>(
         &mut self,
         model: &M,
@@ -287,7 +286,7 @@ impl<
         (sampling, theta, w): (RunSampling<T>, &[T; P], T),
     ) {
         self.forget_shift();
-        if self.disturbed {
+        if self.disturbed || !(0..R).any(|row| self.has_mean(row, theta)) {
             return;
         }
         let motion = self.true_motion(&M::MOTION, run, passed, inputs, (sampling.sample_time, w));

@@ -1,7 +1,7 @@
 use super::{
     CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Phasor, Real, RunEstimate, RunFault, RunLinearisation,
-    RunLines, RunLumping, RunModel, RunNumerical, RunPassed, RunPhysical, RunPool, RunReference, RunSampling, RunWorkspace,
-    SquareRoot, passing,
+    RunLines, RunLumping, RunModel, RunNumerical, RunPassed, RunPhysical, RunPool, RunReference, RunSampling,
+    RunWorkspace, SquareRoot, passing,
 };
 
 /// m x'' + k x^3 + d |x'| x' + b = u; the last parameter, of x'' + w^2 x with the w of this motion, is not shown.

@@ -53,8 +53,7 @@ pub(super) fn write(context: &mut Context<'_>) {
         about_reference = arguments(run_linearised::SOURCE);
     }
     let with_passed = LINES.replace("PASSED_SOURCE\n", PASSED.trim_start());
-    let [lines, along, noise, means, equations] =
-        [with_passed.as_str(), ALONG, NOISE, MEANS, EQUATIONS].map(arguments);
+    let [lines, along, noise, means, equations] = [with_passed.as_str(), ALONG, NOISE, MEANS, EQUATIONS].map(arguments);
     // The solver of base parameters is the same; its last function ends where parameters are given their names.
     let solver = SQUARE_ROOT.replace("\nSTATUS SOLVE", "\nstatic void SOLVE").replace("WORKSPACE", "SOLUTION");
     let solver = format!("{}}}\n", filled(&solver, &words));

@@ -278,6 +278,20 @@ static int run_true_motion(const RUN *run, WORKSPACE *workspace, REAL w)
     return 1;
 }
 
+/* Whether a term of a row has a mean that stands out of its noise. */
+static int run_has_mean(const WORKSPACE *workspace, size_t row)
+{
+    const REAL variance = run_variance(workspace, row, 0);
+    REAL largest = run_square(workspace->known[row][0]);
+    size_t column;
+
+    for (column = 0; column < COLUMNS; ++column) {
+        const REAL square = run_square(run_scaled(workspace->regressor[row][column][0], workspace->theta[column]));
+        largest = square > largest ? square : largest;
+    }
+    return largest > VISIBLE * variance;
+}
+
 /* No shift is known. */
 static void run_forget_shift(WORKSPACE *workspace)
 {
@@ -295,7 +309,8 @@ static void run_forget_shift(WORKSPACE *workspace)
 
 /*
  * What the motion that noise makes adds to the means of the regressor, half the mean second derivative times its covariance, and takes of
- * what the rows leave. It is not known where noise is not that of the sensors alone, or masses do not answer above the lines.
+ * what the rows leave, where a row has a mean. It is not known where noise is not that of the sensors alone, or masses do not answer above
+ * the lines.
  */
 static void run_find_shift(const RUN *run, WORKSPACE *workspace, REAL wCONSTANTS)
 {
@@ -303,8 +318,10 @@ static void run_find_shift(const RUN *run, WORKSPACE *workspace, REAL wCONSTANTS
     size_t point, entry, second, row, column, line, side;
 
     run_forget_shift(workspace);
-    if (workspace->disturbed || !run_true_motion(run, workspace, w)) {
-        run_forget_shift(workspace);
+    for (row = 0; row < ROWS && !run_has_mean(workspace, row); ++row) {
+    }
+    if (row == ROWS || workspace->disturbed || !run_true_motion(run, workspace, w)) {
+        workspace->doubt = ZERO;
         return;
     }
     workspace->shifts = 1;
@@ -349,19 +366,5 @@ static void run_find_shift(const RUN *run, WORKSPACE *workspace, REAL wCONSTANTS
             }
         }
     }
-}
-
-/* Whether a term of a row has a mean that stands out of its noise. */
-static int run_has_mean(const WORKSPACE *workspace, size_t row)
-{
-    const REAL variance = run_variance(workspace, row, 0);
-    REAL largest = run_square(workspace->known[row][0]);
-    size_t column;
-
-    for (column = 0; column < COLUMNS; ++column) {
-        const REAL square = run_square(run_scaled(workspace->regressor[row][column][0], workspace->theta[column]));
-        largest = square > largest ? square : largest;
-    }
-    return largest > VISIBLE * variance;
 }
 ";

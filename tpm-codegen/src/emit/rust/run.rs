@@ -43,7 +43,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         quote!()
     };
     let about = doc(ESTIMATOR);
-    let mut names = vec!["Label", "Real", "RunEstimate", "RunLines", "RunModel", "RunPassed", "RunWorkspace", "SquareRoot"];
+    let mut names =
+        vec!["Label", "Real", "RunEstimate", "RunLines", "RunModel", "RunPassed", "RunWorkspace", "SquareRoot"];
     let mut public = vec!["RunFault", "RunSampling"];
     if context.estimator.campaign.is_some() {
         names.extend(["CampaignOrder", "Play", "RunPool", "passing"]);
