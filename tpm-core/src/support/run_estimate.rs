@@ -106,7 +106,7 @@ impl<
             theta = moved(&theta, prior, &shown.0.solution);
             self.differentiate(model, &inputs, &theta, w);
             self.find_noise(&M::MOTION, w);
-            if pass > 0 {
+            if pass + 1 == PASSES {
                 // Of second order in the noise, at parameters that were found without it.
                 self.find_shift(model, run, (passed, &map), &inputs, (sampling, &theta, w));
             }

@@ -304,7 +304,7 @@ static STATUS run_update(const RUN *run, WORKSPACE *workspaceABOUT_PARAMETERSCON
     for (pass = 0; pass < PASSES && status == OK; ++pass) {
         run_differentiate(workspace, wARGUMENT);
         run_find_noise(workspace, w);
-        if (pass > 0) {
+        if (pass + 1 == PASSES) {
             /* Of second order in the noise, at parameters that were found without it. */
             run_find_shift(run, workspace, wARGUMENT);
         }
