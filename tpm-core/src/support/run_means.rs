@@ -21,6 +21,8 @@ const BEGINNING: f64 = 0.6;
 const DAMPING: [f64; 2] = [1.847_759_065_022_573_5, 0.765_366_864_730_179_6];
 /// Lower bound on the square of the relative deviation of what the filter passed.
 const LEAST_DOUBT: f64 = 4e-4;
+/// Noise of a line exceeds so many times its variance once in 8000 lines.
+const MOST_NOISE: f64 = 9.0;
 /// A term has a mean where it is so many times as large as the noise of its row.
 const LEAST_VISIBLE: f64 = 4.0;
 
@@ -226,6 +228,13 @@ impl<
                 *moved = drive[line];
             }
             eliminate(&mut response, &mut moved)?;
+            // Near a resonance inputs say little. What was measured is this motion and the noise of the sensor.
+            for ((moved, lines), sensor) in moved.iter_mut().zip(&self.motion).zip(&self.sensors) {
+                let most = two * (lines[line].square() + T::from_f64(MOST_NOISE) * *sensor);
+                if moved.square() > most {
+                    *moved = lines[line];
+                }
+            }
             let modelled = answer.map(|row| {
                 row.iter().zip(inputs).fold(Phasor::ZERO, |sum, (answer, lines)| sum + lines[line].times(*answer))
             });

@@ -155,6 +155,7 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("TWO", 2.0),
         ("FOUR", 4.0),
         ("THREE", 3.0),
+        ("NINE", 9.0),
         ("LEAST", 1e-8),
         ("BEGINNING", 0.6),
         ("FLAT", 1.847_759_065_022_573_5),

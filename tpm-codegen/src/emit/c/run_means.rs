@@ -226,6 +226,13 @@ static int run_true_motion(const RUN *run, WORKSPACE *workspace, REAL w)
         if (!run_eliminate(matrix, right)) {
             return 0;
         }
+        for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+            /* Near a resonance inputs say little. What was measured is this motion and the noise of the sensor. */
+            const PHASOR measured = workspace->motion[coordinate][line];
+            if (run_square(right[coordinate]) > TWO * (run_square(measured) + NINE * workspace->sensors[coordinate])) {
+                right[coordinate] = measured;
+            }
+        }
         for (entry = 0; entry < ENTRIES; ++entry) {
             parts[entry] = run_times(right[run_coordinate[entry]], run_derivative(frequency, run_order[entry]));
         }
