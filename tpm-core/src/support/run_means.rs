@@ -298,6 +298,11 @@ impl<
         if self.disturbed || !(0..R).any(|row| self.has_mean(row, theta)) {
             return;
         }
+        if self.reach == 0 {
+            // Where derivatives do not vary along the motion, nothing is added.
+            self.shifts = true;
+            return;
+        }
         let motion = self.true_motion(&M::MOTION, run, passed, inputs, (sampling.sample_time, w));
         let Some(Motion { covariance, doubt }) = motion else { return };
         self.shifts = true;

@@ -327,7 +327,15 @@ static void run_find_shift(const RUN *run, WORKSPACE *workspace, REAL wCONSTANTS
     run_forget_shift(workspace);
     for (row = 0; row < ROWS && !run_has_mean(workspace, row); ++row) {
     }
-    if (row == ROWS || workspace->disturbed || !run_true_motion(run, workspace, w)) {
+    if (row == ROWS || workspace->disturbed) {
+        return;
+    }
+    if (workspace->reach == 0) {
+        /* Where derivatives do not vary along the motion, nothing is added. */
+        workspace->shifts = 1;
+        return;
+    }
+    if (!run_true_motion(run, workspace, w)) {
         workspace->doubt = ZERO;
         return;
     }
