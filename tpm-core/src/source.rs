@@ -3,7 +3,7 @@
 /// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
 ///
 /// Each file imports its names from its parent module, which must re-export the names that `support` re-exports.
-pub const SUPPORT: [(&str, &str); 18] = [
+pub const SUPPORT: [(&str, &str); 19] = [
     ("accelerations", include_str!("support/accelerations.rs")),
     ("campaign", include_str!("support/campaign.rs")),
     ("error", include_str!("support/error.rs")),
@@ -16,6 +16,7 @@ pub const SUPPORT: [(&str, &str); 18] = [
     ("run_estimate", include_str!("support/run_estimate.rs")),
     ("run_linearised", include_str!("support/run_linearised.rs")),
     ("run_lines", include_str!("support/run_lines.rs")),
+    ("run_means", include_str!("support/run_means.rs")),
     ("run_noise", include_str!("support/run_noise.rs")),
     ("run_numerical", include_str!("support/run_numerical.rs")),
     ("run_physical", include_str!("support/run_physical.rs")),

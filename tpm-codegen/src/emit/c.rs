@@ -22,6 +22,7 @@ mod run_along;
 mod run_equations;
 mod run_estimate;
 mod run_linearised;
+mod run_means;
 mod run_noise;
 mod run_numerical;
 mod run_physical;

@@ -4,7 +4,7 @@
 //! harmonics, sines as well as cosines, are equated with those of the applied inputs:
 //!
 //! ```text
-//! (B u)_k - known_k = sum_p (Phi_p)_k theta_p - (J n)_k ,      k = 1, ..., H
+//! (B u)_k - known_k = sum_p (Phi_p)_k theta_p - (J n)_k ,      k = 0, ..., H
 //! ```
 //!
 //! with the sensors' noise n and the derivatives J of the rows along the motion, which mix the lines. The inputs are those that were
@@ -20,7 +20,8 @@
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
 
 use super::{
-    Real, RunFault, RunLinearisation, RunLines, RunModel, RunReference, RunSampling, RunWorkspace, Shown, SquareRoot,
+    Real, RunFault, RunLinearisation, RunLines, RunMeans, RunModel, RunPassed, RunReference, RunSampling, RunWorkspace,
+    Shown, SquareRoot,
 };
 
 /// Passes that weigh equations by their noise.
@@ -71,7 +72,7 @@ impl<
     pub fn estimate<M: RunModel<T, U, R, P, S>, const U: usize, const C: usize>(
         &mut self,
         model: &M,
-        run: &RunLines<T, C, L>,
+        (run, passed): (&RunLines<T, C, L>, &RunPassed<T, U>),
         sampling: RunSampling<T>,
         prior: &[T; P],
         about: Option<(RunLinearisation, &RunReference<T, Q, L>)>,
@@ -90,8 +91,9 @@ impl<
             None => self.motion,
         };
         let inputs = Self::applied::<U, C>(&lines, w, sampling);
-        self.evaluate(model, &inputs, w)?;
+        let map = self.evaluate(model, &inputs, w)?;
         let mut theta = *prior;
+        self.forget_shift();
         self.sensors = [T::ZERO; Q];
         self.differentiate(model, &inputs, &theta, w);
         if let Some((which, _)) = about {
@@ -100,10 +102,14 @@ impl<
         }
         self.find_shown(&M::MOTION, w);
         let mut shown = self.solve(&M::MOTION, &theta, w, false)?;
-        for _ in 0..PASSES {
+        for pass in 0..PASSES {
             theta = moved(&theta, prior, &shown.0.solution);
             self.differentiate(model, &inputs, &theta, w);
             self.find_noise(&M::MOTION, w);
+            if pass + 1 == PASSES {
+                // Of second order in the noise, at parameters that were found without it.
+                self.find_shift(model, run, (passed, &map), &inputs, (sampling, &theta, w));
+            }
             if about.is_some() {
                 self.linearise(model, &inputs, &theta, w, true);
             }
@@ -141,11 +147,13 @@ impl<
         w: T,
         weighed: bool,
     ) -> Result<Found<T, P>, RunFault> {
-        let mut factor = self.equations(slots, theta, w, (weighed, false))?;
+        // Noise shifts the mean of a term that is even in a velocity: means count where it is known by how much, and where nothing else
+        // shows a parameter.
+        let means = if self.shifts { RunMeans::OfTerms } else { RunMeans::None };
+        let mut factor = self.equations(slots, theta, w, (weighed, means))?;
         let mut found = factor.solution();
         if found.rank < P {
-            // Noise shifts the mean of a term that is even in a velocity, so that means count only where nothing else shows a parameter.
-            factor = self.equations(slots, theta, w, (weighed, true))?;
+            factor = self.equations(slots, theta, w, (weighed, RunMeans::All))?;
             found = factor.solution();
         }
         if found.rank == 0 {

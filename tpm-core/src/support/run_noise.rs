@@ -105,7 +105,8 @@ impl<
         let of_sensors = (self.sensors, self.forces);
         (self.sensors, self.forces) = begin;
         let both = self.fit_noise(&left, true);
-        if both - alone > T::from_f64(LEAST_GAIN * R as f64) {
+        self.disturbed = both - alone > T::from_f64(LEAST_GAIN * R as f64);
+        if self.disturbed {
             return;
         }
         (self.sensors, self.forces) = of_sensors;

@@ -1,7 +1,7 @@
 use super::{
     CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Phasor, Real, RunEstimate, RunFault, RunLinearisation,
-    RunLines, RunLumping, RunModel, RunNumerical, RunPhysical, RunPool, RunReference, RunSampling, RunWorkspace,
-    SquareRoot, passing,
+    RunLines, RunLumping, RunModel, RunNumerical, RunPassed, RunPhysical, RunPool, RunReference, RunSampling,
+    RunWorkspace, SquareRoot, passing,
 };
 
 /// m x'' + k x^3 + d |x'| x' + b = u; the last parameter, of x'' + w^2 x with the w of this motion, is not shown.
@@ -24,26 +24,31 @@ impl<T: Real> RunModel<T, 1, 1, 5, 3> for Oscillator {
     }
 }
 
+/// The lines of a run with one coordinate and one input, and what the input holds above them.
+type Played<T> = (RunLines<T, 2, 26>, RunPassed<T, 1>);
+
 /// A run with x = 0.3 cos(w t) and the force that belongs to it so many seconds later.
-fn run<T: Real>(later: f64) -> RunLines<T, 2, 26> {
+fn run<T: Real>(later: f64) -> Played<T> {
     let (samples, periods, step) = SHAPE;
     let mut lines = RunLines::new(samples, periods).expect("a shape");
+    let mut passed = RunPassed::new(samples, 26);
     for number in 0..samples * periods {
         let at = |time: f64| (0.3 * libm::cos(W * time), -0.3 * W * libm::sin(W * time));
         let time = f64::from(number) * step;
         let (x, rate) = at(time + later);
         let force = -TRUTH[0] * W * W * x + TRUTH[1] * x * x * x + TRUTH[2] * rate * rate.abs() + TRUTH[3];
         lines.push(number, &[T::from_f64(at(time).0), T::from_f64(force)]).expect("finite");
+        passed.push(&[T::from_f64(force)]);
     }
-    lines
+    (lines, passed)
 }
 
-fn estimate<T: Real>(lines: &RunLines<T, 2, 26>, delay: f64) -> Result<RunEstimate<T, 1, 5>, RunFault> {
+fn estimate<T: Real>((lines, passed): &Played<T>, delay: f64) -> Result<RunEstimate<T, 1, 5>, RunFault> {
     let sampling = RunSampling { sample_time: T::from_f64(SHAPE.2), held: false, delay: T::from_f64(delay) };
     let prior = [1.0, 10.0, 0.0, 0.0, 0.0].map(T::from_f64);
     RunWorkspace::<T, 1, 1, 5, 3, 26, 25, 325>::default().estimate::<_, 1, 2>(
         &Oscillator,
-        lines,
+        (lines, passed),
         sampling,
         &prior,
         None,
@@ -68,18 +73,19 @@ fn a_run_without_noise_shows_what_it_can_and_nothing_else() {
 #[test]
 fn a_sample_that_cannot_be_used_ends_the_run() {
     let begun = || RunLines::<f64, 2, 26>::new(SHAPE.0, SHAPE.1).expect("a shape");
+    let estimate = |lines: &RunLines<f64, 2, 26>| estimate(&(*lines, RunPassed::new(SHAPE.0, 26)), 0.0);
     assert_eq!(RunLines::<f64, 2, 26>::new(200, 5).err(), Some(RunFault::Periods));
     assert_eq!(RunLines::<f64, 2, 26>::new(26, 4).err(), Some(RunFault::Samples));
     assert_eq!(RunLines::<f64, 2, 26>::new(u32::MAX, 4).err(), Some(RunFault::Samples));
     let mut lines = begun();
-    assert_eq!(estimate(&lines, 0.0).err(), Some(RunFault::Unfinished { samples: 0 }));
+    assert_eq!(estimate(&lines).err(), Some(RunFault::Unfinished { samples: 0 }));
     assert_eq!(lines.push(1, &[0.0, 0.0]), Err(RunFault::Missed { sample: 0 }));
     assert_eq!(lines.push(0, &[0.0, 0.0]), Err(RunFault::Missed { sample: 0 }), "a fault stays");
     let mut lines = begun();
     assert_eq!(lines.push(0, &[f64::NAN, 0.0]), Err(RunFault::NotFinite { sample: 0 }));
     let mut still = begun();
     (0..still.samples()).for_each(|number| still.push(number, &[0.0, 0.0]).expect("finite"));
-    assert!(estimate(&still, 0.0).is_err() || estimate(&still, 0.0).is_ok_and(|found| found.rank < 5));
+    assert!(estimate(&still).is_err() || estimate(&still).is_ok_and(|found| found.rank < 5));
     assert!(still.push(0, &[0.0, 0.0]).is_err() && still.lines().is_err(), "a sample that came twice");
 }
 
@@ -103,6 +109,7 @@ impl RunModel<f64, 1, 1, 3, 2> for Spring {
 fn update_about(which: Option<RunLinearisation>, size: f64, prior: &[f64; 3]) -> f64 {
     let (samples, periods, step) = SHAPE;
     let mut lines = RunLines::<f64, 2, 26>::new(samples, periods).expect("a shape");
+    let mut passed = RunPassed::new(samples, 26);
     let mut reference = RunReference::<f64, 1, 26>::new(samples).expect("a shape");
     let at = |terms: &[(f64, f64, f64)], time: f64, order: i32| {
         let term = |&(cosine, sine, harmonic): &(f64, f64, f64)| {
@@ -124,11 +131,12 @@ fn update_about(which: Option<RunLinearisation>, size: f64, prior: &[f64; 3]) ->
         let force = SPRING[0] * acceleration + SPRING[1] * x + SPRING[2] * x * x * x;
         let _ = reference.push(number, &[at(&pattern, time, 0)]).expect("finite");
         lines.push(number, &[x, force]).expect("finite");
+        passed.push(&[force]);
     }
     let sampling = RunSampling { sample_time: step, held: false, delay: 0.0 };
     let about = which.map(|which| (which, &reference));
     let mut workspace = RunWorkspace::<f64, 1, 1, 3, 2, 26, 25, 325>::default();
-    let found = workspace.estimate::<_, 1, 2>(&Spring, &lines, sampling, prior, about).expect("a run");
+    let found = workspace.estimate::<_, 1, 2>(&Spring, (&lines, &passed), sampling, prior, about).expect("a run");
     let apart = found.values.iter().zip(SPRING).map(|(value, truth)| (value.expect("shown") - truth).abs() / truth);
     apart.fold(0.0, f64::max)
 }
@@ -272,7 +280,7 @@ fn differences_of_runs_give_the_parameters() {
 
 #[test]
 fn lines_are_those_of_the_signal_and_nothing_stands_halfway() {
-    let lines = run::<f64>(0.0).lines().expect("whole");
+    let lines = run::<f64>(0.0).0.lines().expect("whole");
     let apart = |line: Phasor<f64>, re: f64| (line - Phasor::new(re, 0.0)).square().sqrt();
     for (index, line) in lines[0].iter().enumerate() {
         assert!(apart(*line, if index == 2 { 0.3 } else { 0.0 }) < 1e-12, "{index}: {line:?}");
@@ -376,4 +384,119 @@ fn a_campaign_ends_with_a_reason_at_rest() {
     ended(&played(|phase, _, _| phase == CampaignPhase::Measuring), CampaignEnd::Limit, 5);
     // On the way to the second stage.
     ended(&played(|phase, runs, _| phase == CampaignPhase::Settling && runs == 3), CampaignEnd::Limit, 3);
+}
+
+#[test]
+fn the_filter_passes_the_velocity_of_a_mass() {
+    let (samples, periods, lines) = (200_u32, 400_u32, 26_usize);
+    let mut passed = RunPassed::<f64, 1>::new(samples, lines);
+    // The first frequency in radians a sample.
+    let first = 0.6 * lines as f64 / 2.0 * 2.0 * core::f64::consts::PI / f64::from(samples);
+    let (mut state, mut fast, mut mean, mut count) = (1_u64, 0.0_f64, 0.0_f64, 0.0_f64);
+    let mut before = 0.0_f64;
+    for number in 0..samples * periods {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let noise = ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5) * libm::sqrt(12.0);
+        // Noise of differences, as a feedback by a derivative makes it: its velocity does not walk.
+        let force = noise - before;
+        before = noise;
+        passed.push(&[force]);
+        let next = fast + force;
+        if number >= samples {
+            mean += (fast * fast + fast * next + next * next) / 3.0;
+            count += 1.0;
+        }
+        fast = next;
+    }
+    let found = passed.means().expect("samples")[0][0] / (2.0 * libm::tan(first / 2.0)).powi(2);
+    // The velocity has variance one at every low frequency. The filter lacks what it has below its beginning, `pi/8 / sin(pi/8)` of it.
+    let lacks = first / 8.0 / libm::sin(core::f64::consts::PI / 8.0);
+    let wanted = mean / count - lacks;
+    assert!((found / wanted - 1.0).abs() < 0.03, "{found} {wanted}");
+}
+
+/// m x'' + k x + d x'^2 = u.
+struct Drag;
+
+const DRAG: [f64; 3] = [2.0, 40.0, 1.5];
+
+impl RunModel<f64, 1, 1, 3, 3> for Drag {
+    const MOTION: [(usize, u32); 3] = [(0, 0), (0, 1), (0, 2)];
+    const POINTS: usize = 128;
+
+    fn rows(&self, motion: &[f64; 3], regressor: &mut [[f64; 3]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
+        let [x, rate, acceleration] = *motion;
+        regressor[0] = [acceleration, x, rate * rate];
+        map[0][0] = 1.0;
+    }
+}
+
+/// A run of that machine under a feedback of its noisy position and its filtered derivative.
+fn under_feedback(seed: u64) -> Played<f64> {
+    let (samples, settling, periods, step) = (1600_u32, 3_u32, 10_u32, 1e-3);
+    let w = 2.0 * core::f64::consts::PI / (f64::from(samples) * step);
+    let [m, k, d] = DRAG;
+    let mut state = seed;
+    let mut uniform = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    };
+    let mut normal = || libm::sqrt(-2.0 * libm::log(uniform())) * libm::cos(2.0 * core::f64::consts::PI * uniform());
+    let reference = |time: f64| {
+        let (first, third) = (w * time, 3.0 * w * time);
+        let x = 0.3 * (libm::cos(first) - libm::cos(third) / 9.0);
+        let v = -0.3 * w * (libm::sin(first) - libm::sin(third) / 3.0);
+        let a = -0.3 * w * w * (libm::cos(first) - libm::cos(third));
+        (x, m * a + k * x + d * v * v)
+    };
+    let pass = 1.0 - libm::exp(-step / 2e-3);
+    let (mut position, mut speed) = (reference(0.0).0, 0.0);
+    let (mut rate, mut before) = (0.0, 0.0);
+    let mut lines = RunLines::new(samples, periods).expect("a shape");
+    let mut passed = RunPassed::new(samples, 26);
+    for number in 0..samples * (settling + periods) {
+        let (x, feed_forward) = reference(f64::from(number) * step);
+        let measured = position + 1e-3 * normal();
+        let error = measured - x;
+        rate += pass * ((error - before) / step - rate);
+        before = error;
+        let force = feed_forward - 2000.0 * error - 120.0 * rate;
+        if number >= samples * settling {
+            lines.push(number - samples * settling, &[measured, force]).expect("finite");
+            passed.push(&[force]);
+        }
+        let slope = |[x, v]: [f64; 2]| [v, (force - k * x - d * v * v) / m];
+        let along = |from: [f64; 2], by: [f64; 2], h: f64| [from[0] + h * by[0], from[1] + h * by[1]];
+        let now = [position, speed];
+        let first = slope(now);
+        let second = slope(along(now, first, 0.5 * step));
+        let third = slope(along(now, second, 0.5 * step));
+        let fourth = slope(along(now, third, step));
+        let sum = |i: usize| step / 6.0 * (first[i] + 2.0 * second[i] + 2.0 * third[i] + fourth[i]);
+        position += sum(0);
+        speed += sum(1);
+    }
+    (lines, passed)
+}
+
+#[test]
+fn a_mean_is_used_without_what_noise_makes_of_it() {
+    let sampling = RunSampling { sample_time: 1e-3, held: true, delay: 0.0 };
+    let (mut sum, mut squares, runs) = (0.0, 0.0, 16);
+    for seed in 1..=runs {
+        let (lines, passed) = under_feedback(seed);
+        let mut workspace = RunWorkspace::<f64, 1, 1, 3, 3, 26, 25, 325>::default();
+        let of = (&lines, &passed);
+        let found = workspace.estimate::<_, 1, 2>(&Drag, of, sampling, &[3.0, 20.0, 0.75], None).expect("a run");
+        let [value, deviation] = [found.values, found.deviations].map(|of| of[2].expect("shown"));
+        assert!(workspace.shifts);
+        // Left in, the motion that noise makes would move the parameter by this much.
+        let moved = workspace.shifted[0] / workspace.regressor[0][2][0].re;
+        assert!(moved.abs() > 2.0 * deviation, "the test tells nothing: {moved} {deviation}");
+        let error = (value - DRAG[2]) / deviation;
+        sum += error / runs as f64;
+        squares += error * error / runs as f64;
+    }
+    // A mean of 16 deviates by a quarter; three quarters are three deviations of it.
+    assert!(sum.abs() < 0.75 && (0.4..1.8).contains(&squares), "{sum} {squares}");
 }

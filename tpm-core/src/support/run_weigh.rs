@@ -18,6 +18,17 @@ const LEAST_VISIBLE: f64 = 4.0;
 /// Roundings of its variance that are left of an equation at least, whose noise others have.
 const ROUNDINGS: f64 = 256.0;
 
+/// Which means are among the equations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RunMeans {
+    /// None of them.
+    None,
+    /// Those of rows of which a term has a mean.
+    OfTerms,
+    /// All of them.
+    All,
+}
+
 impl<
     T: Real,
     const Q: usize,
@@ -30,7 +41,7 @@ impl<
 > RunWorkspace<T, Q, R, P, S, L, E, K>
 {
     /// The equations of the visible harmonics for the step from these parameters, independent and of variance one; `weighed` by the noise,
-    /// otherwise rows by the size of their forces. Means are taken in only where asked for.
+    /// otherwise rows by the size of their forces.
     ///
     /// # Errors
     /// [`RunFault::Equations`] when a number is not finite.
@@ -39,7 +50,7 @@ impl<
         slots: &[(usize, u32); S],
         theta: &[T; P],
         w: T,
-        (weighed, means): (bool, bool),
+        (weighed, means): (bool, RunMeans),
     ) -> Result<SquareRoot<T, P>, RunFault> {
         self.collect(theta, weighed, means);
         self.noise = [T::ZERO; K];
@@ -48,7 +59,8 @@ impl<
             let force = if weighed { self.forces[row] } else { self.size(row) };
             // A phasor's real and imaginary part have half of its variance each, a mean a quarter of that of the other phasors.
             let share = if harmonic > 0 { 0.5 } else { 0.25 };
-            self.noise[at(index, index)] = force * T::from_f64(share);
+            let doubt = if harmonic > 0 { T::ZERO } else { self.doubt * self.shifted[row] };
+            self.noise[at(index, index)] = force * T::from_f64(share) + doubt * doubt;
         }
         if weighed {
             for line in 0..L / 2 + self.reach {
@@ -66,13 +78,16 @@ impl<
     }
 
     /// Harmonic, row and part of all equations that count, and their coefficients.
-    fn collect(&mut self, theta: &[T; P], weighed: bool, means: bool) {
+    fn collect(&mut self, theta: &[T; P], weighed: bool, means: RunMeans) {
         self.count = 0;
-        for harmonic in usize::from(!means)..L / 2 {
+        for harmonic in usize::from(means == RunMeans::None)..L / 2 {
             if weighed && !self.is_visible(theta, harmonic) {
                 continue;
             }
             for row in 0..R {
+                if harmonic == 0 && means == RunMeans::OfTerms && !self.has_mean(row, theta) {
+                    continue;
+                }
                 let right = self.rest[row][2 * harmonic];
                 for part in 0..if harmonic > 0 { 2 } else { 1 } {
                     let of = |z: Phasor<T>| if part == 0 { z.re } else { z.im };
@@ -83,10 +98,11 @@ impl<
                     // Harmonics, rows and parts are few.
                     self.places[index] = [harmonic as u16, row as u16, part];
                     for column in 0..P {
-                        let entry = of(self.regressor[row][column][2 * harmonic]);
+                        let shift = if harmonic > 0 { T::ZERO } else { self.shift[row][column] };
+                        let entry = of(self.regressor[row][column][2 * harmonic]) + shift;
                         self.rows[index][column] = if self.shown[column] { entry } else { T::ZERO };
                     }
-                    self.right[index] = of(right);
+                    self.right[index] = of(right) - if harmonic > 0 { T::ZERO } else { self.shifted[row] };
                     self.count += 1;
                 }
             }

@@ -74,6 +74,14 @@ pub struct RunWorkspace<
     /// Variance of a line of every coordinate's sensor, and of the force on every row.
     pub(super) sensors: [T; Q],
     pub(super) forces: [T; R],
+    /// Whether a force disturbs the rows, beside what the sensors' noise makes of them.
+    pub(super) disturbed: bool,
+    /// Whether it is known what motion that noise makes adds to the means of the rows, and how far it is uncertain, as a share of it.
+    pub(super) shifts: bool,
+    pub(super) doubt: T,
+    /// What it adds to the means of the regressor, and takes of what the rows leave.
+    pub(super) shift: [[T; P]; R],
+    pub(super) shifted: [T; R],
     /// The highest harmonic of the derivatives that mixes lines of noise.
     pub(super) reach: usize,
     /// Harmonic, row and part (real, imaginary) of the equations that count.
@@ -113,6 +121,11 @@ impl<
             shown: [false; P],
             sensors: [T::ZERO; Q],
             forces: [T::ZERO; R],
+            disturbed: false,
+            shifts: false,
+            doubt: T::ZERO,
+            shift: [[T::ZERO; P]; R],
+            shifted: [T::ZERO; R],
             reach: 0,
             places: [[0; 3]; E],
             rows: [[T::ZERO; P]; E],
@@ -156,13 +169,13 @@ impl<
         inputs
     }
 
-    /// Harmonics of the regressor, the known terms and B u along the path, and halfway lines of B u by the mean of B.
+    /// Harmonics of the regressor, the known terms and B u along the path, and halfway lines of B u by the mean of B, which it returns.
     pub(super) fn evaluate<M: RunModel<T, U, R, P, S>, const U: usize>(
         &mut self,
         model: &M,
         inputs: &[[Phasor<T>; L]; U],
         w: T,
-    ) -> Result<(), RunFault> {
+    ) -> Result<[[T; U]; R], RunFault> {
         self.regressor = [[[Phasor::ZERO; L]; P]; R];
         self.known = [[Phasor::ZERO; L]; R];
         self.drive = [[Phasor::ZERO; L]; R];
@@ -198,7 +211,7 @@ impl<
                 halfway.for_each(|(sum, line)| *sum += line.times(*b));
             }
         }
-        Ok(())
+        Ok(mean_map)
     }
 
     /// Lines of the rows' derivatives along the path at these parameters, and harmonics of what the rows leave there: taken before the
@@ -214,7 +227,7 @@ impl<
         self.gains = [[[Phasor::ZERO; L]; S]; R];
         self.slopes = [[[T::ZERO; S]; P]; R];
         let mean = T::ONE / T::from_f64(M::POINTS as f64);
-        let steps = M::MOTION.map(|(coordinate, order)| step(&self.path[coordinate], order, w));
+        let steps = self.steps(&M::MOTION, w);
         for point in 0..M::POINTS {
             let turn = turn::<T>(point, M::POINTS);
             let motion = motion_at(&self.path, &M::MOTION, turn, w);
@@ -244,6 +257,16 @@ impl<
             }
         }
         self.find_reach();
+    }
+
+    /// Steps of difference quotients by the entries of the motion.
+    pub(super) fn steps(&self, slots: &[(usize, u32); S], w: T) -> [T; S] {
+        slots.map(|(coordinate, order)| step(&self.path[coordinate], order, w))
+    }
+
+    /// The motion along the path at one of the points of a period.
+    pub(super) fn motion_at(&self, slots: &[(usize, u32); S], point: usize, points: usize, w: T) -> [T; S] {
+        motion_at(&self.path, slots, turn::<T>(point, points), w)
     }
 
     /// Harmonics of what the rows leave along a motion at these parameters.

@@ -18,6 +18,7 @@ use super::run_along::ALONG;
 use super::run_equations::EQUATIONS;
 use super::run_estimate::estimate;
 use super::run_linearised;
+use super::run_means::{MEANS, PASSED};
 use super::run_noise::NOISE;
 use super::run_numerical;
 use super::run_physical;
@@ -51,14 +52,15 @@ pub(super) fn write(context: &mut Context<'_>) {
         header.push_str(&arguments(run_linearised::HEADER));
         about_reference = arguments(run_linearised::SOURCE);
     }
-    let [lines, along, noise, equations] = [LINES, ALONG, NOISE, EQUATIONS].map(arguments);
+    let with_passed = LINES.replace("PASSED_SOURCE\n", PASSED.trim_start());
+    let [lines, along, noise, means, equations] = [with_passed.as_str(), ALONG, NOISE, MEANS, EQUATIONS].map(arguments);
     // The solver of base parameters is the same; its last function ends where parameters are given their names.
     let solver = SQUARE_ROOT.replace("\nSTATUS SOLVE", "\nstatic void SOLVE").replace("WORKSPACE", "SOLUTION");
     let solver = format!("{}}}\n", filled(&solver, &words));
     context.header.push_str(&header);
     context.source.push_str(&lines);
     rows(context, &plan);
-    for text in [along, noise, reference, about_reference, solver, equations] {
+    for text in [along, noise, means, reference, about_reference, solver, equations] {
         context.source.push_str(&text);
     }
     functions(context, &plan, &names);
@@ -139,6 +141,9 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("TURN", "6.283185307179586".to_owned()),
         ("TURN_REAL", turn.to_owned()),
         ("NOISE_STEPS", "30".to_owned()),
+        ("NO_MEANS", "RUN_NO_MEANS".to_owned()),
+        ("MEANS_OF_TERMS", "RUN_MEANS_OF_TERMS".to_owned()),
+        ("ALL_MEANS", "RUN_ALL_MEANS".to_owned()),
         ("PASSES", "3".to_owned()),
         ("ESTIMATOR", context.global("run_factor")),
         ("ESTIMATE", context.global("run_shown")),
@@ -149,7 +154,13 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("ONE", 1.0),
         ("TWO", 2.0),
         ("FOUR", 4.0),
+        ("THREE", 3.0),
+        ("NINE", 9.0),
         ("LEAST", 1e-8),
+        ("BEGINNING", 0.6),
+        ("FLAT", 1.847_759_065_022_573_5),
+        ("SHARP", 0.765_366_864_730_179_6),
+        ("KNOWN", 4e-4),
         ("FORCE", 1e-7),
         ("STEP", 1e-2),
         ("MIXING", 1e-6),

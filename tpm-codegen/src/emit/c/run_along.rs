@@ -77,7 +77,6 @@ static void run_lines(const RUN *run, WORKSPACE *workspace, REAL w)
 static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
 {
     const REAL mean = ONE / (REAL)POINTS;
-    REAL mean_map[ROWS][INPUTS];
     size_t point, row, column, input, line;
 
     for (row = 0; row < ROWS; ++row) {
@@ -88,7 +87,7 @@ static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
             }
         }
         for (input = 0; input < INPUTS; ++input) {
-            mean_map[row][input] = ZERO;
+            workspace->map[row][input] = ZERO;
         }
     }
     for (point = 0; point < POINTS; ++point) {
@@ -108,7 +107,7 @@ static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
             REAL drive = ZERO;
             for (input = 0; input < INPUTS; ++input) {
                 drive += map[row][input] * forces[input];
-                mean_map[row][input] += map[row][input] * mean;
+                workspace->map[row][input] += map[row][input] * mean;
             }
             if (!(FABS(drive) <= MAX) || !(FABS(known[row]) <= MAX)) {
                 return NOT_EVALUATED;
@@ -127,7 +126,7 @@ static STATUS run_evaluate(WORKSPACE *workspace, REAL wCONSTANTS)
         for (input = 0; input < INPUTS; ++input) {
             for (line = 1; line < LINES; line += 2) {
                 run_add(&workspace->drive[row][line],
-                        run_scaled(workspace->inputs[input][line], mean_map[row][input]));
+                        run_scaled(workspace->inputs[input][line], workspace->map[row][input]));
             }
         }
     }

@@ -75,6 +75,9 @@ static size_t run_at(size_t row, size_t column)
     return row * (row + 1) / 2 + column;
 }
 
+/* Which means are among the equations: none, those of rows of which a term has a mean, or all. */
+enum { NO_MEANS, MEANS_OF_TERMS, ALL_MEANS };
+
 /* Harmonic, row and part (real, imaginary) of all equations that count, and their coefficients. */
 static void run_collect(WORKSPACE *workspace, int weighed, int means)
 {
@@ -82,12 +85,15 @@ static void run_collect(WORKSPACE *workspace, int weighed, int means)
     uint16_t part;
 
     workspace->count = 0;
-    for (harmonic = means ? 0 : 1; harmonic < LINES / 2; ++harmonic) {
+    for (harmonic = means == NO_MEANS ? 1 : 0; harmonic < LINES / 2; ++harmonic) {
         if (weighed && !run_is_visible(workspace, harmonic)) {
             continue;
         }
         for (row = 0; row < ROWS; ++row) {
             const PHASOR right = workspace->rest[row][2 * harmonic];
+            if (harmonic == 0 && means == MEANS_OF_TERMS && !run_has_mean(workspace, row)) {
+                continue;
+            }
             for (part = 0; part < (harmonic > 0 ? 2 : 1); ++part) {
                 const size_t index = workspace->count++;
                 workspace->places[index][0] = (uint16_t)harmonic;
@@ -95,10 +101,12 @@ static void run_collect(WORKSPACE *workspace, int weighed, int means)
                 workspace->places[index][2] = part;
                 for (column = 0; column < COLUMNS; ++column) {
                     const PHASOR entry = workspace->regressor[row][column][2 * harmonic];
-                    const REAL own = part == 0 ? entry.re : entry.im;
+                    const REAL shift = harmonic == 0 ? workspace->shift[row][column] : ZERO;
+                    const REAL own = (part == 0 ? entry.re : entry.im) + shift;
                     workspace->rows[index][column] = workspace->stands[column] ? own : ZERO;
                 }
                 workspace->right[index] = part == 0 ? right.re : right.im;
+                workspace->right[index] -= harmonic == 0 ? workspace->shifted[row] : ZERO;
             }
         }
     }
@@ -217,7 +225,8 @@ static STATUS run_equations(WORKSPACE *workspace, REAL w, int weighed, int means
     for (index = 0; index < workspace->count; ++index) {
         const size_t row = workspace->places[index][1];
         const REAL force = weighed ? workspace->forces[row] : run_size(workspace, row);
-        workspace->noise[run_at(index, index)] = force / (workspace->places[index][0] > 0 ? TWO : FOUR);
+        const REAL doubt = workspace->places[index][0] > 0 ? ZERO : workspace->doubt * workspace->shifted[row];
+        workspace->noise[run_at(index, index)] = force / (workspace->places[index][0] > 0 ? TWO : FOUR) + doubt * doubt;
     }
     for (line = 0; weighed && line < (int)LINES / 2 + workspace->reach; ++line) {
         for (i = 0; i < COORDINATES; ++i) {
@@ -235,14 +244,14 @@ static STATUS run_equations(WORKSPACE *workspace, REAL w, int weighed, int means
 /* Solves the equations for the step from the parameters of the pass before; the prior stays where the run does not show one. */
 static STATUS run_solve_step(WORKSPACE *workspace, REAL w, int weighed)
 {
-    STATUS status = run_equations(workspace, w, weighed, 0);
+    /* Noise shifts the mean of a term even in a velocity: means count where it is known by how much, and where nothing else shows a parameter. */
+    STATUS status = run_equations(workspace, w, weighed, workspace->shifts ? MEANS_OF_TERMS : NO_MEANS);
     size_t i;
 
     if (status == OK) {
         run_solution_of(&workspace->factor, &workspace->solution, &workspace->shown);
         if (workspace->shown.rank < (int)COLUMNS) {
-            /* Means count only where nothing else shows a parameter: noise shifts that of a term even in a velocity. */
-            status = run_equations(workspace, w, weighed, 1);
+            status = run_equations(workspace, w, weighed, ALL_MEANS);
             run_solution_of(&workspace->factor, &workspace->solution, &workspace->shown);
         }
     }
@@ -280,6 +289,7 @@ static STATUS run_update(const RUN *run, WORKSPACE *workspaceABOUT_PARAMETERSCON
         return NOT_EVALUATED;
     }
     run_lines(run, workspace, w);
+    run_forget_shift(workspace);
     BEGIN_PATH
     status = run_evaluate(workspace, wARGUMENT);
     if (status == OK) {
@@ -294,6 +304,10 @@ static STATUS run_update(const RUN *run, WORKSPACE *workspaceABOUT_PARAMETERSCON
     for (pass = 0; pass < PASSES && status == OK; ++pass) {
         run_differentiate(workspace, wARGUMENT);
         run_find_noise(workspace, w);
+        if (pass + 1 == PASSES) {
+            /* Of second order in the noise, at parameters that were found without it. */
+            run_find_shift(run, workspace, wARGUMENT);
+        }
         LINEARISE
         run_find_shown(workspace, w);
         status = run_solve_step(workspace, w, 1);

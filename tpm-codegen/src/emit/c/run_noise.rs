@@ -172,7 +172,8 @@ static void run_find_noise(WORKSPACE *workspace, REAL w)
     for (row = 0; row < ROWS; ++row) {
         workspace->forces[row] = forces[row];
     }
-    if (run_fit_noise(workspace, 1) - alone > TWO * (REAL)ROWS) {
+    workspace->disturbed = run_fit_noise(workspace, 1) - alone > TWO * (REAL)ROWS;
+    if (workspace->disturbed) {
         return;
     }
     for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {

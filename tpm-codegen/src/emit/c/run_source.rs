@@ -61,6 +61,10 @@ typedef struct RUN {
     uint32_t count;
     /* Samples of a part of the run: the root of all, with which rounding grows then. */
     uint32_t part_samples;
+    /* States of the filter that passes what the inputs hold above the lines, its first frequency, and sums of products of what has passed. */
+    REAL states[INPUTS][4];
+    REAL bend;
+    REAL products[INPUTS][INPUTS];
     PHASOR part[CHANNELS][LINES];
     PHASOR total[CHANNELS][LINES];
     /* What rounding has added to the total so far. */
@@ -99,6 +103,8 @@ typedef struct WORKSPACE {
     PHASOR motion[COORDINATES][LINES];
     PATH_FIELDS
     PHASOR inputs[INPUTS][LINES];
+    /* The mean input map. */
+    REAL map[ROWS][INPUTS];
     PHASOR regressor[ROWS][COLUMNS][LINES];
     PHASOR known[ROWS][LINES];
     PHASOR drive[ROWS][LINES];
@@ -110,6 +116,17 @@ typedef struct WORKSPACE {
     int stands[COLUMNS];
     REAL sensors[COORDINATES];
     REAL forces[ROWS];
+    /* 1 when a force disturbs the rows beside what the noise of the sensors makes of them. */
+    int disturbed;
+    /*
+     * 1 when it is known what motion that noise makes adds to the means of the regressor and takes of what the rows leave; the covariance of
+     * that motion, and how far it is uncertain, as a share of it.
+     */
+    int shifts;
+    REAL doubt;
+    REAL covariance[ENTRIES][ENTRIES];
+    REAL shift[ROWS][COLUMNS];
+    REAL shifted[ROWS];
     int reach;
     REAL prior[COLUMNS];
     REAL theta[COLUMNS];
@@ -200,6 +217,7 @@ static PHASOR run_derivative(REAL w, int order)
     }
 }
 
+PASSED_SOURCE
 STATUS BEGIN(RUN *run, uint32_t samples_per_period, uint32_t periods, const SAMPLING *sampling,
         const APPLIED *limits)
 {
@@ -228,6 +246,7 @@ STATUS BEGIN(RUN *run, uint32_t samples_per_period, uint32_t periods, const SAMP
         run->samples = samples_per_period * periods;
         run->part_samples = (uint32_t)SQRT((REAL)run->samples);
     }
+    run_begin_passed(run);
     return run->status;
 }
 
@@ -264,6 +283,7 @@ static STATUS run_take(RUN *run, uint32_t number, const REAL channels[CHANNELS])
     if (run->status != OK || run->count >= run->samples) {
         return run->status;
     }
+    run_pass(run, channels);
     two_periods = run->samples_per_period > UINT32_MAX / 2 ? UINT32_MAX : 2 * run->samples_per_period;
     edge = number < run->samples - number ? number : run->samples - number;
     if (edge < two_periods) {

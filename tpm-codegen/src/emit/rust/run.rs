@@ -43,7 +43,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         quote!()
     };
     let about = doc(ESTIMATOR);
-    let mut names = vec!["Label", "Real", "RunEstimate", "RunLines", "RunModel", "RunWorkspace", "SquareRoot"];
+    let mut names =
+        vec!["Label", "Real", "RunEstimate", "RunLines", "RunModel", "RunPassed", "RunWorkspace", "SquareRoot"];
     let mut public = vec!["RunFault", "RunSampling"];
     if context.estimator.campaign.is_some() {
         names.extend(["CampaignOrder", "Play", "RunPool", "passing"]);
@@ -216,6 +217,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
         #[derive(Clone, Copy, Debug)]
         pub struct Estimator<T> {
             lines: RunLines<T, #channels, #lines>,
+            passed: RunPassed<T, #inputs>,
             workspace: RunWorkspace<T, #coordinates, #rows, #parameters, #motion, #lines, #equations, #covariances>,
             sampling: RunSampling<T>,
             limits: Option<Applied<T>>,
@@ -235,7 +237,8 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                 limits: Option<Applied<T>>,
             ) -> Result<Self, RunFault> {
                 let lines = RunLines::new(samples_per_period, periods)?;
-                Ok(Self { lines, workspace: RunWorkspace::default(), sampling, limits })
+                let passed = RunPassed::new(samples_per_period, #lines);
+                Ok(Self { lines, passed, workspace: RunWorkspace::default(), sampling, limits })
             }
 
             /// Begins another run.
@@ -244,6 +247,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             /// Those of [`Self::new`].
             pub fn begin(&mut self, samples_per_period: u32, periods: u32) -> Result<(), RunFault> {
                 self.lines = RunLines::new(samples_per_period, periods)?;
+                self.passed = RunPassed::new(samples_per_period, #lines);
                 Ok(())
             }
 
@@ -260,7 +264,11 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                         self.lines.fail(RunFault::Saturated { sample: number });
                     }
                 }
+                let belongs = !self.lines.is_whole();
                 self.lines.push(number, &[#(#measured,)* #(#applied),*])?;
+                if belongs {
+                    self.passed.push(&applied);
+                }
                 Ok(self.lines.is_whole())
             }
 
@@ -277,7 +285,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             pub fn estimate(&mut self, #constants prior: &Parameters<T>) -> Result<Estimate<T>, RunFault> {
                 let found: RunEstimate<T, #coordinates, #parameters> = self.workspace.estimate::<_, #inputs, #channels>(
                     #model,
-                    &self.lines,
+                    (&self.lines, &self.passed),
                     self.sampling,
                     &prior.into_array(),
                     None,

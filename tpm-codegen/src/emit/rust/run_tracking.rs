@@ -69,7 +69,7 @@ fn linearised(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             ) -> Result<Estimate<T>, RunFault> {
                 let found = self.workspace.estimate::<_, #inputs, #channels>(
                     #model,
-                    &self.lines,
+                    (&self.lines, &self.passed),
                     self.sampling,
                     &prior.into_array(),
                     Some((which, &reference.0)),

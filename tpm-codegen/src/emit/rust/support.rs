@@ -52,7 +52,7 @@ pub(super) fn text(needs: Needs) -> String {
     }
     if run {
         text.push_str(
-            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunLumping, RunPhysical};\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
+            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_means::RunPassed;\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunLumping, RunPhysical};\n    pub use self::run_weigh::RunMeans;\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
         );
     }
     if hyperbolic {

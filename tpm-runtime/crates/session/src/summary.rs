@@ -177,8 +177,9 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
     let moves = |(moved, estimate): (Vec<f64>, &Estimate)| {
         moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > LONGEST_LAST_STEP * std)
     };
-    // A schedule may end as planned, or by its share of effort, before the updates have settled.
-    if !campaign.estimator().is_final() && campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {
+    // A schedule may end as planned, or by its share of effort, before the updates have settled. What the estimator knows of how its
+    // response bends comes from steps along other combinations, and the one that hardly shows is longest off: only another run confirms it.
+    if campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {
         warnings.push(Warning::FarFromLinear { estimator: campaign.estimator().name() });
     }
     let plant = campaign.model();
