@@ -35,10 +35,12 @@ static double normal(void)
 /* What MACHINE says: true parameters, those of friction, and those of the mass that changes. */
 #include MACHINE
 
-/* A motion of sums of sines, faded in and out, drawn anew for every job of 20 to 60 s; one job in ten is a rest. */
+/* A motion of sums of sines, faded in and out, drawn anew for every job of 20 to 60 s; one job in ten is a rest, and one joint in five
+ * of several rests by itself. What its dry friction holds then is anything within its limits. */
 struct job {
     double begins, lasts, size;
-    double amplitude[8][TONES], frequency[8][TONES], phase[8][TONES];
+    double amplitude[8][TONES], frequency[8][TONES], phase[8][TONES], held[8];
+    int moves[8];
 };
 
 static void draw(struct job *job, double begins, double lasts, int rests)
@@ -49,6 +51,8 @@ static void draw(struct job *job, double begins, double lasts, int rests)
     job->lasts = lasts;
     job->size = rests ? 0.0 : 0.5 + uniform();
     for (j = 0; j < JOINTS; ++j) {
+        job->moves[j] = !rests && (JOINTS == 1 || uniform() < 0.8);
+        job->held[j] = 2.0 * uniform() - 1.0;
         for (k = 0; k < TONES; ++k) {
             job->frequency[j][k] = 6.283185307179586 * (0.15 + 0.85 * uniform());
             job->amplitude[j][k] = AMPLITUDE * (0.3 + 0.7 * uniform()) / TONES;
@@ -67,7 +71,7 @@ static void move(const struct job *job, double time, double *q)
     for (j = 0; j < JOINTS; ++j) {
         double s = 0.0, s1 = 0.0, s2 = 0.0;
         for (k = 0; k < TONES; ++k) {
-            const double v = job->frequency[j][k], a = job->size * job->amplitude[j][k], p = v * t + job->phase[j][k];
+            const double v = job->frequency[j][k], a = job->moves[j] ? job->size * job->amplitude[j][k] : 0.0, p = v * t + job->phase[j][k];
             s += a * sin(p);
             s1 += a * v * cos(p);
             s2 -= a * v * v * sin(p);
@@ -114,7 +118,7 @@ static void noisy(const double *q, REAL *given)
 static estimator_monitor_state sample(struct world *world)
 {
     double q[3 * 8], base[B], parameters[P];
-    REAL exact[3 * 8], given[3 * 8], matrix[E][B], applied[E];
+    REAL exact[3 * 8], given[3 * 8], matrix[E][B], creeping[E][B], applied[E];
     const double drift = 0.3 * sin(6.283185307179586 * world->time / 7200.0 + world->temperature);
     size_t i, j;
     int whole = uniform() > 1e-3;
@@ -131,9 +135,15 @@ static estimator_monitor_state sample(struct world *world)
     base_of(parameters, base);
     for (i = 0; i < 3 * JOINTS; ++i) exact[i] = (REAL)q[i];
     estimator_base_regressor((const estimator_motion *)exact, matrix);
+    /* With the signs that joints at rest would have if they crept. */
+    for (j = 0; j < JOINTS; ++j) exact[3 * j + 1] += (REAL)(world->job.moves[j] ? 0.0 : 1e-9);
+    estimator_base_regressor((const estimator_motion *)exact, creeping);
     for (i = 0; i < E; ++i) {
         double force = 0.0;
-        for (j = 0; j < B; ++j) force += (double)matrix[i][j] * base[j];
+        for (j = 0; j < B; ++j) {
+            const double held = i < JOINTS ? world->job.held[i] : 0.0;
+            force += ((double)matrix[i][j] + held * (double)(creeping[i][j] - matrix[i][j])) * base[j];
+        }
         squares[i] += force * force;
         /* Coloured: correlated over half a second. */
         world->colour[i] = 0.9 * world->colour[i] + sqrt(1.0 - 0.81) * normal();
