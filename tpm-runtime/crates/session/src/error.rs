@@ -183,7 +183,8 @@ pub enum SessionError {
     },
     /// Deviations of calibrations of several logs together.
     #[error(
-        "a stated calibration is an error that all logs have in common, and several logs are pooled as if their errors were independent; identify          each log by itself, or join them to one"
+        "a stated calibration is an error that all logs have in common, and several logs are pooled as if their errors were independent; identify \
+         each log by itself, or join them to one"
     )]
     CalibrationOfLogs,
     /// Constants without a value.

@@ -55,7 +55,8 @@ pub enum LogFault {
     },
     /// A stated calibration that does not reach the parameters.
     #[error(
-        "{path}: what an error in the calibration of `{signal}` does to the parameters is known from the lines of the rows of several          coordinates, which this log was not identified by; leave its deviation out, and widen those of the parameters by hand"
+        "{path}: what an error in the calibration of `{signal}` does to the parameters is known from the lines of the rows of several \
+         coordinates, which this log was not identified by; leave its deviation out, and widen those of the parameters by hand"
     )]
     Calibration {
         /// The file.
