@@ -1,4 +1,4 @@
-"""Inverse dynamics and regressors of arms beside CasADi and Pinocchio: operations, instructions and times of one run, as one table.
+"""Inverse and forward dynamics and regressors of arms beside CasADi and Pinocchio: operations, instructions and times of one run, as one table.
 
 usage: beside_casadi.py TPM ARMS DESCRIPTIONS FIXTURES
 
@@ -203,6 +203,70 @@ def regressor(links, q, v, a, kept):
     return [entry for entry in entries if not is_zero(entry)]
 
 
+def skew(p):
+    return ca.vertcat(ca.horzcat(0, -p[2], p[1]), ca.horzcat(p[2], 0, -p[0]), ca.horzcat(-p[1], p[0], 0))
+
+
+def symmetric(matrix):
+    """The upper half for both, since nothing else says that they are equal."""
+    return ca.vertcat(*(ca.horzcat(*(matrix[min(i, j), max(i, j)] for j in range(3))) for i in range(3)))
+
+
+def accelerations(links, q, v, forces, parameters):
+    """The articulated-body algorithm (Featherstone), moments about the origins of the links' frames: forces are (n, f), motions (w, v)."""
+    column = lambda x: ca.vertcat(*x)
+    moving, bodies = [], []
+    for i, (_, parent, turn, origin, axis) in enumerate(links):
+        rotation = ca.mtimes(ca.SX(turn), column([ca.horzcat(*row) for row in turned(axis, q[i])]))
+        s, p = column(axis), column(origin)
+        w, u = moving[parent][:2] if parent is not None else (ca.SX.zeros(3), ca.SX.zeros(3))
+        w, u = ca.mtimes(rotation.T, w), ca.mtimes(rotation.T, u + ca.cross(w, p))
+        rate = s * v[i]
+        bend, slip = ca.cross(w, rate), ca.cross(u, rate)
+        w = w + rate
+        moving.append((w, u, rotation, p, s, bend, slip))
+        m, x, y, z, ixx, ixy, ixz, iyy, iyz, izz = parameters[i]
+        first = column([x, y, z])
+        inertia = column([ca.horzcat(ixx, ixy, ixz), ca.horzcat(ixy, iyy, iyz), ca.horzcat(ixz, iyz, izz)])
+        momentum, turning = m * u + ca.cross(w, first), ca.mtimes(inertia, w) + ca.cross(first, u)
+        bias = [ca.cross(w, turning) + ca.cross(u, momentum), ca.cross(w, momentum)]
+        bodies.append([inertia, skew(first), m * ca.SX.eye(3), *bias])
+    pivots = [None] * len(links)
+    for i in reversed(range(len(links))):
+        _, parent, _, _, _ = links[i]
+        _, _, rotation, p, s, bend, slip = moving[i]
+        inertia, coupling, mass, moment, force = bodies[i]
+        a, b = ca.mtimes(inertia, s), ca.mtimes(coupling.T, s)
+        d = 1 / ca.dot(s, a)
+        left = forces[i] - ca.dot(s, moment)
+        pivots[i] = (a, b, d, left)
+        if parent is None:
+            continue
+        inertia = symmetric(inertia - d * ca.mtimes(a, a.T))
+        coupling = coupling - d * ca.mtimes(a, b.T)
+        mass = symmetric(mass - d * ca.mtimes(b, b.T))
+        moment = moment + ca.mtimes(inertia, bend) + ca.mtimes(coupling, slip) + a * (left * d)
+        force = force + ca.mtimes(coupling.T, bend) + ca.mtimes(mass, slip) + b * (left * d)
+        out = lambda x: ca.mtimes(ca.mtimes(rotation, x), rotation.T)
+        inertia, coupling, mass = symmetric(out(inertia)), out(coupling), symmetric(out(mass))
+        moment, force = ca.mtimes(rotation, moment), ca.mtimes(rotation, force)
+        cross = skew(p)
+        carried = coupling + ca.mtimes(cross, mass)
+        inertia = symmetric(inertia - ca.mtimes(coupling, cross) + ca.mtimes(cross, carried.T))
+        for place, part in enumerate([inertia, carried, mass, moment + ca.cross(p, force), force]):
+            bodies[parent][place] = bodies[parent][place] + part
+    result, found = [], []
+    for i, (_, parent, _, _, _) in enumerate(links):
+        _, _, rotation, p, s, bend, slip = moving[i]
+        e, acc = found[parent] if parent is not None else (ca.SX.zeros(3), ca.SX([0, 0, 9.81]))
+        e, acc = ca.mtimes(rotation.T, e) + bend, ca.mtimes(rotation.T, acc + ca.cross(e, p)) + slip
+        a, b, d, left = pivots[i]
+        own = (left - ca.dot(a, e) - ca.dot(b, acc)) * d
+        result.append(own)
+        found.append((e + s * own, acc))
+    return result
+
+
 OPS = {"mul": {ca.OP_MUL, ca.OP_DIV, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV}, "add": {ca.OP_ADD, ca.OP_SUB, ca.OP_NEG}, "call": {ca.OP_SIN, ca.OP_COS}}
 
 
@@ -226,6 +290,9 @@ def check(links, fixture, prior, description):
         scale = max(abs(x) for x in wanted)
         worst = max(abs(x - y) for x, y in zip(found, wanted)) / scale
         assert worst < 1e-9, f"{fixture.stem}: {found} beside {wanted}"
+        back = [float(ca.evalf(ca.SX(x))) for x in accelerations(links, numbers(q), numbers(v), numbers(found), parameters)]
+        worst = max(abs(x - y) for x, y in zip(back, a)) / max(abs(x) for x in a)
+        assert worst < 1e-8, f"{fixture.stem}: accelerations {back} beside {a}"
 
 
 HARNESS = """
@@ -238,6 +305,7 @@ __attribute__((noinline)) static void once(void) { @CALL@; }
 int main(int count, char **words) {
     int calls = atoi(words[1]), parts = atoi(words[2]);
     for (int i = 0; i < 512; i++) in[i] = 0.1 + 0.7 * ((i * 7919) % 101) / 101.0;
+    @VALUES@
     double best = 1e9, sum = 0;
     for (int part = 0; part < parts; part++) {
         struct timespec a, b;
@@ -253,10 +321,15 @@ int main(int count, char **words) {
 """
 
 
-def measured(folder, name, head, call, sources):
-    """Instructions of one call, and its time in ns."""
+# Inertias of bodies that are possible, by the parameter: forward dynamics of others are those of no machine.
+VALUES = {"m": 3, "mx": 0.1, "my": 0.1, "mz": 0.1, "Ixx": 1, "Ixy": 0.02, "Ixz": 0.02, "Iyy": 1, "Iyz": 0.02, "Izz": 1}
+
+
+def measured(folder, name, head, call, sources, values=()):
+    """Instructions of one call, and its time in ns; `values` are those of some places of the arguments."""
     source, program = folder / f"{name}_main.c", folder / f"{name}_main"
-    source.write_text(HARNESS.replace("@HEAD@", head).replace("@CALL@", call))
+    text = " ".join(f"in[{place}] = {value};" for place, value in values)
+    source.write_text(HARNESS.replace("@HEAD@", head).replace("@CALL@", call).replace("@VALUES@", text))
     subprocess.run(["gcc", "-O2", "-I", folder, "-o", program, source, *sources, "-lm"], check=True)
 
     def instructions(calls):
@@ -279,17 +352,27 @@ def by_casadi(folder, name, function):
     arguments = ", ".join(f"in + {place}" for place in places[:-1])
     call = f"const double *arg[] = {{{arguments}}}; double *res[] = {{out}}; {function.name()}(arg, res, iw, w, 0)"
     head = f'#include "{name}.h"\nstatic casadi_int iw[{max(function.sz_iw(), 1)}]; static double w[{max(function.sz_w(), 1)}];'
-    return measured(folder, name, head, call, [folder / f"{name}.c"])
+    last = function.n_in() - 1
+    links = function.size1_in(last)
+    values = [(places[last] + k * links + i, VALUES[own]) for k, own in enumerate(NAMES) for i in range(links)]
+    return measured(folder, name, head, call, [folder / f"{name}.c"], values if function.size2_in(last) == 10 else ())
 
 
 def by_tpm(folder, tpm, name, model, function):
-    subprocess.run([tpm, "generate", model, "--lang", "c", "--prefix", name, "--with", "base_regressor", "-o", folder],
+    parts = "base_regressor,forward_dynamics"
+    subprocess.run([tpm, "generate", model, "--lang", "c", "--prefix", name, "--with", parts, "-o", folder],
                    check=True, capture_output=True)
+    header = (folder / f"{name}.h").read_text()
+    fields = re.search(rf"typedef struct (?:\w+ )?{{([^}}]*)}} {name}_parameters;", header).group(1)
+    fields = re.findall(r"double (\w+);", re.sub(r"/\*.*?\*/", "", fields, flags=re.S))
+    values = [(40 + k, VALUES[field.split("_")[0]]) for k, field in enumerate(fields)]
     call = {
-        "inverse_dynamics": f"{name}_inverse_dynamics((const {name}_motion *)in, (const {name}_parameters *)(in + 30), ({name}_forces *)out)",
+        "inverse_dynamics": f"{name}_inverse_dynamics((const {name}_motion *)in, (const {name}_parameters *)(in + 40), ({name}_forces *)out)",
         "base_regressor": f"{name}_base_regressor((const {name}_motion *)in, (void *)out)",
+        "forward_dynamics": f"{name}_forward_dynamics((const {name}_motion *)in, (const {name}_inputs *)(in + 30), "
+                            f"(const {name}_parameters *)(in + 40), ({name}_accelerations *)out)",
     }[function]
-    return measured(folder, f"{name}_{function}", f'#include "{name}.h"', call, [folder / f"{name}.c"])
+    return measured(folder, f"{name}_{function}", f'#include "{name}.h"', call, [folder / f"{name}.c"], values)
 
 
 def by_pinocchio(path, locked):
@@ -318,7 +401,7 @@ def by_pinocchio(path, locked):
 
 def main():
     tpm, arms, descriptions, fixtures = (Path(word).resolve() for word in sys.argv[1:5])
-    work = ["inverse dynamics, all parameters", "inverse dynamics, base parameters", "regressor, base columns"]
+    work = ["inverse dynamics, all parameters", "inverse dynamics, base parameters", "regressor, base columns", "forward dynamics"]
     print("| arm | base | work | operations: CasADi | tpm | ratio | instructions: CasADi | tpm | ratio | ns: CasADi | tpm | Pinocchio |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     for name, (file, locked) in ROBOTS.items():
@@ -339,20 +422,23 @@ def main():
             alone = [[theta[i, k] if (i, k) in kept else 0 for k in range(10)] for i in range(n)]
             state = [split(x) for x in (q, v, a)]
             check(links, fixtures / f"{name}.json", folder / f"{name}.prior.toml", description)
-            functions = [torques(links, *state, everything), torques(links, *state, alone), regressor(links, *state, kept)]
+            functions = [torques(links, *state, everything), torques(links, *state, alone), regressor(links, *state, kept),
+                         accelerations(links, *state, everything)]
             assert len(kept) == int(own[1]), (name, len(kept), own[1])
             pinocchio = by_pinocchio(description, locked)
-            for what, outputs, ours in zip(work, functions, own[2:]):
+            for what, outputs, ours in zip(work, functions, [*own[2:5], None]):
                 inputs = [q, v, a] + ([theta] if outputs is not functions[2] else [])
                 theirs, function = counts(f"{name}_{work.index(what)}", inputs, outputs)
-                mine = [int(x) for x in ours.split("/")]
-                ratio = sum(mine[:2]) / sum(theirs[:2])
-                line = f"| {name} | {own[1]} | {what} | {'/'.join(map(str, theirs))} | {ours} | {ratio:.2f} |"
+                beside = "- | -"
+                if ours:
+                    ratio = sum(int(x) for x in ours.split("/")[:2]) / sum(theirs[:2])
+                    beside = f"{ours} | {ratio:.2f}"
+                line = f"| {name} | {own[1]} | {what} | {'/'.join(map(str, theirs))} | {beside} |"
                 casadi = by_casadi(folder, f"casadi_{work.index(what)}", function)
-                made = {0: "inverse_dynamics", 2: "base_regressor"}.get(work.index(what))
+                made = {0: "inverse_dynamics", 2: "base_regressor", 3: "forward_dynamics"}.get(work.index(what))
                 if made:
                     here = by_tpm(folder, tpm, name, model, made)
-                    beside = f"{pinocchio[work.index(what) // 2]:.0f}" if pinocchio else "-"
+                    beside = f"{pinocchio[work.index(what) // 2]:.0f}" if pinocchio and made != "forward_dynamics" else "-"
                     line += f" {casadi[0]} | {here[0]} | {here[0] / casadi[0]:.2f} | {casadi[1]:.0f} | {here[1]:.0f} | {beside} |"
                 else:
                     line += f" {casadi[0]} | - | - | {casadi[1]:.0f} | - | - |"

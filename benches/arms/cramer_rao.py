@@ -36,10 +36,13 @@ def motion(times, rng, joints):
 
 def truth_of(name, values):
     """Value of a parameter of the model, lumped ones by the names of their parts."""
-    total = 0.0
-    for part in name.split("_plus_"):
+    total, sign = 0.0, 1.0
+    for part in re.split(r"_(plus|minus)_", name):
+        if part in ("plus", "minus"):
+            sign = 1.0 if part == "plus" else -1.0
+            continue
         factor, own, over = re.fullmatch(r"(?:(\d+)_)?(.+?)(?:_per_(\d+))?", part).groups()
-        total = total + values[own] * float(factor or 1) / float(over or 1)
+        total = total + sign * values[own] * float(factor or 1) / float(over or 1)
     return total
 
 

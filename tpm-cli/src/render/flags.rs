@@ -24,6 +24,7 @@ impl Spelling for Flags {
             Given::Setting(Setting::Frozen) => "--freeze",
             Given::Setting(Setting::Constant) => "--constant",
             Given::Setting(Setting::Actuator) => "--delay or --low-pass",
+            Given::Setting(Setting::Calibration) => "--calibration",
             _ => "",
         };
         name.map_or_else(|| flag.to_owned(), |name| format!("{flag} {name}=..."))
@@ -51,6 +52,10 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
         Remedy::DrivenCoordinate { input } => format!("--motion {input}=COORDINATE"),
         Remedy::Stopped => "--stopped".to_owned(),
         Remedy::HoldParameter { parameter } => format!("--freeze {parameter}=VALUE"),
+        Remedy::Calibration { signals } => {
+            let flags: Vec<String> = signals.iter().map(|signal| format!("--calibration {signal}=DEVIATION")).collect();
+            format!("{} carries what is known of it into the deviations", flags.join(" "))
+        }
         Remedy::Constants { names } => {
             names.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
         }

@@ -43,6 +43,10 @@ pub(crate) struct Args {
     /// Hold a parameter, or a physical one, at a value.
     #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
+    /// How well a sensor is calibrated, which enters the deviations: standard deviation of the zero of a coordinate, in its unit, or of the gain of
+    /// an input, a share of it. Sensors that are not named count as exact; what a log would not show of them is a remark.
+    #[arg(long, value_name = "NAME=DEVIATION", value_parser = number_assignment, requires = "log")]
+    calibration: Vec<(String, f64)>,
     /// How much every harmonic counts: by its noise, or alike, for a model that leaves something out.
     #[arg(long, value_enum, requires = "log")]
     weights: Option<WeightsChoice>,
@@ -144,6 +148,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 request.estimation = EstimationSettings {
                     prior: prior.clone(),
                     frozen: once("--freeze", &args.freeze)?,
+                    calibration: once("--calibration", &args.calibration)?,
                     bounds: args.bounds.by_name()?,
                     weights: args.weights.map_or_else(Weights::default, Weights::from),
                     domain: args.domain.map(Domain::from),

@@ -124,12 +124,30 @@ pub enum PartError {
     Base(#[from] BasePlanError),
 }
 
+/// The plan of the accelerations that inputs give.
+#[derive(Clone, Debug)]
+pub(super) struct ForwardDynamics {
+    /// M row by row and the right-hand side; behind them, where M is symmetric, the pivots of its factors and the accelerations.
+    pub(super) plan: Plan,
+    /// Whether pivots and accelerations are there.
+    pub(super) factored: bool,
+}
+
+impl ForwardDynamics {
+    fn of(dynamics: Dynamics) -> Self {
+        match dynamics.factored() {
+            Some(plan) => Self { plan, factored: true },
+            None => Self { plan: dynamics.plan, factored: false },
+        }
+    }
+}
+
 /// The plans of the requested parts.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Parts {
     pub(super) gravity: Option<Plan>,
     pub(super) mass_matrix: Option<Plan>,
-    pub(super) forward_dynamics: Option<Dynamics>,
+    pub(super) forward_dynamics: Option<ForwardDynamics>,
     pub(super) base: Option<BasePlan>,
     pub(super) estimator: bool,
     pub(super) monitor: bool,
@@ -152,7 +170,7 @@ impl Parts {
             Part::Split | Part::Run | Part::Linearised | Part::Numerical | Part::Campaign => {}
             Part::Gravity => self.gravity = Some(forces::at_rest(model, form, mechanism)),
             Part::MassMatrix => self.mass_matrix = Some(dynamics()?.mass_matrix()),
-            Part::ForwardDynamics => self.forward_dynamics = Some(dynamics()?),
+            Part::ForwardDynamics => self.forward_dynamics = Some(ForwardDynamics::of(dynamics()?)),
             Part::BaseRegressor | Part::Estimator | Part::Monitor => {
                 if self.base.is_none() {
                     self.base = Some(BasePlan::new(model, form, &plan.evaluation)?);

@@ -8,6 +8,7 @@ use super::estimator::{EstimatorSource, Identified};
 use super::function::{Body, Function, Reads, entries};
 use super::jumps::Jumps;
 use super::names::derivative_text;
+use super::part::ForwardDynamics;
 use super::text;
 use crate::identified::Weights;
 
@@ -86,10 +87,18 @@ pub(super) fn mass_matrix(estimator: &EstimatorSource) -> Option<Function> {
 /// The mass matrix M and the right-hand side of the accelerations, all rows of M first. The inputs are its additional
 /// arguments.
 pub(super) fn forward_dynamics(estimator: &EstimatorSource) -> Option<Function> {
-    let plan = &estimator.parts.forward_dynamics.as_ref()?.plan;
+    let ForwardDynamics { plan, factored } = estimator.parts.forward_dynamics.as_ref()?;
+    let way = match factored {
+        true => {
+            "M = L D L^T joint after joint,\n\
+             without the zeros between branches (Featherstone, Rigid Body Dynamics Algorithms, 8.5); where a pivot is not positive, which\n\
+             no machine's inertias make, by elimination with row pivoting."
+        }
+        false => "M is solved by elimination\nwith row pivoting.",
+    };
     let about = format!(
         "Forward dynamics: the highest derivatives that the inputs give, from M a = B u - h with the forces h at zero accelerations.\n\
-         The highest derivatives of the motion are not read. M is solved by elimination with row pivoting.{}",
+         The highest derivatives of the motion are not read. {way}{}",
         text::operations(plan)
     );
     Some(Function::values(estimator, plan, about))

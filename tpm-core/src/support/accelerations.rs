@@ -34,6 +34,14 @@ impl fmt::Display for SingularMass {
 
 impl core::error::Error for SingularMass {}
 
+/// Whether accelerations that follow from M = L D L^T count: every pivot (entry of D) is positive beyond the rounding of the entry of M on
+/// the diagonal from which it comes, and every acceleration is finite. Elimination with pivoting decides about others ([`accelerations`]).
+pub fn factors_hold<T: Real, const N: usize>(pivots: &[T; N], diagonal: &[T; N], accelerations: &[T; N]) -> bool {
+    let tiny = T::EPSILON * T::from_f64(N as f64);
+    pivots.iter().zip(diagonal).all(|(&pivot, &entry)| pivot > tiny * entry.abs())
+        && accelerations.iter().all(|value| value.is_finite())
+}
+
 /// The accelerations a with M a = b: elimination with row pivoting, every row divided by its largest entry first, so that the units of
 /// the rows do not decide the order.
 ///

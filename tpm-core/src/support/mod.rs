@@ -27,7 +27,7 @@ mod square_root;
 #[cfg(test)]
 mod tests;
 
-pub use accelerations::{SingularMass, accelerations};
+pub use accelerations::{SingularMass, accelerations, factors_hold};
 pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;

@@ -1,6 +1,6 @@
 use super::{
     Label, MonitorJumps, MonitorRules, MonitorState, Monitoring, NotFinite, Real, SingularMass, SolveError, SquareRoot,
-    accelerations, least_squares, weighted_least_squares,
+    accelerations, factors_hold, least_squares, weighted_least_squares,
 };
 
 fn labels<const C: usize>(names: [&'static str; C]) -> [Label<'static>; C] {
@@ -192,6 +192,12 @@ fn accelerations_solve_and_name_what_is_singular() {
     let zero = accelerations([[0.0_f32; 2]; 2], [1.0; 2], &double);
     assert_eq!(zero, Err(SingularMass::Undetermined { coordinate: 0, name: "q1" }));
     assert_eq!(accelerations([[1.0, f64::NAN], [0.0, 1.0]], [0.0; 2], &double), Err(SingularMass::NotFinite));
+    // Factors of [2 1; 1 1], of a singular matrix, and of one that is not definite.
+    assert!(factors_hold(&[1.0_f64, 1.0], &[2.0, 1.0], &[1.0, -1.0]));
+    for pivots in [[2.0_f64, 0.0], [2.0, -1.0], [f64::NAN, 1.0]] {
+        assert!(!factors_hold(&pivots, &[2.0, 1.0], &[1.0, -1.0]));
+    }
+    assert!(!factors_hold(&[1.0_f64, 1.0], &[2.0, 1.0], &[f64::INFINITY, 1.0]));
     // A small inertia is not a singular one.
     assert!(accelerations([[5.4e-6_f64, 0.0], [0.0, 7.0]], [1.0, 1.0], &double).is_ok());
 }

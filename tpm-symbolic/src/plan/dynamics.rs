@@ -8,13 +8,18 @@
 //! ```
 //!
 //! Invariant: M is formed exactly, entry by entry, before any number is rounded, so that a small mass beside a large
-//! spring force loses no digits. No system is solved symbolically.
+//! spring force loses no digits. Where M is symmetric as it is written, its factors are steps of the plan too
+//! ([`Dynamics::factored`]): M = L D L^T, joint after joint, of which the zeros between branches are left out
+//! (Featherstone, Rigid Body Dynamics Algorithms, 8.5).
 
 use crate::expr::graph::{ExprId, Graph, Node};
+use crate::number::rational::Rational;
 use crate::plan::draft::Draft;
 use crate::plan::entries::Entries;
 use crate::plan::leaf::Leaf;
+use crate::plan::operation::{Op, Slot};
 use crate::plan::straight_line::{Merger, Plan};
+use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
@@ -87,6 +92,76 @@ impl Dynamics {
         let mut outputs = merger.append(&self.plan);
         outputs.truncate(self.rows() * self.rows());
         merger.finish(outputs)
+    }
+
+    /// The plan with the steps of M = L D L^T behind those of M and of the right-hand side: its further outputs are the pivots
+    /// (the entries of D) and the accelerations, coordinate by coordinate. `None` where M is not symmetric as it is
+    /// written. With positive pivots this is as accurate as elimination with pivoting; whether they are is for the
+    /// code that evaluates the plan to see.
+    ///
+    /// A joint is eliminated when the fewest pairs of others become coupled by it. Of a tree these are none when outward
+    /// joints come first, so that joints of different branches stay apart.
+    #[must_use]
+    pub fn factored(&self) -> Option<Plan> {
+        let n = self.rows();
+        let mut merger = Merger::default();
+        let mut outputs = merger.append(&self.plan);
+        let mut matrix: Vec<Vec<Option<Slot>>> = Vec::with_capacity(n);
+        for (i, row) in outputs.chunks(n).take(n).enumerate() {
+            if (0..i).any(|j| outputs[j * n + i] != row[j]) {
+                return None;
+            }
+            matrix.push(row.iter().map(|&slot| (!merger.is_number(slot, Zero::is_zero)).then_some(slot)).collect());
+        }
+        let mut right = outputs[n * n..].to_vec();
+        let one = merger.emit(Op::Constant(Rational::one()));
+        let mut left: Vec<usize> = (0..n).collect();
+        let mut pivots = right.clone();
+        // Of every eliminated coordinate: its number, the inverse pivot times what stood on the right, its factors.
+        let mut eliminated: Vec<(usize, Slot, Vec<(usize, Slot)>)> = Vec::with_capacity(n);
+        while !left.is_empty() {
+            let beside = |k: usize| left.iter().copied().filter(move |&i| i != k);
+            let coupled = |k: usize| beside(k).filter(|&i| matrix[k][i].is_some()).collect::<Vec<usize>>();
+            let new_pairs = |k: usize| {
+                let others = coupled(k);
+                let pairs = others.iter().enumerate().flat_map(|(at, &i)| others[..at].iter().map(move |&j| (i, j)));
+                pairs.filter(|&(i, j)| matrix[i][j].is_none()).count()
+            };
+            let k = left.iter().copied().min_by_key(|&k| (new_pairs(k), n - k))?;
+            let others = coupled(k);
+            left.retain(|&i| i != k);
+            let pivot = matrix[k][k]?;
+            pivots[k] = pivot;
+            let inverse = merger.emit(Op::Div(one, pivot));
+            let mut factors = Vec::with_capacity(others.len());
+            for (at, &i) in others.iter().enumerate() {
+                let entry = matrix[k][i]?;
+                let factor = merger.emit(Op::Mul(entry, inverse));
+                for &j in &others[..=at] {
+                    let taken = merger.emit(Op::Mul(factor, matrix[k][j]?));
+                    let entry = merger.emit(match matrix[i][j] {
+                        Some(entry) => Op::Sub(entry, taken),
+                        None => Op::Neg(taken),
+                    });
+                    (matrix[i][j], matrix[j][i]) = (Some(entry), Some(entry));
+                }
+                let taken = merger.emit(Op::Mul(factor, right[k]));
+                right[i] = merger.emit(Op::Sub(right[i], taken));
+                factors.push((i, factor));
+            }
+            let own = merger.emit(Op::Mul(right[k], inverse));
+            eliminated.push((k, own, factors));
+        }
+        let mut accelerations = right;
+        for (k, own, factors) in eliminated.into_iter().rev() {
+            accelerations[k] = factors.into_iter().fold(own, |sum, (i, factor)| {
+                let taken = merger.emit(Op::Mul(factor, accelerations[i]));
+                merger.emit(Op::Sub(sum, taken))
+            });
+        }
+        outputs.append(&mut pivots);
+        outputs.append(&mut accelerations);
+        Some(merger.finish(outputs).scheduled())
     }
 
     /// The number of rows, and of coordinates.
@@ -200,6 +275,13 @@ mod tests {
             rational::ratio(3 * 16, 1),
         ];
         assert_eq!(found, expected);
+
+        let factored = dynamics.factored().expect("M is symmetric").evaluate_exact(value).expect("rational");
+        let [m11, m12, _, m22, r1, r2] = expected;
+        let a2 = (&r2 * &m11 - &m12 * &r1) / (&m11 * &m22 - &m12 * &m12);
+        let a1 = (r1 - &m12 * &a2) / &m11;
+        // The last coordinate is eliminated first.
+        assert_eq!(factored[6..], [m11 - &m12 * &m12 / &m22, m22, a1, a2]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //!
 //! Invariant: the methods are those of `tpm_core::support` (`accelerations`, `square_root`), in the caller's memory.
 
+use super::super::code::Expression;
 use super::super::function::{Body, Function};
 use super::super::requested;
 use super::super::text;
@@ -11,6 +12,7 @@ use super::dynamics::{forces, inputs_record, matrix, size_macro};
 use super::expression::{Scalar, Writer};
 use super::layout::{doc, statement, string};
 use super::solve::{self, filled};
+use tpm_symbolic::plan::leaf::Leaf;
 
 /// C code that solves M a = b by elimination with row pivoting.
 const ACCELERATIONS: &str = "
@@ -361,7 +363,12 @@ fn forward_dynamics(context: &mut Context<'_>) {
     );
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let count = fields.len();
-    let (rows, right) = values.split_at(count * count);
+    let (rows, rest) = values.split_at(count * count);
+    let (right, solved) = rest.split_at(count);
+    let ok = context.constant("OK");
+    if !solved.is_empty() {
+        body.push_str(&by_factors(context, &writer, (rows, solved), &fields));
+    }
     for (place, value) in rows.iter().enumerate() {
         let (row, column) = (place / count, place % count);
         body.push_str(&statement(1, &format!("matrix[{row}][{column}] = {};", writer.expression(value))));
@@ -369,7 +376,6 @@ fn forward_dynamics(context: &mut Context<'_>) {
     for (row, value) in right.iter().enumerate() {
         body.push_str(&statement(1, &format!("right[{row}] = {};", writer.expression(value))));
     }
-    let ok = context.constant("OK");
     body.push_str(&format!("    status = solve_accelerations(matrix, right, solution);\n    if (status == {ok}) {{\n"));
     for (index, (field, _)) in fields.iter().enumerate() {
         body.push_str(&statement(2, &format!("accelerations->{field} = solution[{index}];")));
@@ -382,6 +388,37 @@ fn forward_dynamics(context: &mut Context<'_>) {
     );
     let (name, about) = (context.global("forward_dynamics"), context.linked(&about, None));
     context.function(&name, &about, &context.global("status"), &parameters, &body);
+}
+
+/// The accelerations by the factors of M, where all pivots are positive beyond rounding: `rows` are the entries of M, `solved` the pivots and
+/// behind them the accelerations.
+fn by_factors<L: Fn(&Leaf) -> String>(
+    context: &Context<'_>,
+    writer: &Writer<L>,
+    (rows, solved): (&[Expression], &[Expression]),
+    fields: &[(String, String)],
+) -> String {
+    let count = fields.len();
+    let (real, fabs, words) = (context.scalar.name(), context.scalar.function("fabs"), words(context));
+    let word = |name: &str| words.iter().find(|(own, _)| *own == name).map_or("", |(_, word)| word.as_str());
+    let (epsilon, max) = (word("EPSILON"), word("MAX"));
+    let mut body =
+        statement(1, &format!("const {real} tiny = {epsilon} * ({real}){};", context.constant("COORDINATES")));
+    let (pivots, accelerations) = solved.split_at(count);
+    let mut conditions = Vec::with_capacity(2 * count);
+    for (k, (pivot, acceleration)) in pivots.iter().zip(accelerations).enumerate() {
+        body.push_str(&statement(1, &format!("const {real} pivot{k} = {};", writer.expression(pivot))));
+        body.push_str(&statement(1, &format!("const {real} solved{k} = {};", writer.expression(acceleration))));
+        let entry = writer.expression(&rows[k * count + k]);
+        conditions.push(format!("pivot{k} > tiny * {fabs}({entry})"));
+        conditions.push(format!("{fabs}(solved{k}) <= {max}"));
+    }
+    body.push_str(&format!("    if ({}) {{\n", conditions.join("\n        && ")));
+    for (k, (field, _)) in fields.iter().enumerate() {
+        body.push_str(&statement(2, &format!("accelerations->{field} = solved{k};")));
+    }
+    body.push_str(&format!("        return {};\n    }}\n", context.constant("OK")));
+    body
 }
 
 /// Names of the fields of the base parameters.

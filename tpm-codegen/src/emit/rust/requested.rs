@@ -17,8 +17,9 @@ use super::shapes::{arguments, force_fields, label, matrix, quantity_fields, str
 pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
     let parts = &context.estimator.parts;
     let mut names = Vec::new();
-    if parts.forward_dynamics.is_some() {
+    if let Some(forward) = &parts.forward_dynamics {
         names.extend(["SingularMass", "accelerations"]);
+        names.extend(forward.factored.then_some("factors_hold"));
     }
     if parts.estimator {
         names.extend(["NotFinite", "SquareRoot"]);
@@ -73,7 +74,20 @@ fn forward_dynamics(context: &Context<'_>) -> TokenStream {
     let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
     let values: Vec<TokenStream> = values.iter().map(|value| writer.expression(value)).collect();
     let size = names.coordinates.len();
-    let (rows, right) = values.split_at(size * size);
+    let (rows, rest) = values.split_at(size * size);
+    let (right, solved) = rest.split_at(size);
+    let by_factors = match solved.split_at_checked(size) {
+        Some((pivots, solved)) => {
+            let diagonal = (0..size).map(|k| &rows[k * size + k]);
+            quote! {
+                let solved = [#(#solved),*];
+                if factors_hold(&[#(#pivots),*], &[#(#diagonal),*], &solved) {
+                    return Ok(Accelerations::from_array(solved));
+                }
+            }
+        }
+        None => TokenStream::new(),
+    };
     let rows = rows.chunks(size).map(|row| quote!([#(#row),*]));
     let about = doc(&format!(
         "{about}\n\n# Errors\n[`SingularMass`] when the mass matrix is singular with these parameters, or a number is not finite."
@@ -94,6 +108,7 @@ fn forward_dynamics(context: &Context<'_>) -> TokenStream {
             #constants
         ) -> Result<Accelerations<T>, SingularMass> {
             #statements
+            #by_factors
             let matrix = [#(#rows),*];
             let right = [#(#right),*];
             accelerations(matrix, right, &COORDINATES).map(Accelerations::from_array)

@@ -37,7 +37,7 @@ pub(super) fn text(needs: Needs) -> String {
         );
     }
     if accelerations {
-        text.push_str("    pub use self::accelerations::{SingularMass, accelerations};\n");
+        text.push_str("    pub use self::accelerations::{SingularMass, accelerations, factors_hold};\n");
     }
     if square_root {
         text.push_str("    pub use self::square_root::{NotFinite, Shown, SquareRoot};\n");

@@ -217,7 +217,7 @@ impl Model<f64> for Separable {
     }
 
     fn workspace_len(&self) -> usize {
-        let scratch = self.rows.workspace_len().max(self.dims.inputs + self.slopes.workspace_len);
+        let scratch = self.dims.inputs + self.rows.workspace_len().max(self.slopes.workspace_len);
         self.places.len() + self.dims.regressor_len() + scratch
     }
 

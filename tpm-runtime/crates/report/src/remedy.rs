@@ -64,6 +64,11 @@ pub enum Remedy {
     },
     /// Say that the machine stopped the run.
     Stopped,
+    /// State how well sensors are calibrated.
+    Calibration {
+        /// The coordinates and inputs, as the model names them.
+        signals: Vec<String>,
+    },
     /// Hold a parameter at a value.
     HoldParameter {
         /// The parameter, as the model names it.

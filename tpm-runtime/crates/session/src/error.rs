@@ -25,6 +25,8 @@ pub enum Setting {
     Constant,
     /// Known dynamics behind an input.
     Actuator,
+    /// How well a sensor is calibrated.
+    Calibration,
 }
 
 impl fmt::Display for Setting {
@@ -34,6 +36,7 @@ impl fmt::Display for Setting {
             Setting::Frozen => "frozen value",
             Setting::Constant => "constant",
             Setting::Actuator => "actuator",
+            Setting::Calibration => "calibration",
         })
     }
 }
@@ -170,6 +173,20 @@ pub enum SessionError {
         /// Its interval.
         interval: [f64; 2],
     },
+    /// A deviation of a sensor's calibration that is none.
+    #[error("calibration of `{name}`: {} is no standard deviation; it is a finite number, zero or more", number(*.value))]
+    Deviation {
+        /// The coordinate or input.
+        name: String,
+        /// What was given.
+        value: f64,
+    },
+    /// Deviations of calibrations of several logs together.
+    #[error(
+        "a stated calibration is an error that all logs have in common, and several logs are pooled as if their errors were independent; identify \
+         each log by itself, or join them to one"
+    )]
+    CalibrationOfLogs,
     /// Constants without a value.
     #[error("the model has constants that are known at run time only, and no value was given for {}", .names.join(", "))]
     Constants {

@@ -3,7 +3,7 @@
 use crate::log_report::{HoldResiduals, Way};
 use crate::refinement_report::RefinementReport;
 use crate::warning::Warning;
-use tpm_estimate::Estimate;
+use tpm_estimate::{CalibrationFault, Estimate};
 
 /// What is found in a log.
 pub(super) struct Found {
@@ -16,4 +16,6 @@ pub(super) struct Found {
     pub(super) hold_residuals: HoldResiduals,
     pub(super) refinement: Option<RefinementReport>,
     pub(super) warnings: Vec<Warning>,
+    /// What faults of the sensors' calibration would do; nothing where the way does not tell it.
+    pub(super) calibration: Vec<CalibrationFault>,
 }

@@ -3,7 +3,7 @@
 use crate::found::Found;
 use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
-use crate::log_report::{ActuatorReport, HoldResiduals, LogReport};
+use crate::log_report::{ActuatorReport, HoldResiduals, LogReport, Way};
 use crate::options::LogOptions;
 use crate::record::nothing;
 use crate::simulation::simulate;
@@ -13,7 +13,7 @@ use tpm_codegen::identified::Identified;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, is_static};
+use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, TermKind, is_static};
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
 
@@ -146,9 +146,14 @@ pub(super) fn identify_from(
         [log] => Some(*log),
         _ => None,
     };
+    let not_told = |signal: String| LogFault::Calibration {
+        path: segments.first().map(|log| log.path.clone()).unwrap_or_default(),
+        signal,
+    };
     if is_static(model)
-        && let Some(found) = samples_log::identify(model, machine, segments, options)?
+        && let Some(mut found) = samples_log::identify(model, machine, segments, options)?
     {
+        calibrated(model, &mut found, options).map_err(not_told)?;
         return result(model, segments, options, found).ok_or_else(nothing);
     }
     let periodic = match (options.domain, whole) {
@@ -160,8 +165,52 @@ pub(super) fn identify_from(
         }
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
-    let found = found(model, machine, segments, options, periodic.as_ref())?;
+    let mut found = found(model, machine, segments, options, periodic.as_ref())?;
+    // Harmonics and a simulation say nothing of sensors whose calibration is off.
+    if matches!(found.way, Way::Harmonics(_)) && dims.coordinates > 1 {
+        let repeating = periodic.as_ref().map(|(_, (periodic, _))| periodic);
+        found.calibration = lines_log::calibration(model, segments, repeating, options);
+    }
+    calibrated(model, &mut found, options).map_err(not_told)?;
     result(model, segments, options, found).ok_or_else(nothing)
+}
+
+/// What is stated of the calibration of sensors enters the deviations; of the others it is said which faults the log would not show.
+/// The name of a signal with a stated calibration is the error where nothing tells what that does to the parameters.
+fn calibrated(model: &dyn Model<f64>, found: &mut Found, options: &LogOptions) -> Result<(), String> {
+    let stated = |list: &[Option<f64>], of: usize| list.get(of).copied().flatten();
+    let told = std::mem::take(&mut found.calibration);
+    let is_told = |gain: bool, of: usize| {
+        told.iter().any(|own| own.term.of == of && (own.term.kind == TermKind::InputGain) == gain)
+    };
+    let dims = model.dims();
+    let zeros = (0..dims.coordinates)
+        .filter(|&c| stated(&options.zero_deviations, c).is_some() && !is_told(false, c))
+        .map(|c| model.coordinate(c).name.to_string());
+    let gains = (0..dims.inputs)
+        .filter(|&i| stated(&options.gain_deviations, i).is_some() && !is_told(true, i))
+        .map(|i| model.input(i).name.to_string());
+    if let Some(signal) = zeros.chain(gains).next() {
+        return Err(signal);
+    }
+    let mut faults = Vec::new();
+    for own in told {
+        let deviations = match own.term.kind {
+            TermKind::InputGain => &options.gain_deviations,
+            _ => &options.zero_deviations,
+        };
+        match stated(deviations, own.term.of) {
+            Some(deviation) => {
+                let moved: Vec<f64> = own.change.iter().map(|change| deviation * change).collect();
+                found.estimate = found.estimate.moving(&moved, &options.estimation);
+            }
+            None => faults.extend(lines_log::unseen(model, &own)),
+        }
+    }
+    if !faults.is_empty() {
+        found.warnings.push(Warning::UnseenFaults { faults });
+    }
+    Ok(())
 }
 
 /// Identifies a model from a log by simulating it between the stamps.
@@ -175,7 +224,9 @@ pub(super) fn identify_recorded(
     options: &LogOptions,
 ) -> Result<Identification, LogFault> {
     check_constants(model, options)?;
-    let found = recorded_log::identify(model, recorded, unshown, options)?;
+    let mut found = recorded_log::identify(model, recorded, unshown, options)?;
+    calibrated(model, &mut found, options)
+        .map_err(|signal| LogFault::Calibration { path: recorded.path.clone(), signal })?;
     let mean = |own: &Option<ChannelReadings>| {
         own.as_ref().map_or(0.0, |own| own.value.iter().sum::<f64>() / own.value.len().max(1) as f64)
     };
@@ -302,7 +353,7 @@ struct Used<'a> {
 /// The result of what was found in a log.
 fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found: Found) -> Identification {
     let dims = model.dims();
-    let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings } = found;
+    let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings, calibration: _ } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
         let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
         let bandwidth = dynamics.bandwidth;

@@ -5,7 +5,8 @@ use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{Calibration, HoldResiduals, SpectralReport, UnseenFaultReport, Way};
 use crate::options::LogOptions;
-use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, period_not_used, record, stretches};
+use crate::reading::RecordSettings;
+use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
@@ -13,8 +14,8 @@ use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
 use tpm_core::model::{Dims, Label, Model};
 use tpm_estimate::{
-    Arranged, Course, Differentiable, Estimate, EstimateError, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand, Sensor,
-    Settings, Stretch, TermKind, UnseenFault, best_arrangement, estimate_any_motion,
+    Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
+    Sensor, Settings, Stretch, TermKind, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_numerics::{Matrix, alarm};
@@ -55,18 +56,12 @@ pub(super) fn identify(
 ) -> Result<Found, LogFault> {
     let dims = model.dims();
     let settings = &options.estimation;
-    let nothing = LogFault::Estimate { path: String::new(), source: EstimateError::NoSignal };
-    let first = segments.first().ok_or(nothing)?;
+    let first = segments.first().ok_or_else(nothing)?;
     let all = stretches(segments, dims.coordinates, &options.reading)?;
-    let stated = options.reading.period.map(|period| period / first.sample_time);
-    let whole = periodic.and_then(|periodic| whole_period(&first.channels[..dims.coordinates], periodic, stated));
-    let (used, circular) = match (whole, periodic) {
-        (Some(period), Some(periodic)) => (vec![whole_periods(first, dims.coordinates, (periodic.from, period))], true),
-        _ => (at_most(all.clone(), MOST_SAMPLES, BLOCKS), false),
-    };
+    let (used, whole) = used(first, &all, periodic, (dims.coordinates, &options.reading));
     let samples = used.iter().map(Stretch::samples).sum();
     let record = record(first.sample_time, options, used);
-    let found = estimate_any_motion(model, &options.constants, &record, circular, settings)
+    let found = estimate_any_motion(model, &options.constants, &record, whole.is_some(), settings)
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
@@ -131,10 +126,6 @@ pub(super) fn identify(
         warnings.extend(found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() }));
     }
     warnings.extend(refined.warnings);
-    let faults: Vec<UnseenFaultReport> = found.unseen.iter().map(|own| unseen(model, own)).collect();
-    if !faults.is_empty() {
-        warnings.push(Warning::UnseenFaults { faults });
-    }
     Ok(Found {
         harmonics: 0,
         row_residuals: report.row_residuals.clone(),
@@ -147,7 +138,46 @@ pub(super) fn identify(
         estimate: refined.estimate,
         refinement: refined.report,
         warnings,
+        calibration: found.calibration,
     })
+}
+
+/// The stretches of a record that are used: whole periods where it repeats, with their length in samples.
+fn used<'a>(
+    first: &'a Log,
+    all: &[Stretch<'a>],
+    periodic: Option<&Periodic>,
+    (coordinates, reading): (usize, &RecordSettings),
+) -> (Vec<Stretch<'a>>, Option<usize>) {
+    let stated = reading.period.map(|period| period / first.sample_time);
+    let whole = periodic.and_then(|periodic| whole_period(&first.channels[..coordinates], periodic, stated));
+    match (whole, periodic) {
+        (Some(period), Some(periodic)) => {
+            (vec![whole_periods(first, coordinates, (periodic.from, period))], Some(period))
+        }
+        _ => (at_most(all.to_vec(), MOST_SAMPLES, BLOCKS), None),
+    }
+}
+
+/// What faults of the sensors' calibration would do, asked of the lines of the rows, where another way tells the parameters; nothing where
+/// there are no lines.
+pub(super) fn calibration(
+    model: &dyn Model<f64>,
+    segments: &[&Log],
+    periodic: Option<&Periodic>,
+    options: &LogOptions,
+) -> Vec<CalibrationFault> {
+    let found = || -> Result<Vec<CalibrationFault>, LogFault> {
+        let coordinates = model.dims().coordinates;
+        let first = segments.first().ok_or_else(nothing)?;
+        let all = stretches(segments, coordinates, &options.reading)?;
+        let (used, whole) = used(first, &all, periodic, (coordinates, &options.reading));
+        let record = record(first.sample_time, options, used);
+        estimate_any_motion(model, &options.constants, &record, whole.is_some(), &options.estimation)
+            .map(|found| found.calibration)
+            .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })
+    };
+    found().unwrap_or_default()
 }
 
 /// Whether a simulation of several coordinates follows a record to the noise of its sensors with a model that lacks nothing, but for a limit
@@ -291,21 +321,22 @@ fn whole_period(coordinates: &[Vec<f64>], periodic: &Periodic, stated: Option<f6
     (vertex.abs() <= LEAST_VERTEX.max(VERTEX_DEVIATIONS * spread)).then_some(best)
 }
 
-/// A fault that a log would not show in the words of the model.
-fn unseen(model: &dyn Model<f64>, fault: &UnseenFault) -> UnseenFaultReport {
+/// A fault that a log would not show in the words of the model; nothing of one that it shows.
+pub(super) fn unseen(model: &dyn Model<f64>, fault: &CalibrationFault) -> Option<UnseenFaultReport> {
+    let found = fault.unseen?;
     let (label, quantity) = match fault.term.kind {
         TermKind::InputGain => (model.input(fault.term.of), Calibration::Gain),
         _ => (model.coordinate(fault.term.of), Calibration::Zero),
     };
     let unit = label.unit.filter(|_| quantity == Calibration::Zero).map(Into::into);
-    UnseenFaultReport {
+    Some(UnseenFaultReport {
         signal: label.name.into(),
         quantity,
-        size: fault.size,
+        size: found.size,
         std: fault.std,
         unit,
-        deviations: fault.moves,
-    }
+        deviations: found.moves,
+    })
 }
 
 /// A term that the model lacks in the words of the model.

@@ -134,6 +134,9 @@ pub fn from_logs<R: Into<LogRequest>>(
 ) -> Result<Identification, SessionError> {
     let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
     let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
+    if requests.len() > 1 && requests.iter().any(|request| !request.estimation.calibration.is_empty()) {
+        return Err(SessionError::CalibrationOfLogs);
+    }
     let declared = model.declaration()?;
     if let Some((whole, used)) =
         declared.as_deref().map_or(Ok(None), |declared| with_their_coordinates(declared, &requests))?

@@ -53,6 +53,17 @@ pub enum LogFault {
         /// Sample time, s.
         sample_time: f64,
     },
+    /// A stated calibration that does not reach the parameters.
+    #[error(
+        "{path}: what an error in the calibration of `{signal}` does to the parameters is known from the lines of the rows of several \
+         coordinates, which this log was not identified by; leave its deviation out, and widen those of the parameters by hand"
+    )]
+    Calibration {
+        /// The file.
+        path: String,
+        /// The coordinate or input.
+        signal: String,
+    },
     /// The harmonics could not be computed.
     #[error("{path}: {source}")]
     Spectrum {

@@ -21,6 +21,10 @@ pub struct LogOptions {
     pub constants: Vec<f64>,
     /// What is known of the parameters, and how they are estimated from the equations of the log.
     pub estimation: Settings,
+    /// Standard deviation of the zero of every coordinate, in its unit; nothing, also where the list ends, where the zero is exact.
+    pub zero_deviations: Vec<Option<f64>>,
+    /// Standard deviation of the gain of every input, as a share of it; nothing, also where the list ends, where the gain is exact.
+    pub gain_deviations: Vec<Option<f64>>,
     /// Which of the priors in `estimation` were stated, so that a result names them where the log does not show a parameter; none where
     /// the list ends.
     pub stated: Vec<bool>,

@@ -49,6 +49,7 @@ pub(super) fn identify(
         estimate: fit.estimate,
         refinement: None,
         warnings,
+        calibration: Vec::new(),
     })
 }
 

@@ -97,5 +97,6 @@ fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
         estimate: refined.estimate,
         refinement: refined.report,
         warnings: refined.warnings,
+        calibration: Vec::new(),
     }
 }

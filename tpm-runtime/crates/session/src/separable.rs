@@ -58,7 +58,10 @@ pub(super) fn identify(
     options: &LogOptions,
 ) -> Result<Identification, LogFault> {
     // Far from a solution, weights that follow the estimates make harmonics run away; the time domain holds every log.
-    let options = &LogOptions { domain: Some(options.domain.unwrap_or(Domain::Time)), ..options.clone() };
+    let mut options = LogOptions { domain: Some(options.domain.unwrap_or(Domain::Time)), ..options.clone() };
+    // Directions that no motion shows are those of the linear parameters; the nonlinear ones stand behind them.
+    options.estimation.hidden.iter_mut().for_each(|direction| direction.resize(model.dims().parameters, 0.0));
+    let options = &options;
     let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
     let record = estimated(segments, model.dims().coordinates, options)?;
     let band = OneBand::new(&record).map_err(|source| LogFault::Estimate { path: path.clone(), source })?;

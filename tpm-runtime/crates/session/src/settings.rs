@@ -35,6 +35,10 @@ pub struct EstimationSettings {
     /// physical parameter starts.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub prior: BTreeMap<String, f64>,
+    /// Standard deviations with which sensors are calibrated, which enter those of the parameters: of the zero of a coordinate, in its unit,
+    /// of the gain of an input, a share of it. What is not named counts as exact.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub calibration: BTreeMap<String, f64>,
     /// Values that are held, by parameter or physical parameter.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub frozen: BTreeMap<String, f64>,
@@ -61,11 +65,14 @@ impl EstimationSettings {
         let parameters = names(dims.parameters, &|j| model.parameter(j).name.to_string());
         let either: Vec<String> = parameters.iter().chain(physical).cloned().collect();
         let constants = names(dims.constants, &|i| model.constant(i).name.to_string());
+        let coordinates = names(dims.coordinates, &|c| model.coordinate(c).name.to_string());
         let inputs = names(dims.inputs, &|i| model.input(i).name.to_string());
+        let signals: Vec<String> = coordinates.iter().chain(&inputs).cloned().collect();
         for (setting, given, known) in [
             (Setting::Prior, self.prior.keys().collect::<Vec<_>>(), &either),
             (Setting::Frozen, self.frozen.keys().collect(), &either),
             (Setting::Constant, self.constants.keys().collect(), &constants),
+            (Setting::Calibration, self.calibration.keys().collect(), &signals),
             (Setting::Actuator, self.actuators.keys().chain(&self.fitted_delays).collect(), &inputs),
         ] {
             if let Some(name) = given.into_iter().find(|name| !known.contains(name)) {
@@ -88,6 +95,10 @@ impl EstimationSettings {
         if !missing.is_empty() {
             return Err(SessionError::Constants { names: missing });
         }
+        if let Some((name, &value)) = self.calibration.iter().find(|(_, value)| !(value.is_finite() && **value >= 0.0))
+        {
+            return Err(SessionError::Deviation { name: name.clone(), value });
+        }
         let held = |(parameter, name): (usize, &String)| Some(Frozen { parameter, value: *self.frozen.get(name)? });
         let mut options = LogOptions {
             reading: reading.clone(),
@@ -102,6 +113,8 @@ impl EstimationSettings {
                 frozen: parameters.iter().enumerate().filter_map(held).collect(),
                 ..Settings::default()
             },
+            zero_deviations: coordinates.iter().map(|name| self.calibration.get(name).copied()).collect(),
+            gain_deviations: inputs.iter().map(|name| self.calibration.get(name).copied()).collect(),
             stated: Vec::new(),
         };
         if parameters.iter().any(|name| self.prior.contains_key(name)) {

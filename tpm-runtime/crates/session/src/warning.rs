@@ -399,6 +399,9 @@ impl Warning {
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation(_) => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
+            Warning::UnseenFaults { faults } => {
+                Some(Remedy::Calibration { signals: faults.iter().map(|fault| fault.signal.clone()).collect() })
+            }
             _ => None,
         }
     }

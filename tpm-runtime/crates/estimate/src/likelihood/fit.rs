@@ -42,6 +42,9 @@ const MOST_LEVERAGE: f64 = 0.9;
 const APPLIED_SHOWN: f64 = 30.0;
 const APPLIED_PASSES: usize = 4;
 const APPLIED_SETTLED: f64 = 0.1;
+/// A gain of which the last pass still asks for more than this share does not settle: of one that is there a few percent are left by then,
+/// be it a factor of a thousand.
+const UNSETTLED_GAIN: f64 = 0.5;
 /// Faults that are asked for whether the record would show them: a gain that is by this share off, and a zero by this share of the range of
 /// its coordinate.
 const GAIN_FAULT: f64 = 0.05;
@@ -67,15 +70,24 @@ pub struct Lacking {
     pub gain: f64,
 }
 
-/// A fault of a sensor that the record would not show, though it would move parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnseenFault {
+/// What a fault of a sensor's calibration would do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrationFault {
     /// The gain of an input, or the zero of a coordinate.
     pub term: Term,
-    /// How far it would be off: a share of the gain, or a distance in the unit of the coordinate.
-    pub size: f64,
-    /// Standard deviation with which the record tells it, in the same unit.
+    /// Standard deviation with which the record tells it: a share of the gain, or a distance in the unit of the coordinate.
     pub std: f64,
+    /// Change of every parameter by a fault of one of these units that the model knows nothing of.
+    pub change: Vec<f64>,
+    /// One that the record would not show, though it would move parameters.
+    pub unseen: Option<UnseenFault>,
+}
+
+/// A fault that a record would not show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnseenFault {
+    /// How far it would be off, in the unit of [`CalibrationFault::std`].
+    pub size: f64,
     /// Largest change of a parameter, in its standard deviations.
     pub moves: f64,
 }
@@ -120,8 +132,8 @@ pub struct OfAnyMotion {
     pub report: LineReport,
     /// Terms that the model lacks, the clearest first.
     pub lacking: Vec<Lacking>,
-    /// Faults of the sensors that the record would not show.
-    pub unseen: Vec<UnseenFault>,
+    /// What faults of the sensors' calibration would do.
+    pub calibration: Vec<CalibrationFault>,
     /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
     /// are known up to a factor.
     pub scale_unknown: bool,
@@ -170,14 +182,34 @@ pub fn estimate_any_motion(
     let rows = Rows { model, constants };
     let known = (record, &motion, circular);
     let mut look = Look::first(model);
+    // Every round but the last refuses one gain at least.
+    loop {
+        let refused = look.refused.len();
+        let result = applied(rows, known, &mut look, (&free, settings))?;
+        if look.refused.len() == refused {
+            return Ok(result);
+        }
+        look = Look { refused: look.refused, ..Look::first(model) };
+    }
+}
+
+/// The estimate with the delays and gains of inputs that are found applied, until nothing is left of them. A gain of which the corrected
+/// record asks for as much as before is none: parameters of its row and a misfit of another kind are exchanged for each other, without end.
+/// It is refused then, and the estimate does not count.
+fn applied<'a>(
+    rows: Rows<'a>,
+    known: (&'a TimeRecord<'a>, &'a Motion, bool),
+    look: &mut Look,
+    (free, settings): (&Free, &Settings),
+) -> Result<OfAnyMotion, EstimateError> {
     let mut settled = false;
     for _ in 0..APPLIED_PASSES {
-        let mut pass = Pass::new(rows, known, &look, &free, settings)?;
+        let mut pass = Pass::new(rows, known, look, free, settings)?;
         if let Some(taken) = pass.wider()? {
             look.taken = taken;
-            pass = Pass::new(rows, known, &look, &free, settings)?;
+            pass = Pass::new(rows, known, look, free, settings)?;
         }
-        let fitted = pass.with_terms()?.fit(&free)?;
+        let fitted = pass.with_terms()?.fit(free)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
             found.term.kind == TermKind::Delay && late.abs() > LONGEST_DELAY
@@ -188,7 +220,12 @@ pub fn estimate_any_motion(
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
         fitted.applied.iter().for_each(|found| look.apply(found.term, found.value));
     }
-    Ok(Pass::new(rows, known, &look, &free, settings)?.with_terms()?.fit(&free)?.result)
+    let fitted = Pass::new(rows, known, look, free, settings)?.with_terms()?.fit(free)?;
+    let grows = |found: &&Applied| {
+        found.term.kind == TermKind::InputGain && found.value.abs() > UNSETTLED_GAIN.max(APPLIED_SETTLED * found.std)
+    };
+    look.refused.extend(fitted.applied.iter().filter(grows).map(|found| found.term));
+    Ok(fitted.result)
 }
 
 /// Columns that are asked for.
@@ -330,7 +367,7 @@ impl Pass<'_> {
         }
         let (values, missing) = self.values(&asked, &weighed.solved);
         let Weighed { noise, variance, active, solved, split } = weighed;
-        let unseen = self.unseen(&asked, &split, &solved.covariance);
+        let calibration = self.calibration(&asked, &split, &solved.covariance);
         let Asked { fixed, terms, threshold, .. } = asked;
         let by_lines =
             self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
@@ -387,7 +424,9 @@ impl Pass<'_> {
             0 => false,
             // An input whose gain the record does not tell says nothing of the others' gains either.
             wrong => {
-                let untold = unseen.iter().filter(|own| own.term.kind == TermKind::InputGain).count();
+                let untold = (calibration.iter())
+                    .filter(|own| own.term.kind == TermKind::InputGain && own.unseen.is_some())
+                    .count();
                 2 * wrong + untold >= dims.inputs && !self.has_scale(free)
             }
         };
@@ -448,7 +487,7 @@ impl Pass<'_> {
                 reach: crate::time_domain::band::reach(followed, self.paths.sample_time),
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
-                unseen,
+                calibration,
                 scale_unknown,
                 report,
                 felt,
@@ -457,8 +496,9 @@ impl Pass<'_> {
         })
     }
 
-    /// Faults of gains and zeros that would move parameters, whose covariance is given, and stay below what makes a term enter.
-    fn unseen(&self, asked: &Asked, split: &Split, covariance: &DMatrix<f64>) -> Vec<UnseenFault> {
+    /// What faults of gains and zeros would do to the parameters, whose covariance is given. One is unseen where its term takes no part, since
+    /// the parameters make up for nearly all of it, or where it stays below what makes a term enter.
+    fn calibration(&self, asked: &Asked, split: &Split, covariance: &DMatrix<f64>) -> Vec<CalibrationFault> {
         let p = self.rows.model.dims().parameters;
         let of = |(at, &column): (usize, &usize)| {
             let (term, scale) = (self.terms[column - p], self.sizes[column - p]);
@@ -468,12 +508,17 @@ impl Pass<'_> {
                 _ => return None,
             };
             let told = split.told[at] * scale;
-            let mut moved = split.mixed.column(at) * (size * scale);
-            let regular = split.parameters.solve_upper_triangular_mut(&mut moved);
-            let deviations = (0..self.kept.len()).map(|a| moved[a].abs() / covariance[(a, a)].sqrt());
+            let mut moved = split.mixed.column(at) * scale;
+            if !split.parameters.solve_upper_triangular_mut(&mut moved) {
+                return None;
+            }
+            let deviations = (0..self.kept.len()).map(|a| size * moved[a].abs() / covariance[(a, a)].sqrt());
             let moves = deviations.filter(|share| share.is_finite()).fold(0.0, f64::max);
-            let unseen = (size * told).powi(2) < asked.threshold && moves > HARMFUL;
-            (regular && unseen).then(|| UnseenFault { term, size, std: 1.0 / told, moves })
+            let below = !split.counts[at] || (size * told).powi(2) < asked.threshold;
+            let mut change = vec![0.0; p];
+            self.kept.iter().zip(moved.iter()).for_each(|(&j, own)| change[j] = *own);
+            let unseen = (below && moves > HARMFUL).then_some(UnseenFault { size, moves });
+            Some(CalibrationFault { term, std: 1.0 / told, change, unseen })
         };
         asked.terms.iter().enumerate().filter_map(of).collect()
     }
