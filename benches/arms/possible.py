@@ -35,11 +35,17 @@ def shown_alone(result):
 
 
 def is_impossible(result, link):
-    """Whether no mass and no further moment make a body of what is shown of the last link: Izz > 0, |Ixx - Iyy| < Izz."""
-    values = shown_alone(result)
-    moment = values[f"Izz_{link}"]
-    difference = next((value for name, value in values.items() if name == f"Ixx_{link}_minus_Iyy_{link}"), 0.0)
-    return moment <= 0 or abs(difference) > moment
+    """Whether no mass and no further moment make a body of what is shown of the last link: with the moment I about its axis and those about
+    the two others, I > 0 and |difference of these| < I; nothing where its moment is not shown alone."""
+    alone = shown_alone(result)
+    for axis, others in (("xx", ("yy", "zz")), ("yy", ("xx", "zz")), ("zz", ("xx", "yy"))):
+        moment = alone.get(f"I{axis}_{link}")
+        if moment is None:
+            continue
+        names = {f"I{other}_{link}" for other in others}
+        differences = [own["value"] for own in result["combinations"] if set(own["terms"]) == names]
+        return moment <= 0 or any(abs(value) > moment for value in differences)
+    return False
 
 
 def pseudo_inertia(values, link):
@@ -85,7 +91,7 @@ def main(tpm, urdf, count=50):
         machine.log(seed, log)
         seed += 1
         _, result = identified(tpm, model, log)
-        if f"Izz_{last}" not in shown_alone(result) or not is_impossible(result, last):
+        if not is_impossible(result, last):
             continue
         drawn += 1
         run, took = possible(tpm, model, result, urdf, folder)
