@@ -69,7 +69,7 @@ pub use lone::lone_readings;
 pub use options::ReadingSettings;
 pub use periodic::differs;
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
-pub use read::rate_column;
+pub use read::{acceleration_column, rate_column};
 pub use read::{Log, Rates};
 pub use recording::Recording;
 pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
