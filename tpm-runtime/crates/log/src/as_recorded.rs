@@ -156,7 +156,17 @@ impl AsRecorded {
         });
         report.assumptions = std::mem::take(&mut table.assumptions);
         let path = path.to_owned();
-        Ok(AsRecorded { path, coordinates, rates, accelerations, inputs, lone, report, usual_step, fingerprint: String::new() })
+        Ok(AsRecorded {
+            path,
+            coordinates,
+            rates,
+            accelerations,
+            inputs,
+            lone,
+            report,
+            usual_step,
+            fingerprint: String::new(),
+        })
     }
 }
 
@@ -190,12 +200,7 @@ fn with_readings(own: ChannelReadings, path: &str, line: u64, signal: &Signal) -
 }
 
 /// Follows the readings of a coordinate over their wraps, and leaves out those that repeat the reading before while it moves.
-fn follow(
-    own: &mut ChannelReadings,
-    path: &str,
-    signal: &Signal,
-    report: &mut ReadingReport,
-) -> Result<(), LogError> {
+fn follow(own: &mut ChannelReadings, path: &str, signal: &Signal, report: &mut ReadingReport) -> Result<(), LogError> {
     report.wrapped.extend(followed(path, signal, &mut own.value, &own.lines)?);
     let repeated: Vec<usize> = repeated_readings(&own.value).into_iter().map(|(k, _)| k).collect();
     if let Some(&first) = repeated.first() {

@@ -144,7 +144,15 @@ impl DeclaredModel {
                 position.into_iter().chain(own.map(move |&(_, order)| (coordinate, order)))
             })
             .collect();
-        shown(model, &self.prepared.form, &sensors, held)
+        let mut found = shown(model, &self.prepared.form, &sensors, held)?;
+        // What is no state of its own, such as the reading of an accelerometer, has nothing that a sensor could feel.
+        let moves = |coordinate: &Coordinate| {
+            let name = &model.coordinates[coordinate.0 as usize].name;
+            let own = (0..self.evaluated.dims().coordinates).find(|&c| self.evaluated.coordinate(c).name == *name);
+            own.is_some_and(|c| self.evaluated.coordinate_order(c) > 0)
+        };
+        found.unfelt.retain(moves);
+        Some(found)
     }
 
     /// The derivatives of its rows.

@@ -41,9 +41,8 @@ const NOISE_PASSES: usize = 3;
 /// Noise of a sensor before anything is known, and least noise, as shares of its deviation.
 const FIRST_NOISE: f64 = 0.05;
 const LEAST_NOISE: f64 = 1e-10;
-/// Steps of the integration are halved until all readings together move by less than this much in units of their noise, so often at most: no
-/// estimate then moves by a larger share of its deviation, in whatever direction (Cauchy and Schwarz).
-const STEP_SETTLED: f64 = 0.1;
+/// Steps of the integration are halved until readings move by less than this share of their noise, so often at most.
+const STEP_SETTLED: f64 = 0.02;
 const MOST_HALVINGS: usize = 6;
 /// Longest step of the integration at first, as a share of a cycle of the motion.
 const FIRST_STEP: f64 = 0.02;
@@ -509,7 +508,6 @@ impl<'a, 'f> Work<'a, 'f> {
     /// Halves the steps of the integration until that moves no reading.
     pub(super) fn refine_step(&mut self, blocks: &[Block], theta: &[f64], noise: &[f64]) {
         let Some(block) = blocks.iter().max_by_key(|block| block.readings.len()) else { return };
-        let readings: usize = blocks.iter().map(|block| block.readings.len()).sum();
         let state = first_state(&self.flow, &self.scales, block);
         for _ in 0..MOST_HALVINGS {
             let coarse = self.flow.left(block, theta, &state, noise);
@@ -518,7 +516,6 @@ impl<'a, 'f> Work<'a, 'f> {
             match (coarse, self.flow.left(block, theta, &state, noise)) {
                 (Ok(coarse), Ok(fine)) => {
                     let moved = root_mean_square(coarse.iter().zip(&fine).map(|(a, b)| a - b));
-                    let moved = moved * (readings as f64).sqrt();
                     if moved <= STEP_SETTLED {
                         self.flow.longest_step = before;
                         return;

@@ -113,7 +113,8 @@ fn recording(tracks: &[Track], stamps: &[Vec<Stamp>]) -> Result<Vec<u8>, McapErr
 /// signals with a reading in this row, and those that are to be `named` without one.
 fn message(track: &Track, stamp: Stamp, row: usize, named: &[usize]) -> Vec<u8> {
     let is_there = |(s, (_, readings)): &(usize, &(String, Vec<f64>))| !readings[row].is_nan() || named.contains(s);
-    let read: Vec<&(String, Vec<f64>)> = track.signals.iter().enumerate().filter(is_there).map(|(_, own)| own).collect();
+    let read: Vec<&(String, Vec<f64>)> =
+        track.signals.iter().enumerate().filter(is_there).map(|(_, own)| own).collect();
     let mut body = Body(Vec::new());
     body.number(stamp.sec.to_le_bytes());
     body.number(stamp.nanosec.to_le_bytes());
