@@ -2,7 +2,8 @@
 
 Four machines of which the log has one sensor: two masses with a spring between them and an encoder at the motor, a pendulum whose
 propeller's thrust lags, two tanks one above the other with the level of the lower one, and a mass on a spring with LuGre friction that is
-reversed slowly. Every log has noise and a command of its own; inputs are held between stamps.
+reversed slowly. A fifth has two: a pendulum with a coarse encoder and, on a lever, an accelerometer that feels gravity and has an offset.
+Every log has noise and a command of its own; inputs are held between stamps.
 
 tpm gets the model and the log. scipy (`least_squares`, which minimises the differences between readings and a simulation) gets the
 equations as a vectorised simulation, the true state at the beginning, and a start within 30 % of the true parameters: more than a user
@@ -32,7 +33,7 @@ class Masses:
     parameter m1 [kg], m2 [kg], d1 [N*s/m], d2 [N*s/m], k [N/m], c [N*s/m];
     m1*ddot(x1) + d1*dot(x1) + k*(x1 - x2) + c*(dot(x1) - dot(x2)) = u;
     m2*ddot(x2) + d2*dot(x2) + k*(x2 - x1) + c*(dot(x2) - dot(x1)) = 0; }"""
-    sensor, noise, samples, step, substeps = "x1", 1e-4, 2000, 0.005, 4
+    sensors, samples, step, substeps = {"x1": 1e-4}, 2000, 0.005, 4
     truth, first = [0.8, 0.5, 1.2, 0.4, 300.0, 0.6], [0.0, 0.0, 0.0, 0.0]
 
     def command(self, rng, t):
@@ -43,6 +44,9 @@ class Masses:
         pull = k * (s[0] - s[1]) + c * (s[2] - s[3])
         return [s[2], s[3], (u - d1 * s[2] - pull) / m1, (pull - d2 * s[3]) / m2]
 
+    def readings(self, p, s, u):
+        return {"x1": s[0]}
+
 
 class Propeller:
     text = """model Propeller { coordinate phi [rad]; unmeasured thrust [N]; input u [N];
@@ -50,7 +54,7 @@ class Propeller:
     constant mgl = 0.6 [N*m];
     J*ddot(phi) + d*dot(phi) + mgl*sin(phi) - l*thrust = 0;
     tau*dot(thrust) + thrust = u; }"""
-    sensor, noise, samples, step, substeps = "phi", 2e-3, 1500, 0.01, 4
+    sensors, samples, step, substeps = {"phi": 2e-3}, 1500, 0.01, 4
     truth, first = [0.03, 0.02, 0.2, 0.15], [0.1, 0.0, 0.0]
 
     def command(self, rng, t):
@@ -60,12 +64,15 @@ class Propeller:
         inertia, d, l, tau = p
         return [s[1], (l * s[2] - d * s[1] - 0.6 * np.sin(s[0])) / inertia, (u - s[2]) / tau]
 
+    def readings(self, p, s, u):
+        return {"phi": s[0]}
+
 
 class Tanks:
     text = """model Tanks { coordinate h2 [1]; unmeasured h1 [1]; input u [1/s]; parameter a1 [1/s], a2 [1/s];
     dot(h1) + a1*sqrt(h1) = u;
     dot(h2) - a1*sqrt(h1) + a2*sqrt(h2) = 0; }"""
-    sensor, noise, samples, step, substeps = "h2", 5e-3, 600, 1.0, 4
+    sensors, samples, step, substeps = {"h2": 5e-3}, 600, 1.0, 4
     truth, first = [0.05, 0.04], [3.0, 2.0]
 
     def command(self, rng, t):
@@ -76,6 +83,9 @@ class Tanks:
         upper, lower = np.sqrt(np.maximum(s[0], 0)), np.sqrt(np.maximum(s[1], 0))
         return [u - a1 * upper, a1 * upper - a2 * lower]
 
+    def readings(self, p, s, u):
+        return {"h2": s[1]}
+
 
 class LuGre:
     """The bristle z of LuGre's friction; its Stribeck curve is known from a test at steady speeds but for its level."""
@@ -85,7 +95,7 @@ class LuGre:
     constant vs = 0.01 [m/s];
     m*ddot(x) + k*x + d*dot(x) + s0*z + s1*dot(z) = u;
     dot(z) - dot(x) + r*abs(dot(x))*z/(1 + 0.4*exp(-(dot(x)/vs)^2)) = 0; }"""
-    sensor, noise, samples, step, substeps = "x", 2e-6, 4000, 0.002, 8
+    sensors, samples, step, substeps = {"x": 2e-6}, 4000, 0.002, 8
     truth, first = [1.0, 400.0, 4.0, 2e4, 60.0, 1e4], [0.0, 0.0, 0.0]
 
     def command(self, rng, t):
@@ -97,20 +107,43 @@ class LuGre:
         z = s[1] - r * np.abs(s[1]) * s[2] / (1 + 0.4 * np.exp(-((s[1] / 0.01) ** 2)))
         return [s[1], (u - k * s[0] - d * s[1] - s0 * s[2] - s1 * z) / m, z]
 
+    def readings(self, p, s, u):
+        return {"x": s[0]}
 
-MACHINES = {"masses": (Masses(), 0), "propeller": (Propeller(), 0), "tanks": (Tanks(), 1), "lugre": (LuGre(), 0)}
+
+class Accelerometer:
+    text = """model Accelerometer { coordinate phi [rad], acc [m/s^2]; input u [N*m];
+    parameter J [kg*m^2], d [N*m*s/rad], mgl [N*m], zero [m/s^2];
+    constant r = 0.3 [m], g = 9.81 [m/s^2];
+    J*ddot(phi) + d*dot(phi) + mgl*sin(phi) = u;
+    acc - r*ddot(phi) - g*sin(phi) - zero = 0; }"""
+    sensors, samples, step, substeps = {"phi": 2e-2, "acc": 5e-2}, 1500, 0.01, 4
+    truth, first = [0.03, 0.02, 0.6, 0.25], [0.1, 0.0]
+
+    def command(self, rng, t):
+        return steps(rng, t, 0.37, -0.4, 0.4)
+
+    def rate(self, p, s, u):
+        return [s[1], (u - p[1] * s[1] - p[2] * np.sin(s[0])) / p[0]]
+
+    def readings(self, p, s, u):
+        return {"phi": s[0], "acc": 0.3 * np.array(self.rate(p, s, u)[1]) + 9.81 * np.sin(s[0]) + p[3]}
+
+
+MACHINES = {"masses": Masses(), "propeller": Propeller(), "tanks": Tanks(), "lugre": LuGre(), "accelerometer": Accelerometer()}
 
 
 def simulate(machine, p, u, refine=1):
-    """States at the stamps, by the classical rule of Runge and Kutta; `p` may hold many sets of parameters side by side."""
+    """Readings at the stamps by the classical rule of Runge and Kutta, one column per sensor; `p` may hold many sets of parameters."""
     p = np.asarray(p, float)
     s = np.array([np.full(p.shape[1:], x) for x in machine.first], float)
     n = machine.substeps * refine
     h = machine.step / n
-    out = np.empty((len(u), *s.shape))
+    out = np.empty((len(u), len(machine.sensors), *p.shape[1:]))
     rate = lambda s, u: np.array(machine.rate(p, s, u))
     for k, now in enumerate(u):
-        out[k] = s
+        read = machine.readings(p, s, now)
+        out[k] = [read[name] for name in machine.sensors]
         for _ in range(n):
             a = rate(s, now)
             b = rate(s + h / 2 * a, now)
@@ -119,20 +152,22 @@ def simulate(machine, p, u, refine=1):
     return out
 
 
-def by_scipy(machine, sensor, readings, u, rng):
+def by_scipy(machine, readings, u, rng):
     truth = np.array(machine.truth)
     start = np.log(truth * rng.uniform(0.7, 1.3, len(truth)))
-    run = lambda q: simulate(machine, np.exp(q), u)[:, sensor]
+    noise = np.array(list(machine.sensors.values()))
+    run = lambda q: (simulate(machine, np.exp(q), u) / noise).ravel()
 
     def slopes(q):
         delta = 1e-6
         sets = q[:, None] + np.concatenate([delta * np.eye(len(q)), -delta * np.eye(len(q))], 1)
-        all = simulate(machine, np.exp(sets), u)[:, sensor]
-        return (all[:, : len(q)] - all[:, len(q) :]) / (2 * delta) / machine.noise
+        all = simulate(machine, np.exp(sets), u) / noise[:, None]
+        return ((all[..., : len(q)] - all[..., len(q) :]) / (2 * delta)).reshape(-1, len(q))
 
+    wanted = (readings / noise).ravel()
     with np.errstate(all="ignore"):
-        found = least_squares(lambda q: np.nan_to_num((run(q) - readings) / machine.noise, nan=1e6), start, jac=slopes)
-    spread = np.sum(found.fun**2) / (len(readings) - len(truth))
+        found = least_squares(lambda q: np.nan_to_num(run(q) - wanted, nan=1e6), start, jac=slopes)
+    spread = np.sum(found.fun**2) / (readings.size - len(truth))
     covariance = np.linalg.inv(found.jac.T @ found.jac) * spread
     value = np.exp(found.x)
     return value, np.sqrt(np.diag(covariance)) * value
@@ -151,7 +186,7 @@ def by_tpm(tpm, model, log, names):
 def main(tpm, logs=20, *wanted):
     folder = Path(tempfile.mkdtemp())
     for kind in wanted or MACHINES:
-        machine, sensor = MACHINES[kind]
+        machine = MACHINES[kind]
         truth = np.array(machine.truth)
         block = machine.text.split("parameter", 1)[1].split(";", 1)[0]
         names = [part.split("[")[0].strip() for part in block.split(",")]
@@ -163,15 +198,17 @@ def main(tpm, logs=20, *wanted):
             rng = np.random.default_rng(1000 + seed)
             t = np.arange(machine.samples) * machine.step
             u = machine.command(rng, t)
-            readings = simulate(machine, truth, u, 4)[:, sensor] + machine.noise * rng.normal(size=len(t))
+            readings = simulate(machine, truth, u, 4)
+            readings += np.array(list(machine.sensors.values())) * rng.normal(size=readings.shape)
             log = folder / f"{kind}{seed}.csv"
-            np.savetxt(log, np.column_stack([t, readings, u]), delimiter=",", header=f"t_s,{machine.sensor},u", comments="", fmt="%.12g")
+            head = ",".join(["t_s", *machine.sensors, "u"])
+            np.savetxt(log, np.column_stack([t, readings, u]), delimiter=",", header=head, comments="", fmt="%.12g")
             begun = time.perf_counter()
             found, code = by_tpm(tpm, model, log, names)
             outcomes["tpm"].append((time.perf_counter() - begun, found))
             codes.append(code)
             begun = time.perf_counter()
-            found = by_scipy(machine, sensor, readings, u, rng)
+            found = by_scipy(machine, readings, u, rng)
             outcomes["scipy"].append((time.perf_counter() - begun, found))
         for tool, all in outcomes.items():
             whole = [found for _, found in all if found is not None and np.isfinite(found[0]).all() and np.isfinite(found[1]).all()]

@@ -15,7 +15,8 @@ const BEGINNING: &str = "Write a log in another format: `tpm convert run.mat --t
 
 /// What stands below the options in the help.
 const ENDING: &str = "MCAP holds the rows as messages of joint states (sensor_msgs/msg/JointState, topic /log), which PlotJuggler, Foxglove \
-    and Rerun plot: every column is a joint, and its readings are the positions. Its stamps are whole nanoseconds.\n\
+    and Rerun plot: every column is a joint, and its readings are the positions. A message has the columns that were read at its stamp, so that each keeps \
+    its own times, where CSV and Parquet have empty fields. Its stamps are whole nanoseconds.\n\
     Exit codes: 0 written, 2 bad input, of which nothing is written.";
 
 /// Options of `tpm convert`.

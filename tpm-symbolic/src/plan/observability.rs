@@ -48,12 +48,12 @@ pub fn shown(model: &ExactModel, form: &RegressorForm, sensors: &[(Coordinate, u
         .collect();
     let free: Vec<usize> = (0..form.columns.len()).filter(|column| !held.contains(column)).collect();
     let unknowns = states.len() + free.len();
-    if unknowns > MOST_UNKNOWNS || coordinates.iter().any(|&(_, order)| order == 0) {
+    if unknowns > MOST_UNKNOWNS || states.is_empty() {
         return None;
     }
     let read = |&(coordinate, derivative): &(Coordinate, u32)| {
         let c = coordinates.iter().position(|(own, _)| *own == coordinate)?;
-        (derivative < coordinates[c].1).then_some((c, derivative as usize))
+        (derivative <= coordinates[c].1).then_some((c, derivative as usize))
     };
     let sensors: Vec<(usize, usize)> = sensors.iter().filter_map(read).collect();
     let field = Residues::new(Residues::PRIMES[0]);

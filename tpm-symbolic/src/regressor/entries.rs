@@ -9,7 +9,7 @@
 //! is scaled so that this coefficient is 1.
 
 use crate::algebra::polynomial::{Monomial, Polynomial};
-use crate::expr::graph::{ExprId, Graph, Node, Symbol};
+use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::expr::size::Sizes;
 use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::unit::Unit;
@@ -19,6 +19,7 @@ use num_traits::Zero;
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// A parameter that is estimated: one of the model's own, or a lumped one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -126,10 +127,39 @@ impl RegressorForm {
         })
     }
 
-    /// Whether only a simulation tells the parameters of such rows from a log: an input does not stand alone, or there is none.
+    /// Coordinates that are readings of the motion rather than part of it, such as that of an accelerometer: no derivative of them occurs,
+    /// they stand in one row alone, which says what they are, and others move.
+    #[must_use]
+    pub fn outputs(&self, model: &ExactModel) -> Vec<Coordinate> {
+        // Highest derivative of every coordinate, and the number of rows in which it stands.
+        let mut found: BTreeMap<Coordinate, (u32, usize)> = BTreeMap::new();
+        for row in &self.rows {
+            let terms = row.terms.iter().flat_map(|term| term.atoms.factors());
+            let mut own: BTreeMap<Coordinate, u32> = BTreeMap::new();
+            for leaf in model.graph.leaves_of(terms.map(|(&atom, _)| atom)) {
+                if let Node::Derivative(coordinate, order) = *model.graph.node(leaf) {
+                    let highest = own.entry(coordinate).or_insert(order);
+                    *highest = order.max(*highest);
+                }
+            }
+            for (coordinate, order) in own {
+                let (highest, rows) = found.entry(coordinate).or_insert((order, 0));
+                (*highest, *rows) = (order.max(*highest), *rows + 1);
+            }
+        }
+        if self.rows.len() != found.len() || found.values().all(|(order, _)| *order == 0) {
+            return Vec::new();
+        }
+        found.into_iter().filter(|(_, own)| *own == (0, 1)).map(|(coordinate, _)| coordinate).collect()
+    }
+
+    /// Whether only a simulation tells the parameters of such rows from a log: an input does not stand alone, there is none, or a sensor reads
+    /// what a row says of the motion.
     #[must_use]
     pub fn is_only_simulated(&self, model: &ExactModel) -> bool {
-        self.driven(model).is_some() || self.rows.iter().all(|row| row.inputs.is_empty())
+        self.driven(model).is_some()
+            || self.rows.iter().all(|row| row.inputs.is_empty())
+            || !self.outputs(model).is_empty()
     }
 
     /// The form with every term multiplied out; `graph` is that of its model. The number of terms may be exponential in the number of

@@ -8,10 +8,11 @@ use crate::error::LogError;
 use crate::lone::lone_readings;
 use crate::names::Signal;
 use crate::options::ReadingSettings;
-use crate::read::{rate_signals, signals};
+use crate::read::{acceleration_signals, jitter, rate_signals, signals};
 use crate::repeated::repeated_readings;
 use crate::report::{ReadingReport, Repeated, SegmentReport};
 use crate::source::LogSource;
+use crate::stamps::Uneven;
 use crate::table::Table;
 use crate::wraps::followed;
 use std::collections::BTreeSet;
@@ -51,6 +52,8 @@ pub struct AsRecorded {
     pub coordinates: Vec<Option<ChannelReadings>>,
     /// Readings of rates that have a column, by coordinate.
     pub rates: Vec<Option<ChannelReadings>>,
+    /// Readings of accelerations that a column was mapped to, by coordinate.
+    pub accelerations: Vec<Option<ChannelReadings>>,
     /// The inputs.
     pub inputs: Vec<ChannelReadings>,
     /// Readings that were left out.
@@ -65,7 +68,7 @@ pub struct AsRecorded {
 
 impl AsRecorded {
     /// Reads the signals of a model from a file of any format, or from memory: coordinates that sensors measure, inputs and, where there are
-    /// such columns, measured rates.
+    /// such columns, measured rates, and accelerations that a column is mapped to.
     ///
     /// # Errors
     /// [`LogError`] with the line when the file cannot be read, a column is missing or ambiguous, has no reading, a unit is not converted, or
@@ -93,7 +96,10 @@ impl AsRecorded {
         let sensors: Vec<Signal> =
             needed.into_iter().zip(&measured).filter(|(_, measured)| **measured).map(|(signal, _)| signal).collect();
         let wanted: Vec<Signal> = sensors.iter().chain(&inputs).cloned().collect();
-        let mut table = Table::read_apart(columns, path, &wanted, &rate_signals(model), options)?;
+        let (of_accelerations, also): (Vec<usize>, Vec<Signal>) =
+            acceleration_signals(model, options).into_iter().unzip();
+        let also: Vec<Signal> = rate_signals(model).into_iter().chain(also).collect();
+        let mut table = Table::read_apart(columns, path, &wanted, &also, options)?;
         let order = in_order(&table)?;
         let first = order.first().map_or(0.0, |&row| table.time[row]);
         let column = |values: &[f64]| {
@@ -120,7 +126,7 @@ impl AsRecorded {
             named.next();
             let own = all.next().flatten().unwrap_or_default();
             let mut own = with_readings(own, path, table.header_line, signal)?;
-            follow(&mut own, signal, &mut report);
+            follow(&mut own, path, signal, &mut report)?;
             let outliers = lone_readings(&own.value);
             lone.extend(outliers.iter().map(|&(k, value)| Lone {
                 coordinate,
@@ -135,7 +141,10 @@ impl AsRecorded {
             .map(|signal| with_readings(all.next().flatten().unwrap_or_default(), path, table.header_line, signal))
             .collect::<Result<_, _>>()?;
         let inputs = inputs.into_iter().map(ChannelReadings::last_of_each).collect();
-        let rates = all.map(|own| own.filter(|own| !own.time.is_empty())).collect();
+        let mut all = all.map(|own| own.filter(|own| !own.time.is_empty()));
+        let rates = all.by_ref().take(n).collect();
+        let mut accelerations = vec![None; n];
+        of_accelerations.into_iter().zip(all).for_each(|(c, own)| accelerations[c] = own);
         let usual_step = table.stamps().usual_step() * table.factor;
         let line = |at: Option<&usize>| at.map_or(table.header_line, |&row| table.lines[row]);
         report.segments.push(SegmentReport {
@@ -147,7 +156,17 @@ impl AsRecorded {
         });
         report.assumptions = std::mem::take(&mut table.assumptions);
         let path = path.to_owned();
-        Ok(AsRecorded { path, coordinates, rates, inputs, lone, report, usual_step, fingerprint: String::new() })
+        Ok(AsRecorded {
+            path,
+            coordinates,
+            rates,
+            accelerations,
+            inputs,
+            lone,
+            report,
+            usual_step,
+            fingerprint: String::new(),
+        })
     }
 }
 
@@ -181,19 +200,30 @@ fn with_readings(own: ChannelReadings, path: &str, line: u64, signal: &Signal) -
 }
 
 /// Follows the readings of a coordinate over their wraps, and leaves out those that repeat the reading before while it moves.
-fn follow(own: &mut ChannelReadings, signal: &Signal, report: &mut ReadingReport) {
-    report.wrapped.extend(followed(signal, &mut own.value, &own.lines));
+fn follow(own: &mut ChannelReadings, path: &str, signal: &Signal, report: &mut ReadingReport) -> Result<(), LogError> {
+    report.wrapped.extend(followed(path, signal, &mut own.value, &own.lines)?);
     let repeated: Vec<usize> = repeated_readings(&own.value).into_iter().map(|(k, _)| k).collect();
     if let Some(&first) = repeated.first() {
         let (count, line) = (repeated.len(), own.lines[first]);
         report.repeated.push(Repeated { signal: signal.name.clone(), count, line });
         own.leave_out(repeated);
     }
+    Ok(())
 }
 
 /// The rows in the order of time.
 fn in_order(table: &Table) -> Result<Vec<usize>, LogError> {
-    let usual = table.stamps().usual_step();
+    // Rows of several topics may share a stamp: the step from one stamp to the next is that of those that differ.
+    let mut steps: Vec<f64> = table.time.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step != 0.0).collect();
+    let usual = match steps.len() / 2 {
+        _ if steps.is_empty() => 0.0,
+        middle => *steps.select_nth_unstable_by(middle, f64::total_cmp).1,
+    };
+    if usual < 0.0 {
+        let sample = (1..table.time.len()).find(|&i| table.time[i] < table.time[i - 1]).unwrap_or(1);
+        let step = table.time[sample] - table.time[sample - 1];
+        return Err(jitter(table, Uneven::Step { sample, step, expected: usual }));
+    }
     let mut latest = f64::NEG_INFINITY;
     for (row, &time) in table.time.iter().enumerate() {
         if latest - time > MOST_BACK * usual {

@@ -141,6 +141,13 @@ pub enum Assumption {
         /// Columns that stay at their last reading; the others are interpolated.
         held: Vec<String>,
     },
+    /// Stamps repeat the one before, and the next one comes so much later that the rows were written evenly.
+    StaleStamps {
+        /// How many there are.
+        count: usize,
+        /// Line of the first.
+        first: u64,
+    },
     /// Fields of a measured rate are missing in a stretch of the record, where the rate is not used.
     RateLeftOut {
         /// The rate.
@@ -212,6 +219,10 @@ impl fmt::Display for Assumption {
                 }
                 f.write_str("other columns interpolated between their readings")
             }
+            Assumption::StaleStamps { count, first } => write!(
+                f,
+                "{count} time stamps, the first in line {first}, repeat the one before, and the next one comes so many steps later: these rows are taken as evenly spaced up to it"
+            ),
             Assumption::RateLeftOut { signal, from_line, to_line } => {
                 write!(f, "`{signal}` has empty fields in lines {from_line} to {to_line}, where it is not used")
             }

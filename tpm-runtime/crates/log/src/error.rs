@@ -2,7 +2,7 @@
 
 use crate::options::TIME;
 use std::fmt;
-use tpm_report::Remedy;
+use tpm_report::{Remedy, number};
 
 /// Most columns that a message lists.
 const MOST_LISTED_COLUMNS: usize = 60;
@@ -243,9 +243,48 @@ pub enum LogError {
         /// The signal.
         signal: String,
     },
+    /// Two signals were never read at the same time.
+    #[error(
+        "{path}:{line}: `{earlier}` and `{later}` share no time: the one ends {} s after the first stamp of the file, the other begins after {} s; \
+         they are of two recordings, or their clocks differ: record both by one clock, or add the difference to one of the times",
+        number(*.until), number(*.from)
+    )]
+    NoSharedTime {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// Column that ends first.
+        earlier: String,
+        /// Column that begins last.
+        later: String,
+        /// When the one ends, s after the first stamp.
+        until: f64,
+        /// When the other begins, s after the first stamp.
+        from: f64,
+    },
+    /// A reading fills the range at which it may wrap, and moves too far in a sample for a wrap to be told from motion.
+    #[error(
+        "{path}:{line}: `{signal}` stays within {}, at which an angle wraps around, and moves by {} from one reading to the next: \
+         whether that is a wrap or motion cannot be told from less than four readings a turn; read it more often, or record it without wraps",
+        number(*.range), number(*.change)
+    )]
+    WrapUntold {
+        /// The file.
+        path: String,
+        /// Line of a reading after such a change.
+        line: u64,
+        /// The signal.
+        signal: String,
+        /// The range.
+        range: f64,
+        /// The change, less whole ranges.
+        change: f64,
+    },
     /// Time goes back for good.
     #[error(
-        "{path}:{line}: time goes back by {seconds} s, so that another recording begins there or the clock was set; split the file there"
+        "{path}:{line}: time goes back by {} s, so that another recording begins there or the clock was set; split the file there",
+        number(*.seconds)
     )]
     BackForGood {
         /// The file.

@@ -29,6 +29,12 @@ pub fn rate_column(model: &dyn Model<f64>, coordinate: usize) -> String {
     format!("dot({})", model.coordinate(coordinate).name)
 }
 
+/// Name of the column of a coordinate's measured acceleration, written as in models: `ddot(x)`. It is read where it is mapped, since columns
+/// of this name are mostly computed from the position.
+pub fn acceleration_column(model: &dyn Model<f64>, coordinate: usize) -> String {
+    format!("d{}", rate_column(model, coordinate))
+}
+
 /// A run, read and checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
@@ -207,6 +213,16 @@ pub(super) fn rate_signals(model: &dyn Model<f64>) -> Vec<Signal> {
         unit: model.coordinate(c).unit.map(|unit| format!("{unit}/s")),
     };
     (0..model.dims().coordinates).map(rate).collect()
+}
+
+/// The accelerations of the model's coordinates that are mapped to a column, with their coordinates.
+pub(super) fn acceleration_signals(model: &dyn Model<f64>, options: &ReadingSettings) -> Vec<(usize, Signal)> {
+    let acceleration = |c: usize| {
+        let name = acceleration_column(model, c);
+        let unit = model.coordinate(c).unit.map(|unit| format!("{unit}/s^2"));
+        options.map.contains_key(&name).then_some((c, Signal { name, unit }))
+    };
+    (0..model.dims().coordinates).filter_map(acceleration).collect()
 }
 
 /// Reads a record in which nothing is missing and whose stamps are even.

@@ -134,3 +134,55 @@ fn a_column_without_a_unit_is_said_to_be_in_the_units_of_the_model() {
     let remarks = read(&table("t_s,weg,u", plain), &options).expect("sound").report.remarks().join("; ");
     assert!(!remarks.contains("taken as"), "{remarks}");
 }
+
+#[test]
+fn stamps_that_were_not_read_again_are_spread() {
+    // A stamp in whole milliseconds, every ninth of which is that of the row before.
+    let late = |i: usize| if i % 9 == 0 && i > 0 { i - 1 } else { i };
+    let text = table("time_ms,x,u", |i, x, u| format!("{},{x:.9},{u:.9}", 2 * late(i)));
+    let recording = read(&text, &ReadingSettings::default()).expect("sound");
+    holds(&recording, &[(0, ROWS)]);
+    let remarks = recording.report.remarks().join("; ");
+    assert!(remarks.contains("44 time stamps, the first in line 11, repeat the one before"), "{remarks}");
+    // A row that was written twice stays a fault of the record: the next stamp leaves it no time.
+    let text = table("time_ms,x,u", |i, x, u| {
+        let row = format!("{},{x:.9},{u:.9}", 2 * i);
+        if i == 200 { format!("{row}\n{row}") } else { row }
+    });
+    let recording = read(&text, &ReadingSettings::default()).expect("sound");
+    holds(&recording, &[(0, 201), (200, ROWS)]);
+}
+
+#[test]
+fn columns_that_share_no_time_are_named() {
+    let text = |shift: f64, first: bool| {
+        let rows = |of: bool| {
+            let row = move |i: usize| {
+                let (x, u) = sample(i);
+                let t = 0.002 * i as f64 + if of { 0.0 } else { shift };
+                if of == first { format!("{t:.3},{x:.9},\n") } else { format!("{t:.3},,{u:.9}\n") }
+            };
+            (0..ROWS).map(row).collect::<String>()
+        };
+        format!("t_s,x,u\n{}{}", rows(true), rows(false))
+    };
+    for (first, fault) in [(true, "`x` and `u` share no time"), (false, "`u` and `x` share no time")] {
+        let error = read(&text(100.0, first), &ReadingSettings::default()).expect_err("apart").to_string();
+        assert!(error.contains(fault) && error.contains("ends 0.798 s") && error.contains("after 100 s"), "{error}");
+    }
+}
+
+#[test]
+fn a_wrap_that_is_not_told_from_motion_is_named() {
+    use std::f64::consts::{PI, TAU};
+    let read = |rate: f64| {
+        let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
+        let signals = [signal("x", "rad"), signal("u", "N")];
+        let angle = |i: usize| (rate * i as f64 + 3.0 * (0.01 * i as f64).sin() + PI).rem_euclid(TAU) - PI;
+        let text = table("t_s,x,u", |i, _, u| format!("{:.3},{:.9},{u:.9}", 0.002 * i as f64, angle(i)));
+        Recording::read_signals(text.as_bytes(), "run.csv", (&signals[..1], &signals), &[], &ReadingSettings::default())
+    };
+    assert_eq!(read(0.5).expect("a wrap").report.wrapped.len(), 1);
+    let error = read(2.1).expect_err("too fast").to_string();
+    assert!(error.contains("`x` stays within 6.28319") && error.contains("read it more often"), "{error}");
+}

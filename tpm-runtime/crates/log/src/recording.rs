@@ -121,7 +121,7 @@ impl Recording {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         let mut table = Table::read(columns, name, signals, rates, options)?;
-        let wrapped = follow_wraps(&mut table, coordinates);
+        let wrapped = follow_wraps(&mut table, coordinates)?;
         let repeated = replace_repeated(&mut table, coordinates);
         let mut read = Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))?;
         read.report.repeated = repeated;
@@ -203,9 +203,9 @@ impl Recording {
 }
 
 /// Follows the readings of the coordinates (the first channels) over their wraps.
-fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Vec<Wrapped> {
+fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Result<Vec<Wrapped>, LogError> {
     let channels = coordinates.iter().zip(&mut table.channels);
-    channels.filter_map(|(signal, channel)| followed(signal, channel, &table.lines)).collect()
+    channels.filter_map(|(signal, channel)| followed(&table.path, signal, channel, &table.lines).transpose()).collect()
 }
 
 /// Replaces readings of the coordinates (the first channels) that repeat the reading before by values interpolated from

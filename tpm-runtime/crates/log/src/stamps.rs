@@ -135,6 +135,30 @@ impl Stamps<'_> {
         })
     }
 
+    /// Stamps that repeat the one before where the next one comes later by as many usual steps as there are rows up to it: the clock was not
+    /// read again when these rows were written. With each of them the time at which it lies evenly between its neighbours.
+    pub(super) fn stale(&self) -> Vec<(usize, f64)> {
+        let usual = self.usual_step();
+        if usual <= 0.0 || self.is_coarse_grid() {
+            return Vec::new();
+        }
+        let mut found = Vec::new();
+        let mut from = 0;
+        while from < self.time.len() {
+            let first = self.time[from];
+            let rows = self.time[from..].iter().take_while(|stamp| **stamp == first).count();
+            let next = from + rows;
+            if let Some(&end) = self.time.get(next).filter(|_| rows > 1) {
+                let even = rows as f64 * usual;
+                if (end - first - even).abs() <= (LEAST_GAP - 1.0) * usual {
+                    found.extend((1..rows).map(|k| (from + k, first + (end - first) * k as f64 / rows as f64)));
+                }
+            }
+            from = next;
+        }
+        found
+    }
+
     /// Whether stamps are printed so coarsely that their steps alternate, yet every stamp lies within its last digit of
     /// an even grid. A few unusual steps are not enough, since samples may be missing there.
     pub(super) fn is_coarse_grid(&self) -> bool {
@@ -189,6 +213,20 @@ mod tests {
             assert!((last_digit(text.as_bytes(), b'.') / digit - 1.0).abs() < 1e-12, "{text}");
         }
         assert!((last_digit(b"0,25", b',') - 0.01).abs() < 1e-15);
+    }
+
+    #[test]
+    fn stamps_that_were_not_read_again_lie_between_their_neighbours() {
+        let resolution = Resolution::default();
+        let mut time: Vec<f64> = (0..100).map(|i| 20.0 * f64::from(i)).collect();
+        (9..90).step_by(9).for_each(|k| time[k] = time[k - 1]);
+        let found = Stamps { time: &time, resolution: &resolution }.stale();
+        assert_eq!(found, (9..90).step_by(9).map(|k| (k, 20.0 * k as f64)).collect::<Vec<_>>());
+        // A row that was written twice has no time of its own, and neither has one at the end.
+        let mut twice: Vec<f64> = (0..100).map(|i| 20.0 * f64::from(i)).collect();
+        twice.insert(50, twice[49]);
+        twice.push(twice[100]);
+        assert_eq!(Stamps { time: &twice, resolution: &resolution }.stale(), []);
     }
 
     #[test]

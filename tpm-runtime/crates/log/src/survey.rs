@@ -45,6 +45,8 @@ pub struct Survey {
     pub recording: Recording,
     /// The channels, then the rates, one for every coordinate of a model.
     pub channels: Vec<Surveyed>,
+    /// Least and largest reading of every channel in the file, before anything is resampled; no numbers where it has none.
+    pub extremes: Vec<[f64; 2]>,
     /// Columns that are not read; none with a model, which names what it needs.
     pub unread: Vec<Unread>,
 }
@@ -65,6 +67,7 @@ impl Survey {
         let mut columns = source.columns()?;
         let table = Table::read(&mut *columns, &name, &needed, &rates, options)?;
         drop(columns);
+        let extremes = table.extremes();
         let recording = Recording::of(table, (&needed[..model.dims().coordinates], &rates), |_| Ok(()))?;
         let dims = model.dims();
         let channels = needed.into_iter().chain(rates).enumerate().map(|(at, signal)| {
@@ -75,7 +78,7 @@ impl Survey {
             };
             Surveyed { name: signal.name, unit: signal.unit, role }
         });
-        Ok(Survey { recording, channels: channels.collect(), unread: Vec::new() })
+        Ok(Survey { recording, channels: channels.collect(), extremes, unread: Vec::new() })
     }
 
     /// Surveys all columns of numbers in a log besides its time. Columns of text, and columns that are empty in most
@@ -90,8 +93,9 @@ impl Survey {
         let (table, signals, unread) = Table::read_all(&mut *columns, &name, options)?;
         drop(columns);
         let channels = signals.into_iter().map(|of| Surveyed { name: of.name, unit: of.unit, role: Role::Column });
+        let extremes = table.extremes();
         let recording = Recording::of(table, (&[], &[]), |_| Ok(()))?;
-        Ok(Survey { recording, channels: channels.collect(), unread })
+        Ok(Survey { recording, channels: channels.collect(), extremes, unread })
     }
 }
 

@@ -6,6 +6,7 @@ use crate::computed::Computed;
 use crate::error::LogError;
 use crate::names::{Names, Plan, Signal, Time};
 use crate::options::ReadingSettings;
+use crate::read::LEAST_SAMPLES;
 use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
 use serde::Serialize;
@@ -118,9 +119,13 @@ impl Table {
         let plan = Names::of(&columns, path, options).settle(signals, rates)?;
         let (time, coordinates) = (plan.stamps(), rates.len());
         let mut table = Self::of(&mut columns, path, plan)?;
+        table.check_shared_time(&table.columns[time..], &table.channels)?;
         match SharedRows::of(&table.time, &table.channels, coordinates, &table.rates) {
             Some(shared) => table.share_rows(shared, time),
-            None => table.leave_out_missing(time),
+            None => {
+                table.leave_out_missing(time);
+                table.spread_stale_stamps();
+            }
         }
         Ok(table)
     }
@@ -151,8 +156,66 @@ impl Table {
     ) -> Result<Self, LogError> {
         let mut columns = Computed::of(columns, path, options)?;
         let plan = Names::of(&columns, path, options).settle(signals, rates)?;
+        let time = plan.stamps();
         let optional = plan.places.into_iter().map(Some).chain(plan.optional).collect();
-        Self::of(&mut columns, path, Plan { places: Vec::new(), optional, ..plan })
+        let mut table = Self::of(&mut columns, path, Plan { places: Vec::new(), optional, ..plan })?;
+        table.check_shared_time(&table.columns[time..], table.rates.iter().flatten())?;
+        // Where rows have blanks, several of them may belong to one instant.
+        if table.rates.iter().flatten().flatten().all(|value| value.is_finite()) {
+            table.spread_stale_stamps();
+        }
+        Ok(table)
+    }
+
+    /// Refuses columns of which one ends before another begins. What was written a few times before is a setting, which holds from then on.
+    fn check_shared_time<'t>(
+        &self,
+        names: &[String],
+        columns: impl IntoIterator<Item = &'t Vec<f64>> + Clone,
+    ) -> Result<(), LogError> {
+        let is_there = |value: Option<&f64>| value.is_some_and(|value| value.is_finite());
+        if columns.clone().into_iter().all(|column| is_there(column.first()) && is_there(column.last())) {
+            return Ok(());
+        }
+        let mut spans: Vec<(f64, f64, usize, &String)> = Vec::new();
+        for (column, name) in columns.into_iter().zip(names) {
+            let mut own = (f64::INFINITY, f64::NEG_INFINITY, 0, name);
+            for (&stamp, _) in self.time.iter().zip(column).filter(|(_, value)| value.is_finite()) {
+                own = (own.0.min(stamp), own.1.max(stamp), own.2 + 1, name);
+            }
+            spans.push(own);
+        }
+        let later = spans.iter().filter(|own| own.2 > 0).max_by(|a, b| a.0.total_cmp(&b.0));
+        let earlier = spans.iter().filter(|own| own.2 >= LEAST_SAMPLES).min_by(|a, b| a.1.total_cmp(&b.1));
+        match (earlier, later) {
+            (Some(&(_, until, _, earlier)), Some(&(from, _, _, later))) if until < from => {
+                let first = self.time.iter().copied().fold(f64::INFINITY, f64::min);
+                Err(LogError::NoSharedTime {
+                    path: self.path.clone(),
+                    line: self.header_line,
+                    earlier: earlier.clone(),
+                    later: later.clone(),
+                    until: (until - first) * self.factor,
+                    from: (from - first) * self.factor,
+                })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Gives rows whose stamp repeats the one before the time at which they were written, where the next stamp tells it.
+    fn spread_stale_stamps(&mut self) {
+        let stale = self.stamps().stale();
+        let Some(&(first, _)) = stale.first() else { return };
+        self.assumptions.push(Assumption::StaleStamps { count: stale.len(), first: self.lines[first] });
+        stale.into_iter().for_each(|(row, time)| self.time[row] = time);
+    }
+
+    /// Least and largest reading of every channel, then of every rate; those of a rate that is not there are no numbers.
+    pub(super) fn extremes(&self) -> Vec<[f64; 2]> {
+        let of = |values: &[f64]| values.iter().fold([f64::NAN; 2], |[low, high], &x| [low.min(x), high.max(x)]);
+        let rates = self.rates.iter().map(|rate| of(rate.as_deref().unwrap_or_default()));
+        self.channels.iter().map(|channel| of(channel)).chain(rates).collect()
     }
 
     /// Reads the columns of a plan.

@@ -10,6 +10,7 @@
 //! at least one jump is of the second kind, and each of these leaves a change that is like the changes beside it. The reading is then
 //! followed over its wraps. A motion so fast that it moves by a quarter of the range in a sample cannot be told from a wrap, and is left.
 
+use crate::error::LogError;
 use crate::names::Signal;
 use crate::report::Wrapped;
 
@@ -19,6 +20,10 @@ const MOST_CHANGE: f64 = 0.25;
 const MOST_BESIDE: f64 = 3.0;
 /// Changes in the samples on each side that a change is compared with.
 const BESIDE: usize = 4;
+/// Share of a range that readings fill where an angle wraps often.
+const FILLED: f64 = 0.95;
+/// Fewest jumps by more than half of the range of a reading that wraps often.
+const LEAST_JUMPS: usize = 5;
 /// Fewest and most bits of a counter.
 const COUNTER_BITS: std::ops::RangeInclusive<i32> = 8..=32;
 
@@ -76,11 +81,43 @@ fn wraps(signal: &[f64], unit: Option<&str>) -> Option<(f64, Vec<usize>)> {
     ranges.find_map(|range| at_range(signal, range, step.unwrap_or(0.0)).map(|wraps| (range, wraps)))
 }
 
-/// Follows the readings of a signal over their wraps, and says so; nothing where they do not wrap. `lines` are those of the file.
-pub(super) fn followed(signal: &Signal, readings: &mut [f64], lines: &[u64]) -> Option<Wrapped> {
-    let (range, places) = wraps(readings, signal.unit.as_deref())?;
-    unwrap(readings, range, &places);
-    Some(Wrapped { signal: signal.name.clone(), range, count: places.len(), line: lines[places[0]] })
+/// The range of an angle's unit that its readings fill, with a sample before which they jump by more than half of it, where some change by so
+/// much, less whole ranges, that a wrap is not told from motion. Motion over less than a range that fills it by chance does not jump so.
+fn untold(signal: &[f64], unit: Option<&str>) -> Option<(f64, usize)> {
+    let (low, high) = signal.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(*y), h.max(*y)));
+    let fills = |range: f64| high - low <= range * (1.0 + 1e-6) && high - low >= FILLED * range;
+    let range = unit.map(ranges_of).unwrap_or_default().iter().copied().find(|range| fills(*range))?;
+    let near = |k: usize| {
+        let change = signal[k] - signal[k - 1];
+        (change - range * (change / range).round()).abs()
+    };
+    let jumps: Vec<usize> =
+        (1..signal.len()).filter(|&k| (signal[k] - signal[k - 1]).abs() > 0.5 * range).take(LEAST_JUMPS).collect();
+    let far = (1..signal.len()).find(|&k| near(k) >= MOST_CHANGE * range)?;
+    (jumps.len() == LEAST_JUMPS).then_some((range, far))
+}
+
+/// Follows the readings of a signal over their wraps, and says so; nothing where they do not wrap. `lines` are those of the file, which messages
+/// call `path`.
+///
+/// # Errors
+/// [`LogError::WrapUntold`] where wraps are not told from motion.
+pub(super) fn followed(
+    path: &str,
+    signal: &Signal,
+    readings: &mut [f64],
+    lines: &[u64],
+) -> Result<Option<Wrapped>, LogError> {
+    let unit = signal.unit.as_deref();
+    if let Some((range, places)) = wraps(readings, unit) {
+        unwrap(readings, range, &places);
+        let line = lines[places[0]];
+        return Ok(Some(Wrapped { signal: signal.name.clone(), range, count: places.len(), line }));
+    }
+    let Some((range, k)) = untold(readings, unit) else { return Ok(None) };
+    let change = readings[k] - readings[k - 1];
+    let change = (change - range * (change / range).round()).abs();
+    Err(LogError::WrapUntold { path: path.into(), line: lines[k], signal: signal.name.clone(), range, change })
 }
 
 /// Follows a reading over its wraps.
@@ -100,7 +137,7 @@ fn unwrap(signal: &mut [f64], range: f64, wraps: &[usize]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{unwrap, wraps};
+    use super::{untold, unwrap, wraps};
     use std::f64::consts::{PI, TAU};
 
     fn motion(k: usize) -> f64 {
@@ -143,6 +180,12 @@ mod tests {
         assert_eq!(wraps(&joined, Some("rad")), None);
         assert_eq!(wraps(&all(&|k| if k % 200 < 100 { 0.0 } else { 6.0 }), Some("m")), None);
         assert_eq!(wraps(&all(&|k| (2.1 * k as f64).rem_euclid(TAU)), Some("rad")), None);
+        // The last of them is one that cannot be told; the others are motions.
+        let turning = all(&|k| (2.1 * k as f64).rem_euclid(TAU));
+        assert!(matches!(untold(&turning, Some("rad")), Some((range, _)) if range == TAU));
+        assert_eq!(untold(&all(&motion), Some("rad")), None);
+        assert_eq!(untold(&joined, Some("rad")), None);
+        assert_eq!(untold(&all(&|k| (PI * (1.0 - 1e-3)) * (0.9 * k as f64).sin()), Some("m")), None);
         assert_eq!(wraps(&[], Some("rad")), None);
         assert_eq!(wraps(&[1.0; 20], Some("rad")), None);
     }

@@ -218,6 +218,21 @@ impl<'m> Plant<'m> {
         Ok(())
     }
 
+    /// Evaluates the rows at the present state: the motion then has the highest derivatives under these inputs, which sensors of accelerations
+    /// and of forces read.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the rows do not determine them.
+    pub fn observe(&mut self, inputs: &[f64]) -> Result<(), EvalError> {
+        if self.friction.is_none() {
+            return self.evaluate(inputs);
+        }
+        self.place();
+        let forces = Forces { model: self.model, parameters: &self.parameters, constants: &self.constants, inputs };
+        self.friction.settle(&forces, &mut self.motion, &mut self.workspace)?;
+        self.friction.accelerate(&forces, &mut self.motion, &mut self.workspace)
+    }
+
     /// One step of length `h` under inputs given at its start, middle and end.
     pub fn step(&mut self, inputs: [&[f64]; 3], h: f64) -> Result<(), EvalError> {
         if self.friction.is_none() {

@@ -4,7 +4,6 @@
 
 use crate::error::SessionError;
 use crate::log_fault::LogFault;
-use crate::model::DeclaredModel;
 use crate::options::LogOptions;
 use crate::recorded_log::{may_be, signal_name, signals};
 use crate::simulation::Fit;
@@ -162,9 +161,4 @@ fn parts(one: &Followed, other: &Followed) -> bool {
             let moved = Fit::of(a.simulated.iter().zip(&b.simulated).map(|(x, y)| (*x, *y)));
             moved.fit.is_some_and(|fit| 100.0 - fit > 100.0 * UNMOVED)
         })
-}
-
-/// Whether a model is followed between the stamps of its logs, and not by even samples.
-pub(super) fn is_for(declared: Option<&DeclaredModel>, model: &dyn Model<f64>) -> bool {
-    declared.is_some_and(DeclaredModel::is_only_simulated) && !tpm_estimate::is_static(model)
 }

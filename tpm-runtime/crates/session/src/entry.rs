@@ -8,7 +8,7 @@ use crate::log_fault::LogFault;
 use crate::model::DeclaredModel;
 use crate::options::LogOptions;
 use crate::periodic_log::repeats;
-use crate::recorded_log;
+use crate::recorded_log::{self, signal_name};
 use crate::rows::Rows;
 use crate::summary::lone_readings;
 use crate::warning::Warning;
@@ -32,23 +32,28 @@ impl Entry<'_> {
         let model = self.rows.model();
         let mut recorded = AsRecorded::open(source, model, &self.options.reading.columns).map_err(LogFault::from)?;
         let name = |c: usize| model.coordinate(c).name.to_string();
-        let rates: Vec<String> = (0..recorded.rates.len()).filter(|&c| recorded.rates[c].is_some()).map(name).collect();
-        let rates: Vec<&str> = rates.iter().map(String::as_str).collect();
+        let derivatives: Vec<(usize, u32)> = [(1, &recorded.rates), (2, &recorded.accelerations)]
+            .into_iter()
+            .flat_map(|(order, own)| (0..own.len()).filter(|&c| own[c].is_some()).map(move |c| (c, order)))
+            .collect();
         let held: Vec<usize> = self.options.estimation.frozen.iter().map(|frozen| frozen.parameter).collect();
-        // Columns are those of a model without nonlinear parameters; with them nothing is known beforehand.
-        let linear = self.declared.filter(|declared| declared.nonlinear().next().is_none());
-        let shown = linear.and_then(|declared| declared.shown(&rates, &held).map(|shown| (declared, shown)));
+        let shown = self.declared.and_then(|declared| {
+            let derivatives: Vec<(String, u32)> = derivatives.iter().map(|&(c, order)| (name(c), order)).collect();
+            declared.shown(&derivatives, &held).map(|shown| (declared, shown))
+        });
         if let Some((declared, shown)) = &shown
             && let Some(coordinate) = shown.unfelt.first()
         {
-            let measured = (0..model.dims().coordinates).filter(|&c| model.is_measured(c)).map(name);
-            let rates = rates.iter().map(|rate| format!("dot({rate})"));
+            let positions = (0..model.dims().coordinates).filter(|&c| model.is_measured(c)).map(|c| (c, 0));
+            let sensors = positions.chain(derivatives.iter().map(|&(c, order)| (c, order as usize)));
             return Err(SessionError::from(LogFault::Unfelt {
                 path: recorded.path,
                 coordinate: declared.prepared().model.coordinates[coordinate.0 as usize].name.clone(),
-                sensors: measured.chain(rates).collect(),
+                sensors: sensors.map(|(c, order)| signal_name(model, c, order)).collect(),
             }));
         }
+        // Columns are those of a model without nonlinear parameters; with them nothing is known of the parameters beforehand.
+        let shown = shown.filter(|(declared, _)| declared.nonlinear().next().is_none());
         let unshown = shown.as_ref().map(|(_, shown)| shown.together.len());
         let mut part = identify_recorded(model, &recorded, unshown, self.options)?;
         let together = shown.iter().flat_map(|(_, shown)| &shown.together);

@@ -8,6 +8,7 @@ use crate::model::{DeclaredModel, Identifiable};
 use crate::options::LogOptions;
 use crate::pooled_logs::pooled;
 use crate::reading::RecordSettings;
+use crate::recorded_log;
 use crate::rows::Rows;
 use crate::settings::EstimationSettings;
 use crate::summary::{self, Lumped};
@@ -18,7 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
-use tpm_estimate::{Frozen, is_static};
+use tpm_estimate::Frozen;
 use tpm_log::{InMemory, LogSource, Recording, Samples};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
@@ -174,9 +175,10 @@ pub fn from_logs<R: Into<LogRequest>>(
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);
         let entry = Entry { rows: &rows, declared: declared.as_deref(), options: &options };
-        let (part, hash) = match simulated {
-            Some(_) if !is_static(evaluated) => entry.as_recorded(request.source())?,
-            _ => entry.evenly(request.source())?,
+        let (part, hash) = if recorded_log::is_for(declared.as_deref(), evaluated, &options.reading.columns) {
+            entry.as_recorded(request.source())?
+        } else {
+            entry.evenly(request.source())?
         };
         let path = request.path.display().to_string();
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {

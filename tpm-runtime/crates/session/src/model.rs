@@ -131,20 +131,28 @@ impl DeclaredModel {
         model.coordinates.iter().any(|coordinate| coordinate.unmeasured) || self.prepared.form.is_only_simulated(model)
     }
 
-    /// What the sensors of its measured coordinates, and of the rates of those that are named, show of its columns at all while the columns
-    /// `held` are known; nothing where that is not found exactly.
+    /// What the sensors of its measured coordinates, and of those derivatives (1 for a rate, 2 for an acceleration) of coordinates that are
+    /// named, show of its columns at all while the columns `held` are known; nothing where that is not found exactly.
     #[must_use]
-    pub fn shown(&self, rates: &[&str], held: &[usize]) -> Option<Shown> {
+    pub fn shown(&self, derivatives: &[(String, u32)], held: &[usize]) -> Option<Shown> {
         let model = &self.prepared.model;
         let own = (0..).map(Coordinate).zip(&model.coordinates);
         let sensors: Vec<(Coordinate, u32)> = own
             .flat_map(|(coordinate, info)| {
                 let position = (!info.unmeasured).then_some((coordinate, 0));
-                let rate = rates.contains(&info.name.as_str()).then_some((coordinate, 1));
-                position.into_iter().chain(rate)
+                let own = derivatives.iter().filter(|(name, _)| *name == info.name);
+                position.into_iter().chain(own.map(move |&(_, order)| (coordinate, order)))
             })
             .collect();
-        shown(model, &self.prepared.form, &sensors, held)
+        let mut found = shown(model, &self.prepared.form, &sensors, held)?;
+        // What is no state of its own, such as the reading of an accelerometer, has nothing that a sensor could feel.
+        let moves = |coordinate: &Coordinate| {
+            let name = &model.coordinates[coordinate.0 as usize].name;
+            let own = (0..self.evaluated.dims().coordinates).find(|&c| self.evaluated.coordinate(c).name == *name);
+            own.is_some_and(|c| self.evaluated.coordinate_order(c) > 0)
+        };
+        found.unfelt.retain(moves);
+        Some(found)
     }
 
     /// The derivatives of its rows.

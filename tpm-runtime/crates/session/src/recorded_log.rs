@@ -3,12 +3,13 @@
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, RecordedReport, SensorReport, Way};
+use crate::model::DeclaredModel;
 use crate::options::LogOptions;
 use crate::summary;
 use crate::warning::{Data, Warning};
 use tpm_core::model::Model;
-use tpm_estimate::{Channel, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded};
-use tpm_log::{AsRecorded, ChannelReadings, rate_column};
+use tpm_estimate::{Channel, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded, is_static};
+use tpm_log::{AsRecorded, ChannelReadings, ReadingSettings, acceleration_column, rate_column};
 use tpm_motion::Dynamics;
 
 /// Whether what is known of a log lets it be simulated between its stamps: nothing lies between its inputs and the machine, and nobody asks
@@ -17,6 +18,13 @@ pub(super) fn may_be(options: &LogOptions) -> bool {
     let asked = options.domain == Some(tpm_estimate::Domain::Harmonics);
     let part = options.reading.period.is_some() || options.reading.from_sample.is_some();
     options.actuators.iter().all(Dynamics::is_ideal) && options.fitted_delays.is_empty() && !asked && !part
+}
+
+/// Whether a log is simulated between its stamps from the beginning: only that tells the model's parameters, or an acceleration is measured,
+/// which no other way uses. A static map has nothing between its samples.
+pub(super) fn is_for(declared: Option<&DeclaredModel>, model: &dyn Model<f64>, options: &ReadingSettings) -> bool {
+    let mapped = (0..model.dims().coordinates).any(|c| options.map.contains_key(&acceleration_column(model, c)));
+    (mapped || declared.is_some_and(DeclaredModel::is_only_simulated)) && !is_static(model)
 }
 
 /// Identifies a model from a log by simulating it between the stamps; `unshown` is the number of directions of its parameters that these
@@ -63,18 +71,20 @@ pub(super) fn signals(recorded: &AsRecorded, options: &LogOptions) -> SignalsAsR
     };
     let positions = recorded.coordinates.iter().enumerate().filter_map(sensed(0));
     let rates = recorded.rates.iter().enumerate().filter_map(sensed(1));
+    let accelerations = recorded.accelerations.iter().enumerate().filter_map(sensed(2));
     SignalsAsRecorded {
         inputs: recorded.inputs.iter().map(channel).collect(),
-        sensors: positions.chain(rates).collect(),
+        sensors: positions.chain(rates).chain(accelerations).collect(),
         hold: options.reading.hold,
     }
 }
 
-/// What a sensor reads, as a column of a log is called: `x` or `dot(x)`.
+/// What a sensor reads, as a column of a log is called: `x`, `dot(x)` or `ddot(x)`.
 pub(super) fn signal_name(model: &dyn Model<f64>, coordinate: usize, derivative: usize) -> String {
     match derivative {
         0 => model.coordinate(coordinate).name.to_string(),
-        _ => rate_column(model, coordinate),
+        1 => rate_column(model, coordinate),
+        _ => acceleration_column(model, coordinate),
     }
 }
 

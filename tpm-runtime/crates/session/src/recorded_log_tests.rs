@@ -55,6 +55,7 @@ fn run(model: &DeclaredModel, truth: &[f64], first: &[f64], time: Vec<f64>, inpu
     let applied: Vec<f64> = time.iter().map(|t| input(*t)).collect();
     let mut motion = Vec::new();
     for (k, t) in time.iter().enumerate() {
+        plant.observe(&vec![applied[k]; inputs]).expect("the rows determine it");
         motion.push(plant.motion().to_vec());
         if let Some(next) = time.get(k + 1) {
             plant.advance(&vec![applied[k]; inputs], next - t, 40).expect("stays within bounds");
@@ -149,7 +150,7 @@ fn a_state_that_no_sensor_feels_is_named_with_the_sensor_that_would_show_it() {
     let shown = model.shown(&[], &[]).expect("exact");
     assert_eq!((shown.rank, shown.unfelt.len()), (2, 1), "{shown:?}");
     // A sensor of the rate alone is one that feels it.
-    let shown = model.shown(&["y"], &[]).expect("exact");
+    let shown = model.shown(&[("y".into(), 1)], &[]).expect("exact");
     assert_eq!((shown.rank, shown.together.len(), shown.unfelt.len()), (3, 0, 0), "{shown:?}");
 }
 
@@ -184,6 +185,72 @@ fn what_sensors_show_is_known_exactly() {
         m*ddot(x) + fc*sign(dot(x)) + o = u;
     }";
     assert_eq!(shown(rubbing, &[]).rank, 3);
+}
+
+/// A pendulum with a coarse encoder, and an accelerometer at the end of a lever that feels gravity and has an offset.
+const ACCELEROMETER: &str = "model Accelerometer {
+    coordinate phi [rad], acc [m/s^2];
+    input u [N*m];
+    parameter J [kg*m^2], d [N*m*s/rad], mgl [N*m], zero [m/s^2];
+    constant r = 0.3 [m], g = 9.81 [m/s^2];
+    J*ddot(phi) + d*dot(phi) + mgl*sin(phi) = u;
+    acc - r*ddot(phi) - g*sin(phi) - zero = 0;
+}";
+
+#[test]
+fn an_accelerometer_is_read_beside_the_encoder_with_gravity_in_it() {
+    let model = DeclaredModel::parse("accelerometer.tpm", ACCELEROMETER).expect("a model");
+    let truth = [0.03, 0.02, 0.6, 0.25];
+    // The sensor's slots: phi, acc, dot(phi), -, ddot(phi), -.
+    let made = run(&model, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], even(1500, 0.01), |t| 0.3 * steps(t));
+    let shown = model.shown(&[], &[]).expect("exact");
+    assert_eq!((shown.rank, shown.together.len(), shown.unfelt.len()), (4, 0, 0), "{shown:?}");
+    let both = from_log(&model, made.log(&[("phi", 0, 2e-2), ("acc", 1, 5e-2)], Some("u"), 7)).expect("identified");
+    assert_right(&both, &truth, 0.05);
+    let report = both.to_string();
+    assert!(report.contains("acc"), "{report}");
+    // The encoder alone has a noise that leaves the inertia several times less certain.
+    let alone = "model Alone {
+        coordinate phi [rad];
+        input u [N*m];
+        parameter J [kg*m^2], d [N*m*s/rad], mgl [N*m];
+        J*ddot(phi) + d*dot(phi) + mgl*sin(phi) = u;
+    }";
+    let alone = DeclaredModel::parse("alone.tpm", alone).expect("a model");
+    let without = from_log(&alone, made.log(&[("phi", 0, 2e-2)], Some("u"), 7)).expect("identified");
+    let deviation = |result: &Identification| result.parameters[0].std.expect("identified");
+    assert!(deviation(&both) < 0.5 * deviation(&without), "{} {}", deviation(&both), deviation(&without));
+}
+
+#[test]
+fn a_measured_acceleration_is_mapped_by_its_name() {
+    let text = "model Slide {
+        coordinate x [m];
+        input u [N];
+        parameter m [kg], d [N*s/m], k [N/m];
+        m*ddot(x) + d*dot(x) + k*x = u;
+    }";
+    let model = DeclaredModel::parse("slide.tpm", text).expect("a model");
+    let truth = [0.8, 1.2, 30.0];
+    let made = run(&model, &truth, &[0.0; 3], even(1200, 0.01), steps);
+    let log = |columns: &[(&str, usize, f64)], seed| made.log(columns, Some("u"), seed);
+    let result =
+        from_log(&model, log(&[("x", 0, 1e-3), ("acc", 2, 2e-2)], 8).map("ddot(x)", "acc")).expect("identified");
+    assert_right(&result, &truth, 0.01);
+    assert!(result.to_string().contains("ddot(x)"), "{result}");
+    // A column of this name that nobody mapped is mostly one that was computed from the position.
+    let computed = from_log(&model, log(&[("x", 0, 1e-3), ("ddot(x)", 2, 2e-2)], 8)).expect("identified");
+    assert!(!computed.to_string().contains("ddot(x)"), "{computed}");
+    // An accelerometer and no position.
+    let moved = "model Slide {
+        unmeasured x [m];
+        input u [N];
+        parameter m [kg], d [N*s/m], k [N/m];
+        m*ddot(x) + d*dot(x) + k*x = u;
+    }";
+    let moved = DeclaredModel::parse("slide.tpm", moved).expect("a model");
+    let result = from_log(&moved, log(&[("acc", 2, 2e-2)], 9).map("ddot(x)", "acc")).expect("identified");
+    assert_right(&result, &truth, 0.05);
 }
 
 #[test]

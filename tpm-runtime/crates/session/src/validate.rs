@@ -5,7 +5,7 @@
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a
 //! direction of the parameters that is open is not predicted: it is named.
 
-use crate::between_stamps::{self, BetweenStamps, follow};
+use crate::between_stamps::{BetweenStamps, follow};
 use crate::entry::alone;
 use crate::error::SessionError;
 use crate::identification::Identification;
@@ -15,6 +15,7 @@ use crate::model::Identifiable;
 use crate::options::LogOptions;
 use crate::periodic_log::{repeating, spectra};
 use crate::record::{record, stretches};
+use crate::recorded_log;
 use crate::rows::Rows;
 use crate::simulation::{ChannelSimulation, Simulation, simulate};
 use num_complex::Complex;
@@ -236,7 +237,7 @@ pub fn validate(
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
-    if between_stamps::is_for(declared.as_deref(), evaluated) {
+    if recorded_log::is_for(declared.as_deref(), evaluated, &options.reading.columns) {
         let (run, reading) = follow(evaluated, request.source(), &options, (&parameters, &settled.open))?;
         let (between_stamps, not_simulated) = match run {
             Ok(run) => (Some(run), None),

@@ -61,7 +61,11 @@ pub fn observed(parsed: &Parsed) -> Result<Observed, ShownError> {
         unmeasured: names(true),
         rank: found.rank,
         together: together.collect(),
-        unfelt: found.unfelt.iter().map(|own| model.coordinates[own.0 as usize].name.clone()).collect(),
+        unfelt: (found.unfelt.iter())
+            .map(|own| &model.coordinates[own.0 as usize])
+            .filter(|own| own.unmeasured)
+            .map(|own| own.name.clone())
+            .collect(),
         nonlinear: nonlinear(parsed),
         parameters,
     })

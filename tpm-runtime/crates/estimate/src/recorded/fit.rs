@@ -5,7 +5,7 @@ use crate::information::Information;
 use crate::recorded::colour::Colour;
 use crate::recorded::flow::Flow;
 use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
-use crate::recorded::starts::{Pace, Scales, first_state, start};
+use crate::recorded::starts::{Pace, Scales, Sizes, first_state, start};
 use crate::recorded::steps::{Course, Point, Settled, beside_states};
 use crate::result::{Estimate, LeastSquares, ResidualOf};
 use crate::sensor::Sensor;
@@ -142,7 +142,10 @@ pub fn fit_recorded(
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
-    let at = |pace: Pace, shorter: usize| fit_at_pace((model, constants), signals, (pace, shorter), unshown, settings);
+    let with = |pace: Pace, shorter: usize, sizes: Sizes| {
+        fit_at_pace((model, constants), signals, (pace, shorter, sizes), unshown, settings)
+    };
+    let at = |pace: Pace, shorter: usize| with(pace, shorter, Sizes::Alike);
     let first = at(Pace::Crossings, 1);
     let settled = match &first {
         Ok(found) => found.is_explained(signals),
@@ -154,9 +157,16 @@ pub fn fit_recorded(
     let left =
         |fit: &Result<RecordedFit, RecordedFault>| fit.as_ref().map_or(f64::INFINITY, |own| own.estimate.residual);
     let better = |one, other| if left(&other) < left(&one) { other } else { one };
-    let frequency = |pace: Pace| Scales::of(model, signals, pace).frequency;
+    let frequency = |pace: Pace| Scales::of(model, signals, pace, Sizes::Alike).frequency;
     // Steps that settled on another minimum leave much more than the sensors' noise, however small a share of the motion that is.
     let mut best = first;
+    // A deflection within a contact is much smaller than the motion whose unit it has.
+    if Scales::of(model, signals, Pace::Crossings, Sizes::Alike).takes_after_another() {
+        best = better(best, with(Pace::Crossings, 1, Sizes::Smaller));
+        if best.as_ref().is_ok_and(|found| found.is_explained(signals)) {
+            return best;
+        }
+    }
     if frequency(Pace::Turns) >= LEAST_FASTER * frequency(Pace::Crossings) {
         best = better(best, at(Pace::Turns, 1));
     }
@@ -175,17 +185,18 @@ impl RecordedFit {
     }
 }
 
-/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests, and first blocks so much shorter.
+/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests, first blocks so much shorter, and coordinates
+/// that nobody measured of such sizes.
 fn fit_at_pace(
     (model, constants): (&dyn Model<f64>, &[f64]),
     signals: &SignalsAsRecorded,
-    (pace, shorter): (Pace, usize),
+    (pace, shorter, sizes): (Pace, usize, Sizes),
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
     let dims = model.dims();
     let free = settings.free(dims.parameters)?;
-    let work = Work::new((model, constants), signals, pace, free.indices.clone(), settings)?;
+    let work = Work::new((model, constants), signals, (pace, sizes), free.indices.clone(), settings)?;
     let mut work = Work { shorter, ..work };
     let of: usize = work.stretches.iter().map(Vec::len).sum();
     let unknowns = free.indices.len() + work.flow.states.len();
@@ -316,22 +327,23 @@ impl<'a, 'f> Work<'a, 'f> {
     pub(super) fn new(
         (model, constants): (&'f dyn Model<f64>, &'f [f64]),
         signals: &'f SignalsAsRecorded,
-        pace: Pace,
+        (pace, sizes): (Pace, Sizes),
         free: Vec<usize>,
         settings: &'a Settings,
     ) -> Result<Self, RecordedFault> {
         let dims = model.dims();
         let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
-        if dims.rows != dims.coordinates || orders.contains(&0) || !signals.fit(model) {
+        if dims.rows != dims.coordinates || orders.iter().all(|order| *order == 0) || !signals.fit(model) {
             return Err(RecordedFault::NotSimulable);
         }
         let states: Vec<(usize, usize)> =
             orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect();
-        let scales = Scales::of(model, signals, pace);
+        let scales = Scales::of(model, signals, pace, sizes);
         let sizes = states.iter().map(|&state| scales.size(state)).collect();
         let longest_step = FIRST_STEP * std::f64::consts::TAU / scales.frequency;
         let jumps = Plant::new(model, &vec![1.0; dims.parameters], constants).map_err(EstimateError::Model)?.rubs();
-        let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps };
+        let told = signals.sensors.iter().map(|own| own.derivative == orders[own.coordinate]).collect();
+        let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps, told };
         let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
         let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
         Ok(Self { flow, scales, stretches: signals.stretches(), free, bounds, shorter: 1, settings })
@@ -526,8 +538,8 @@ impl<'a, 'f> Work<'a, 'f> {
         }
         let other = if held.hold == Hold::Zoh { Hold::None } else { Hold::Zoh };
         let signals = SignalsAsRecorded { hold: other, ..(*held).clone() };
-        let flow =
-            Flow { signals: &signals, states: self.flow.states.clone(), sizes: self.flow.sizes.clone(), ..self.flow };
+        let (states, sizes, told) = (self.flow.states.clone(), self.flow.sizes.clone(), self.flow.told.clone());
+        let flow = Flow { signals: &signals, states, sizes, told, ..self.flow };
         let blocks: Vec<Block> = blocks.iter().map(|block| signals.block(&block.readings)).collect();
         let course = Course { flow: &flow, blocks: &blocks, free: &self.free, typical, bounds: &self.bounds };
         let settled = course.settle(point.clone(), noise, STEPS_TRIED)?;

@@ -25,6 +25,8 @@ pub(super) struct Flow<'a> {
     pub(super) longest_step: f64,
     /// Whether a force jumps with a velocity.
     pub(super) jumps: bool,
+    /// Sensors that read a highest derivative, which is no state: the rows tell it.
+    pub(super) told: Vec<bool>,
 }
 
 /// A block linearised: readings less simulated ones, and the derivatives of the latter by its initial state and by the free parameters,
@@ -68,6 +70,11 @@ impl Flow<'_> {
                     })?,
                 }
                 now = instant;
+            }
+            let mut due = block.readings[next..].iter().take_while(|reading| reading.time <= instant);
+            if due.any(|reading| self.told[reading.sensor]) {
+                held.iter_mut().zip(&self.signals.inputs).for_each(|(u, input)| *u = input.at(instant, hold));
+                plant.observe(&held)?;
             }
             while let Some(reading) = block.readings.get(next).filter(|reading| reading.time <= instant) {
                 let sensor = &self.signals.sensors[reading.sensor];

@@ -22,7 +22,7 @@ pub struct Channel {
 pub struct Sensed {
     /// Coordinate that is read.
     pub coordinate: usize,
-    /// Which derivative of it: 0 for the coordinate itself, 1 for its rate.
+    /// Which derivative of it: 0 for the coordinate itself, 1 for its rate; the highest one of the model is told by the rows.
     pub derivative: usize,
     /// The readings.
     pub channel: Channel,
@@ -145,10 +145,10 @@ impl SignalsAsRecorded {
         self.sensors.iter().map(|sensor| sensor.channel.time.len()).sum()
     }
 
-    /// Whether every sensor reads a state of the model.
+    /// Whether every sensor reads something of the model's motion.
     pub(super) fn fit(&self, model: &dyn Model<f64>) -> bool {
         self.inputs.len() == model.dims().inputs
-            && self.sensors.iter().all(|sensor| sensor.derivative < model.coordinate_order(sensor.coordinate))
+            && self.sensors.iter().all(|sensor| sensor.derivative <= model.coordinate_order(sensor.coordinate))
     }
 
     /// The readings in the order of time, from when all inputs are known, stretch by stretch: where all channels are silent for long, what

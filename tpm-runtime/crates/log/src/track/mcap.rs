@@ -1,7 +1,8 @@
 //! Tracks as the topics of an MCAP file.
 //!
 //! A stamp with its readings is a message of joint states of ROS 2, which viewers plot without being told anything. The names of the joints
-//! are those of the signals, with their units; the positions are the readings, whatever they are, and not a number where one is missing.
+//! are those of the signals, with their units; the positions are the readings, whatever they are. A message names the signals that were read
+//! at its stamp, so that each keeps the times at which it was recorded; one that never was is named once, without a number.
 
 use crate::error::LogError;
 use crate::joint_state::{CDR, JOINT_STATE};
@@ -80,6 +81,11 @@ fn recording(tracks: &[Track], stamps: &[Vec<Stamp>]) -> Result<Vec<u8>, McapErr
     let schema = file.add_schema(JOINT_STATE, "ros2msg", DEFINITION.as_bytes())?;
     // Times at which messages were logged are not negative.
     let origin = stamps.iter().flatten().map(|stamp| i64::from(stamp.sec)).min().unwrap_or(0).min(0);
+    let unread = |track: &Track| -> Vec<usize> {
+        let signals = track.signals.iter().enumerate();
+        signals.filter(|(_, (_, readings))| readings.iter().all(|value| value.is_nan())).map(|(s, _)| s).collect()
+    };
+    let unread: Vec<Vec<usize>> = tracks.iter().map(unread).collect();
     let mut order: Vec<(u64, usize, usize)> = Vec::new();
     let mut channels = Vec::new();
     for (t, (track, own)) in tracks.iter().zip(stamps).enumerate() {
@@ -95,23 +101,28 @@ fn recording(tracks: &[Track], stamps: &[Vec<Stamp>]) -> Result<Vec<u8>, McapErr
             log_time,
             publish_time: log_time,
         };
-        file.write_to_known_channel(&header, &message(&tracks[t], stamps[t][row], row))?;
+        let named: &[usize] = if row == 0 { &unread[t] } else { &[] };
+        file.write_to_known_channel(&header, &message(&tracks[t], stamps[t][row], row, named))?;
     }
     file.finish()?;
     drop(file);
     Ok(bytes.into_inner())
 }
 
-/// A message in the common data representation: numbers are aligned to their size behind four bytes that state the order of bytes.
-fn message(track: &Track, stamp: Stamp, row: usize) -> Vec<u8> {
+/// A message in the common data representation: numbers are aligned to their size behind four bytes that state the order of bytes. It has the
+/// signals with a reading in this row, and those that are to be `named` without one.
+fn message(track: &Track, stamp: Stamp, row: usize, named: &[usize]) -> Vec<u8> {
+    let is_there = |(s, (_, readings)): &(usize, &(String, Vec<f64>))| !readings[row].is_nan() || named.contains(s);
+    let read: Vec<&(String, Vec<f64>)> =
+        track.signals.iter().enumerate().filter(is_there).map(|(_, own)| own).collect();
     let mut body = Body(Vec::new());
     body.number(stamp.sec.to_le_bytes());
     body.number(stamp.nanosec.to_le_bytes());
     body.text("");
-    body.count(track.signals.len());
-    track.signals.iter().for_each(|(name, _)| body.text(name));
-    body.count(track.signals.len());
-    track.signals.iter().for_each(|(_, readings)| body.number(readings[row].to_le_bytes()));
+    body.count(read.len());
+    read.iter().for_each(|(name, _)| body.text(name));
+    body.count(read.len());
+    read.iter().for_each(|(_, readings)| body.number(readings[row].to_le_bytes()));
     // No velocities, no efforts.
     body.count(0);
     body.count(0);

@@ -88,8 +88,7 @@ pub(super) fn measured(signal: &Signal<'_>, sample_time: f64) -> ChannelReport {
     let count = signal.len().max(1) as f64;
     let mean = signal.samples().sum::<f64>() / count;
     let deviation = (signal.samples().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let (least, largest) =
-        signal.samples().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+    let [least, largest] = signal.extremes;
     let constant = least >= largest;
     let sensor = Sensor::of(&signal.values());
     let step = Some(sensor.step).filter(|step| *step > 0.0);

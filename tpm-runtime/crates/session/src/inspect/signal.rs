@@ -8,6 +8,8 @@ pub(super) struct Signal<'a> {
     pub(super) name: &'a str,
     pub(super) unit: Option<&'a str>,
     pub(super) role: Role,
+    /// Least and largest reading in the file.
+    pub(super) extremes: [f64; 2],
     pub(super) parts: Vec<Part<'a>>,
 }
 
@@ -78,7 +80,14 @@ pub(super) fn signals(survey: &Survey) -> Vec<Signal<'_>> {
             parts.extend(values.map(|values| Part { values, lines: &log.lines, start, segment }));
         }
         if !parts.is_empty() {
-            signals.push(Signal { name: &channel.name, unit: channel.unit.as_deref(), role: channel.role, parts });
+            let extremes = survey.extremes[at];
+            signals.push(Signal {
+                name: &channel.name,
+                unit: channel.unit.as_deref(),
+                role: channel.role,
+                extremes,
+                parts,
+            });
         }
     }
     signals

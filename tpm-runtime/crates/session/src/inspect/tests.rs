@@ -15,6 +15,10 @@ use tpm_report::Remedy;
 
 const SAMPLE_TIME: f64 = 2e-3;
 
+fn extremes(values: &[f64]) -> [f64; 2] {
+    values.iter().fold([f64::NAN; 2], |[low, high], &x| [low.min(x), high.max(x)])
+}
+
 /// Looks at channels in memory.
 fn inspected(channels: &[(&str, Vec<f64>)]) -> Inspection {
     let log = Log::from_samples("run.csv", SAMPLE_TIME, channels.iter().map(|(_, values)| values.clone()).collect());
@@ -22,6 +26,7 @@ fn inspected(channels: &[(&str, Vec<f64>)]) -> Inspection {
     let survey = Survey {
         recording: log.expect("finite").into(),
         channels: channels.iter().map(of).collect(),
+        extremes: channels.iter().map(|(_, values)| extremes(values)).collect(),
         unread: Vec::new(),
     };
     measure(&survey, &LogOptions::default(), 0).expect("a record")
