@@ -111,6 +111,7 @@ fn findings() -> Vec<Warning> {
         Warning::NothingAccepted,
         Warning::MissingTerm { term: term() },
         Warning::Halves { parameter: m(), moved: 0.5, deviation: 0.1 },
+        Warning::WaysContradict { parameter: m(), moved: 0.5, deviation: 0.1 },
         Warning::Limited { term: term() },
         Warning::Repeats { power: 5.0 },
         Warning::Vibration { frequency: 20.0 },
@@ -158,6 +159,7 @@ fn findings() -> Vec<Warning> {
             | Warning::NothingAccepted
             | Warning::MissingTerm { .. }
             | Warning::Halves { .. }
+            | Warning::WaysContradict { .. }
             | Warning::Limited { .. }
             | Warning::Repeats { .. }
             | Warning::Vibration { .. }

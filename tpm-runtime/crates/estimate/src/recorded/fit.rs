@@ -5,7 +5,7 @@ use crate::information::Information;
 use crate::recorded::colour::Colour;
 use crate::recorded::flow::Flow;
 use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
-use crate::recorded::starts::{Pace, Scales, Sizes, first_state, start};
+use crate::recorded::starts::{Pace, Scales, first_state, start};
 use crate::recorded::steps::{Course, Point, Settled, beside_states};
 use crate::result::{Estimate, LeastSquares, ResidualOf};
 use crate::sensor::Sensor;
@@ -142,10 +142,7 @@ pub fn fit_recorded(
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
-    let with = |pace: Pace, shorter: usize, sizes: Sizes| {
-        fit_at_pace((model, constants), signals, (pace, shorter, sizes), unshown, settings)
-    };
-    let at = |pace: Pace, shorter: usize| with(pace, shorter, Sizes::Alike);
+    let at = |pace: Pace, shorter: usize| fit_at_pace((model, constants), signals, (pace, shorter), unshown, settings);
     let first = at(Pace::Crossings, 1);
     let settled = match &first {
         Ok(found) => found.is_explained(signals),
@@ -157,16 +154,9 @@ pub fn fit_recorded(
     let left =
         |fit: &Result<RecordedFit, RecordedFault>| fit.as_ref().map_or(f64::INFINITY, |own| own.estimate.residual);
     let better = |one, other| if left(&other) < left(&one) { other } else { one };
-    let frequency = |pace: Pace| Scales::of(model, signals, pace, Sizes::Alike).frequency;
+    let frequency = |pace: Pace| Scales::of(model, signals, pace).frequency;
     // Steps that settled on another minimum leave much more than the sensors' noise, however small a share of the motion that is.
     let mut best = first;
-    // A deflection within a contact is much smaller than the motion whose unit it has.
-    if Scales::of(model, signals, Pace::Crossings, Sizes::Alike).takes_after_another() {
-        best = better(best, with(Pace::Crossings, 1, Sizes::Smaller));
-        if best.as_ref().is_ok_and(|found| found.is_explained(signals)) {
-            return best;
-        }
-    }
     if frequency(Pace::Turns) >= LEAST_FASTER * frequency(Pace::Crossings) {
         best = better(best, at(Pace::Turns, 1));
     }
@@ -185,18 +175,17 @@ impl RecordedFit {
     }
 }
 
-/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests, first blocks so much shorter, and coordinates
-/// that nobody measured of such sizes.
+/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests, and first blocks so much shorter.
 fn fit_at_pace(
     (model, constants): (&dyn Model<f64>, &[f64]),
     signals: &SignalsAsRecorded,
-    (pace, shorter, sizes): (Pace, usize, Sizes),
+    (pace, shorter): (Pace, usize),
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
     let dims = model.dims();
     let free = settings.free(dims.parameters)?;
-    let work = Work::new((model, constants), signals, (pace, sizes), free.indices.clone(), settings)?;
+    let work = Work::new((model, constants), signals, pace, free.indices.clone(), settings)?;
     let mut work = Work { shorter, ..work };
     let of: usize = work.stretches.iter().map(Vec::len).sum();
     let unknowns = free.indices.len() + work.flow.states.len();
@@ -327,7 +316,7 @@ impl<'a, 'f> Work<'a, 'f> {
     pub(super) fn new(
         (model, constants): (&'f dyn Model<f64>, &'f [f64]),
         signals: &'f SignalsAsRecorded,
-        (pace, sizes): (Pace, Sizes),
+        pace: Pace,
         free: Vec<usize>,
         settings: &'a Settings,
     ) -> Result<Self, RecordedFault> {
@@ -338,7 +327,7 @@ impl<'a, 'f> Work<'a, 'f> {
         }
         let states: Vec<(usize, usize)> =
             orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect();
-        let scales = Scales::of(model, signals, pace, sizes);
+        let scales = Scales::of(model, signals, pace);
         let sizes = states.iter().map(|&state| scales.size(state)).collect();
         let longest_step = FIRST_STEP * std::f64::consts::TAU / scales.frequency;
         let jumps = Plant::new(model, &vec![1.0; dims.parameters], constants).map_err(EstimateError::Model)?.rubs();

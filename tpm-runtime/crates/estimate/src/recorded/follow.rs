@@ -2,7 +2,7 @@
 
 use crate::recorded::fit::{READINGS_SETTLED, RecordedFault, Work, spread};
 use crate::recorded::signals::SignalsAsRecorded;
-use crate::recorded::starts::{Pace, Sizes, first_state};
+use crate::recorded::starts::{Pace, first_state};
 use crate::recorded::steps::Point;
 use crate::settings::Settings;
 use tpm_core::model::Model;
@@ -51,7 +51,7 @@ pub fn follow_recorded(
     parameters: &[f64],
 ) -> Result<Followed, RecordedFault> {
     let settings = Settings::default();
-    let mut work = Work::new((model, constants), signals, (Pace::Crossings, Sizes::Alike), Vec::new(), &settings)?;
+    let mut work = Work::new((model, constants), signals, Pace::Crossings, Vec::new(), &settings)?;
     let sizes: Vec<f64> = signals.sensors.iter().map(|own| ALIKE * spread(own.channel.spread().1)).collect();
     let all: Vec<_> = work.stretches.iter().map(|stretch| signals.block(stretch)).collect();
     work.refine_step(&all, parameters, &sizes);

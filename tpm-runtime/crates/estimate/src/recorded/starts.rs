@@ -15,12 +15,10 @@ use tpm_numerics::{DMatrix, DVector, root_mean_square};
 const MOTIONS: usize = 32;
 /// Passes in which sizes of shared parameters come from one row to another.
 const PASSES: usize = 4;
-/// Powers of ten within which a parameter is drawn about its size, the frequency, the size of a coordinate of unknown size, and that of one
-/// which is smaller than another of its unit.
+/// Powers of ten within which a parameter is drawn about its size, and the frequency and the size of a coordinate of unknown size.
 const OF_PARAMETER: [f64; 2] = [-1.0, 1.2];
 const OF_FREQUENCY: [f64; 2] = [-0.5, 1.0];
 const OF_UNKNOWN_SIZE: [f64; 2] = [-1.0, 1.0];
-const OF_SMALLER_SIZE: [f64; 2] = [-4.0, 0.0];
 /// Every second start has parameters of either sign; so often they are negative there.
 const NEGATIVE: f64 = 0.25;
 /// Fewest readings through which a parabola is laid for position and rate at the beginning of a block.
@@ -31,8 +29,8 @@ const LEAST_FITTED: usize = 5;
 struct Extent {
     mean: f64,
     size: f64,
-    /// Powers of ten within which it is drawn about this size; nothing where readings tell it.
-    drawn: Option<[f64; 2]>,
+    /// Whether readings tell it.
+    known: bool,
 }
 
 /// What tells the typical frequency of a motion.
@@ -42,15 +40,6 @@ pub(super) enum Pace {
     Crossings,
     /// How often they turn back: a limit cycle on top of strokes is faster than these.
     Turns,
-}
-
-/// What is supposed of coordinates that nobody measured and that have the unit of one that is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sizes {
-    /// They are as large, and begin where it does: the load side of a joint.
-    Alike,
-    /// They are smaller by powers of ten, and begin at zero: the deflection of a contact.
-    Smaller,
 }
 
 /// What a record says of the size of a model's motion.
@@ -63,7 +52,7 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    pub(super) fn of(model: &dyn Model<f64>, signals: &SignalsAsRecorded, pace: Pace, sizes: Sizes) -> Self {
+    pub(super) fn of(model: &dyn Model<f64>, signals: &SignalsAsRecorded, pace: Pace) -> Self {
         let n = model.dims().coordinates;
         let frequency = |channel: &Channel| match pace {
             Pace::Crossings => channel.frequency(),
@@ -77,7 +66,7 @@ impl Scales {
         let frequency = frequencies.get(frequencies.len() / 2).copied().unwrap_or(1.0);
         let extent = |channel: &Channel, factor: f64| {
             let (mean, size) = channel.spread();
-            Extent { mean, size: if size > 0.0 { size * factor } else { 1.0 }, drawn: None }
+            Extent { mean, size: if size > 0.0 { size * factor } else { 1.0 }, known: true }
         };
         let own = |c: usize| {
             let derivative = || signals.sensors.iter().find(|sensor| sensor.coordinate == c);
@@ -96,22 +85,9 @@ impl Scales {
             let i = (0..model.dims().inputs).find(|&i| unit(c).is_some() && model.input(i).unit == unit(c))?;
             Some(Extent { mean: 0.0, ..extent(&signals.inputs[i], 1.0) })
         };
-        let unknown = Extent { mean: 0.0, size: 1.0, drawn: Some(OF_UNKNOWN_SIZE) };
-        let alike = |c: usize| {
-            let found = own(like(c)?)?;
-            match sizes {
-                Sizes::Alike => Some(found),
-                Sizes::Smaller => Some(Extent { mean: 0.0, drawn: Some(OF_SMALLER_SIZE), ..found }),
-            }
-        };
-        let of = |c: usize| own(c).or_else(|| alike(c)).or_else(|| of_input(c)).unwrap_or(unknown);
-        let like = |c: usize| like(c).filter(|&other| other == c || sizes == Sizes::Alike);
+        let unknown = Extent { mean: 0.0, size: 1.0, known: false };
+        let of = |c: usize| own(c).or_else(|| own(like(c)?)).or_else(|| of_input(c)).unwrap_or(unknown);
         Self { extents: (0..n).map(of).collect(), like: (0..n).map(like).collect(), frequency }
-    }
-
-    /// Whether a coordinate that nobody measured has the size of one in its unit.
-    pub(super) fn takes_after_another(&self) -> bool {
-        self.like.iter().enumerate().any(|(c, like)| like.is_some_and(|other| other != c))
     }
 
     /// Size of a derivative of a coordinate.
@@ -128,7 +104,7 @@ pub(super) fn start(flow: &Flow<'_>, scales: &Scales, number: u64) -> Result<(Ve
     let mut ten = |[from, to]: [f64; 2]| 10f64.powf(random.random_range(from..to));
     let frequency = scales.frequency * ten(OF_FREQUENCY);
     let extents: Vec<Extent> = (scales.extents.iter())
-        .map(|own| Extent { size: own.drawn.map_or(1.0, &mut ten) * own.size, ..*own })
+        .map(|own| Extent { size: if own.known { own.size } else { own.size * ten(OF_UNKNOWN_SIZE) }, ..*own })
         .collect();
     let columns = columns(flow, &extents, frequency, number)?;
     let mut sizes = vec![0.0_f64; dims.parameters];
