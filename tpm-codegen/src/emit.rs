@@ -15,6 +15,7 @@ pub mod filter;
 mod formulas;
 mod function;
 mod header;
+mod jumps;
 pub mod name;
 mod names;
 pub mod number;

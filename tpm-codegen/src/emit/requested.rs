@@ -6,6 +6,7 @@ use tpm_symbolic::plan::operation::Op;
 
 use super::estimator::{EstimatorSource, Identified};
 use super::function::{Body, Function, Reads, entries};
+use super::jumps::Jumps;
 use super::names::derivative_text;
 use super::text;
 use crate::identified::Weights;
@@ -109,6 +110,22 @@ pub(super) fn base_regressor(estimator: &EstimatorSource) -> Option<Function> {
         format!("{}, {name}: {}", estimator.form.rows[row].name, text::entry(estimator, row, Some(column)))
     });
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
+}
+
+/// Where the equations jump, for a monitor; nothing where none does.
+pub(super) fn jumps(estimator: &EstimatorSource) -> Option<Jumps> {
+    let base = estimator.parts.base.as_ref().filter(|_| estimator.parts.monitor)?;
+    Jumps::of(&base.regressor, base.parameters.len(), &estimator.plan.evaluation.known)
+}
+
+/// The arguments of the signs in every equation.
+pub(super) fn jumping(estimator: &EstimatorSource, jumps: &Jumps) -> Function {
+    let about = format!(
+        "What the signs, and functions that saturate, are taken of in every equation, one row per equation; 1 where an equation has fewer.\n         With the noise of a velocity its dry friction jumps.{}",
+        text::operations(&jumps.arguments)
+    );
+    let statements = entries(&jumps.arguments, jumps.count, |row, _| estimator.form.rows[row].name.to_string());
+    Function { about, reads: Reads::of(estimator, &jumps.arguments), body: Body::Stores(statements) }
 }
 
 /// The base parameters from the parameters of the columns.

@@ -32,7 +32,7 @@ pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;
 pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
-pub use monitor::{MonitorFault, MonitorRules, MonitorState, Monitoring, Moved};
+pub use monitor::{MonitorFault, MonitorJumps, MonitorRules, MonitorState, Monitoring, Moved};
 pub use phasor::Phasor;
 pub use real::Real;
 pub use run_estimate::RunEstimate;

@@ -8,6 +8,8 @@
 //!
 //! Sums of log-likelihood ratios with restart at zero (Page, 1954) decide. Where the ratios are right, or too small, the mean time to a false
 //! alarm of one sum with threshold h is at least e^h blocks (Lorden, 1971), so that h follows from the false alarms that are allowed.
+//! A row is not counted where an entry of it jumps within the noise of what it is a sign of: the dry friction of a joint at rest, or at a
+//! reversal, is anything between its limits, and the sign of a measured velocity there is that of noise. Elsewhere the sign is exact.
 //! No change is what is within the identified values' own uncertainty and the noise of the motion as it was measured at rest; a change is what
 //! was asked for. For a drifting parameter both begin beyond its allowance.
 //!
@@ -21,6 +23,9 @@ const GROWTH: f64 = 2.0;
 
 /// The share of all identifications whose errors are larger than is allowed for.
 const BEYOND: f64 = 1e-3;
+
+/// Deviations of noise within which the argument of a sign says nothing: normal noise at rest leaves them once in 1.7 million samples.
+const STILL: f64 = 5.0;
 
 /// The fewest blocks of a run-in: fewer do not tell a variance.
 const FEWEST: u32 = 20;
@@ -154,12 +159,25 @@ struct Watched<T> {
     sides: [Evidence<T>; 2],
 }
 
-/// What blocks of samples say of a machine, in memory that does not grow with them.
+/// The arguments of the signs in the rows of a regressor, `S` per row and 1 where a row has fewer, and which entries depend on one.
+#[derive(Clone, Copy, Debug)]
+pub struct MonitorJumps<'a, T, const R: usize, const C: usize, const S: usize> {
+    /// The arguments along the motion of one instant.
+    pub arguments: [[T; S]; R],
+    /// Whether an entry of the regressor depends on a sign.
+    pub entries: &'a [[bool; C]; R],
+}
+
+/// What blocks of samples say of a machine, in memory that does not grow with them. `S` signs in a row at most.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Monitoring<T, const R: usize, const C: usize> {
-    /// Samples of the block so far, and how many of them were taken in.
+pub struct Monitoring<T, const R: usize, const C: usize, const S: usize> {
+    /// Samples of the block so far, how many of them were taken in, and with how many equations.
     samples: u32,
     taken: u32,
+    equations: u32,
+    /// Means of the arguments of signs at rest, and sums of the squares of what is left of them.
+    level: [[T; S]; R],
+    wander: [[T; S]; R],
     /// Means of the entries of the regressor at rest, and sums of the products of what is left of two columns.
     mean: [[T; C]; R],
     products: [[T; C]; C],
@@ -173,11 +191,14 @@ pub struct Monitoring<T, const R: usize, const C: usize> {
     state: MonitorState<T>,
 }
 
-impl<T: Real, const R: usize, const C: usize> Default for Monitoring<T, R, C> {
+impl<T: Real, const R: usize, const C: usize, const S: usize> Default for Monitoring<T, R, C, S> {
     fn default() -> Self {
         Self {
             samples: 0,
             taken: 0,
+            equations: 0,
+            level: [[T::ZERO; S]; R],
+            wander: [[T::ZERO; S]; R],
             mean: [[T::ZERO; C]; R],
             products: [[T::ZERO; C]; C],
             rests: T::ZERO,
@@ -191,14 +212,29 @@ impl<T: Real, const R: usize, const C: usize> Default for Monitoring<T, R, C> {
     }
 }
 
-impl<T: Real, const R: usize, const C: usize> Monitoring<T, R, C> {
+impl<T: Real, const R: usize, const C: usize, const S: usize> Monitoring<T, R, C, S> {
     /// Takes in the regressor of a sample while the machine stands still: what varies then is noise of the motion.
-    pub fn rest(&mut self, rules: &MonitorRules<T, R, C>, regressor: &[[T; C]; R]) {
-        if !regressor.as_flattened().iter().all(|entry| entry.is_finite()) {
+    pub fn rest(
+        &mut self,
+        rules: &MonitorRules<T, R, C>,
+        mut regressor: [[T; C]; R],
+        jumps: &MonitorJumps<'_, T, R, C, S>,
+    ) {
+        let arguments = jumps.arguments.as_flattened();
+        if !regressor.as_flattened().iter().chain(arguments).all(|entry| entry.is_finite()) {
             return;
         }
         self.rests += T::ONE;
-        for ((means, row), &deviation) in self.mean.iter_mut().zip(regressor).zip(&rules.deviations) {
+        let levels = self.level.as_flattened_mut().iter_mut().zip(self.wander.as_flattened_mut());
+        for ((level, wander), &argument) in levels.zip(arguments) {
+            let before = argument - *level;
+            *level += before / self.rests;
+            *wander += before * (argument - *level);
+        }
+        // A row is counted where its signs are exact: what else there is in the entry is its noise then.
+        let entries = regressor.as_flattened_mut().iter_mut().zip(jumps.entries.as_flattened());
+        entries.filter(|(_, jumps)| **jumps).for_each(|(entry, _)| *entry = entry.abs());
+        for ((means, row), &deviation) in self.mean.iter_mut().zip(&regressor).zip(&rules.deviations) {
             let (mut before, mut after) = (*row, *row);
             for ((mean, before), after) in means.iter_mut().zip(&mut before).zip(&mut after) {
                 let entry = *before / deviation;
@@ -212,10 +248,26 @@ impl<T: Real, const R: usize, const C: usize> Monitoring<T, R, C> {
         }
     }
 
-    /// Counts a sample, and says whether its block is over.
-    pub fn counts(&mut self, rules: &MonitorRules<T, R, C>, taken: bool) -> bool {
+    /// The deviations of the equations of a sample: infinite where a sign in the equation is that of noise.
+    #[must_use]
+    pub fn deviations(&self, rules: &MonitorRules<T, R, C>, jumps: &MonitorJumps<'_, T, R, C, S>) -> [T; R] {
+        let mut deviations = rules.deviations;
+        let share = T::from_f64(STILL * STILL) / (self.rests - T::ONE).max(T::ONE);
+        for ((deviation, arguments), wander) in deviations.iter_mut().zip(&jumps.arguments).zip(&self.wander) {
+            if arguments.iter().zip(wander).any(|(&argument, &wander)| argument * argument <= wander * share) {
+                *deviation = T::from_f64(f64::INFINITY);
+            }
+        }
+        deviations
+    }
+
+    /// Counts a sample, which was taken in with the equations of finite deviations or not at all, and says whether its block is over.
+    pub fn counts(&mut self, rules: &MonitorRules<T, R, C>, deviations: Option<&[T; R]>) -> bool {
         self.samples += 1;
-        self.taken += u32::from(taken);
+        for &deviation in deviations.into_iter().flatten() {
+            self.equations += u32::from(deviation.is_finite());
+        }
+        self.taken += u32::from(deviations.is_some());
         self.samples >= rules.block
     }
 
@@ -235,8 +287,9 @@ impl<T: Real, const R: usize, const C: usize> Monitoring<T, R, C> {
     /// Judges a block that is over, and begins the next.
     pub fn judge(&mut self, rules: &MonitorRules<T, R, C>, rows: &SquareRoot<T, C>) {
         let samples = T::from_f64(f64::from(self.taken));
-        let enough = self.taken as usize * R > 2 * C;
-        (self.samples, self.taken) = (0, 0);
+        let equations = T::from_f64(f64::from(self.equations));
+        let enough = self.equations as usize > 2 * C;
+        (self.samples, self.taken, self.equations) = (0, 0, 0);
         if !enough || matches!(self.state, MonitorState::Moved(_) | MonitorState::Unexplained(_)) {
             return;
         }
@@ -290,7 +343,7 @@ impl<T: Real, const R: usize, const C: usize> Monitoring<T, R, C> {
                 }
             }
         }
-        let unexplained = self.unexplained(rules, &block, samples, threshold);
+        let unexplained = self.unexplained(rules, &block, equations, threshold);
         waits |= self.blocks < rules.run_in;
         self.state = match (best, unexplained) {
             (Some(moved), _) => MonitorState::Moved(moved),
@@ -306,10 +359,10 @@ impl<T: Real, const R: usize, const C: usize> Monitoring<T, R, C> {
         &mut self,
         rules: &MonitorRules<T, R, C>,
         block: &Block<T, C>,
-        samples: T,
+        equations: T,
         threshold: T,
     ) -> Option<T> {
-        let free = samples * T::from_f64(R as f64) - T::from_f64(C as f64);
+        let free = equations - T::from_f64(C as f64);
         let power = block.residual * block.residual / free;
         if self.blocks < rules.run_in {
             self.blocks += 1;

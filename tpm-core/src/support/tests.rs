@@ -1,5 +1,6 @@
 use super::{
-    Label, NotFinite, Real, SingularMass, SolveError, SquareRoot, accelerations, least_squares, weighted_least_squares,
+    Label, MonitorJumps, MonitorRules, MonitorState, Monitoring, NotFinite, Real, SingularMass, SolveError, SquareRoot,
+    accelerations, least_squares, weighted_least_squares,
 };
 
 fn labels<const C: usize>(names: [&'static str; C]) -> [Label<'static>; C] {
@@ -193,4 +194,75 @@ fn accelerations_solve_and_name_what_is_singular() {
     assert_eq!(accelerations([[1.0, f64::NAN], [0.0, 1.0]], [0.0; 2], &double), Err(SingularMass::NotFinite));
     // A small inertia is not a singular one.
     assert!(accelerations([[5.4e-6_f64, 0.0], [0.0, 7.0]], [1.0, 1.0], &double).is_ok());
+}
+
+/// A mass on a dry guide, m a + c sign(v) = force, that stands still half of the time; its friction holds anything within its limits then.
+/// What its monitor says after so many blocks of 50 samples, of which the mass is `mass` from block 400 on. `zone` says whether it is told
+/// of the sign.
+fn watched(blocks: usize, mass: f64, zone: bool) -> (usize, MonitorState<f64>) {
+    const VELOCITY: f64 = 1e-3;
+    const ACCELERATION: f64 = 2e-2;
+    let rules = MonitorRules {
+        values: [2.0, 1.5],
+        spread: [[0.002, 0.0], [0.0, 0.0015]],
+        changes: [0.2, 0.15],
+        drifts: [0.0, 0.5],
+        deviations: [1.0],
+        sample_time: 0.02,
+        block: 50,
+        run_in: 100,
+        false_alarms: 1e-3,
+    };
+    rules.check().expect("good rules");
+    let mut state = 7_u64;
+    let mut noise = || {
+        let mut sum = -6.0;
+        for _ in 0..12 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (state >> 11) as f64 / 2_f64.powi(53);
+        }
+        sum
+    };
+    let mut watch = Monitoring::<f64, 1, 2, 1>::default();
+    let jumps = |v: f64| MonitorJumps { arguments: [[if zone { v } else { 1.0 }]], entries: &[[false, true]] };
+    for _ in 0..1000 {
+        let (v, a) = (VELOCITY * noise(), ACCELERATION * noise());
+        watch.rest(&rules, [[a, Real::sign(v)]], &jumps(v));
+    }
+    for block in 0..blocks {
+        let mut rows = SquareRoot::<f64, 2>::default();
+        let moves = block % 20 < 10;
+        let held = f64::from(block as u32 / 20 % 5) / 2.0 - 1.0;
+        for k in 0..50 {
+            let t = 0.02 * (block * 50 + k) as f64;
+            let (v, a) = if moves { (1.3 * (2.1 * t).sin(), 2.73 * (2.1 * t).cos()) } else { (0.0, 0.0) };
+            let sign = if moves { Real::sign(v) } else { held };
+            let mass = if block < 400 { 2.0 } else { mass };
+            let force = mass * a + 1.5 * (1.0 + 0.3 * (0.01 * t).sin()) * sign + 0.2 * noise();
+            let (v, a) = (v + VELOCITY * noise(), a + ACCELERATION * noise());
+            let [deviation] = watch.deviations(&rules, &jumps(v));
+            let taken = rows.push([a / deviation, Real::sign(v) / deviation], force / deviation).is_ok();
+            if watch.counts(&rules, taken.then_some(&[deviation])) {
+                watch.judge(&rules, &rows);
+            }
+        }
+        if matches!(watch.state(), MonitorState::Moved(_) | MonitorState::Unexplained(_)) {
+            return (block, watch.state());
+        }
+    }
+    (blocks, watch.state())
+}
+
+#[test]
+fn dry_friction_at_rest_is_neither_noise_nor_a_change() {
+    let (_, usual) = watched(3000, 2.0, true);
+    assert!(matches!(usual, MonitorState::Watching(_)), "{usual:?}");
+    let (block, heavier) = watched(3000, 2.2, true);
+    let MonitorState::Moved(moved) = heavier else { panic!("{heavier:?}") };
+    assert!((400..430).contains(&block), "{block}");
+    assert_eq!(moved.parameter, 0);
+    assert!((moved.change - 0.2).abs() < 5.0 * moved.deviation, "{moved:?}");
+    // Not told of the sign, it takes what friction holds at rest for something else.
+    let (_, untold) = watched(3000, 2.0, false);
+    assert!(!matches!(untold, MonitorState::Watching(_)), "{untold:?}");
 }

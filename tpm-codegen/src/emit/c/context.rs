@@ -36,7 +36,7 @@ pub struct Options<'a> {
 
 /// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
 /// equal one of them.
-const DYNAMICS: [&str; 106] = [
+const DYNAMICS: [&str; 107] = [
     "accelerations",
     "base",
     "base_accumulate",
@@ -44,6 +44,7 @@ const DYNAMICS: [&str; 106] = [
     "base_estimator",
     "base_estimator_clear",
     "base_estimator_fade",
+    "base_jumps",
     "base_parameter_labels",
     "base_parameters",
     "base_regressor",

@@ -5,6 +5,7 @@
 
 use super::super::requested;
 use super::context::{Context, Parameter};
+use super::dynamics::{matrix, size_macro};
 use super::expression::Scalar;
 use super::layout::doc;
 use super::solve::filled;
@@ -119,9 +120,9 @@ static int monitor_step(EVIDENCE *side, REAL step, REAL threshold)
 }
 
 /* The sum for the power that no parameters explain; whether it has passed the threshold. */
-static int monitor_unexplained(MONITOR *monitor, REAL samples, REAL rounding, REAL threshold)
+static int monitor_unexplained(MONITOR *monitor, REAL rounding, REAL threshold)
 {
-    const REAL freedom = samples * (REAL)ROWS - (REAL)COLUMNS;
+    const REAL freedom = (REAL)monitor->equations - (REAL)COLUMNS;
     const REAL power = monitor->block.residual * monitor->block.residual / freedom;
     const REAL blocks = (REAL)monitor->blocks;
     REAL mean, variance, shape, usual;
@@ -153,9 +154,8 @@ static int monitor_unexplained(MONITOR *monitor, REAL samples, REAL rounding, RE
 static void monitor_judge(MONITOR *monitor)
 {
     const RULES *const rules = monitor->rules;
-    const REAL samples = (REAL)monitor->taken;
     const REAL tiny = EPSILON * FOUR * ((REAL)COLUMNS + SQRT(monitor->block.rows));
-    const REAL rest = samples / (monitor->rests > ONE ? monitor->rests : ONE);
+    const REAL rest = (REAL)monitor->taken / (monitor->rests > ONE ? monitor->rests : ONE);
     REAL threshold = LOG(TESTS * HOUR / (rules->sample_time * (REAL)rules->block) / rules->false_alarms);
     REAL rounding = ZERO;
     REAL most = ZERO;
@@ -232,7 +232,7 @@ static void monitor_judge(MONITOR *monitor)
         }
     }
     monitor->state = RUN_IN;
-    if (monitor_unexplained(monitor, samples, rounding, threshold)) {
+    if (monitor_unexplained(monitor, rounding, threshold)) {
         monitor->state = UNEXPLAINED;
     } else if (!waits && monitor->blocks >= rules->run_in) {
         monitor->state = WATCHING;
@@ -324,14 +324,32 @@ pub(super) fn write(context: &mut Context<'_>) {
     );
     let about = "What the run-in showed of a parameter, and the evidence that it has grown or shrunk.";
     context.structure("monitor_watched", about, &fields);
+    let jumps = requested::jumps(context.estimator);
+    let signs = context.constant("BASE_JUMPS");
+    if let Some(jumps) = &jumps {
+        let size_macro = size_macro(
+            context,
+            "BASE_JUMPS",
+            jumps.count,
+            "The most signs, and functions that saturate, in an equation.",
+        );
+        context.header.push_str(&format!("\n{size_macro}"));
+    }
     let fields = [
         format!("    const {} *rules;\n    {state} state;\n", context.global("monitor_rules")),
         field("The base parameter that has moved, by how much as if it alone had, and the deviation of that.", "size_t moved".to_owned()),
         format!("    {real} change;\n    {real} deviation;\n"),
         field("The unexplained power of the last block, in that of the run-in.", format!("{real} growth")),
         field("The parameters of which the last block could show the change that is to be found.", "size_t testable".to_owned()),
-        field("The block so far: its rows, its samples, and how many of them were taken in.", format!("{} block", context.global("base_estimator"))),
-        "    uint32_t samples;\n    uint32_t taken;\n".to_owned(),
+        field("The block so far: its rows, its samples, how many of them were taken in, and with how many equations.", format!("{} block", context.global("base_estimator"))),
+        "    uint32_t samples;\n    uint32_t taken;\n    uint32_t equations;\n".to_owned(),
+        match &jumps {
+            Some(_) => field(
+                "Means of the arguments of signs at rest, and sums of the squares of what is left of them.",
+                format!("{real} level[{rows}][{signs}];\n    {real} wander[{rows}][{signs}]"),
+            ),
+            None => String::new(),
+        },
         field(
             "Means of the entries of the regressor at rest, and sums of the products of what is left of two columns.",
             format!("{real} mean[{rows}][{size}]"),
@@ -345,9 +363,28 @@ pub(super) fn write(context: &mut Context<'_>) {
     .concat();
     context.structure("monitor", requested::MONITOR, &fields);
 
-    let words = words(context);
+    if let Some(jumps) = &jumps {
+        let function = requested::jumping(context.estimator, jumps);
+        matrix(context, "base_jumps", &function, [true, false], (jumps.count, "BASE_JUMPS"));
+        let count = base_parameters(context);
+        let rows: String = (jumps.entries.chunks(count))
+            .map(|row| {
+                let flags: Vec<&str> = row.iter().map(|jumps| if *jumps { "1" } else { "0" }).collect();
+                format!("    {{{}}},\n", flags.join(", "))
+            })
+            .collect();
+        context.source.push_str(&format!(
+            "\n/* Which entries of the regressor depend on a sign. */\nstatic const unsigned char jumping[{rows_of}][{size}] = {{\n{rows}}};\n",
+            rows_of = context.constant("EQUATIONS"),
+        ));
+    }
+    let mut words = words(context);
+    words.push(("SIGNS", signs));
     let source = filled(SOURCE, &words);
     context.source.push_str(&source);
+    if jumps.is_some() {
+        context.source.push_str(&filled(STILL, &words));
+    }
     let pointer = Parameter::new(format!("{} *monitor", context.global("monitor")));
     let motion = Parameter::new(format!("const {} *motion", context.global("motion")));
     let status = context.global("status");
@@ -361,7 +398,8 @@ pub(super) fn write(context: &mut Context<'_>) {
     let deviations: String = (context.names.rows.iter())
         .map(|names| format!("        || !is_positive(rules->deviations.{})\n", names.field))
         .collect();
-    let body = filled(BEGIN, &words).replace("    DEVIATIONS\n", &deviations);
+    let part = |text: &str| if jumps.is_some() { filled(text, &words) } else { String::new() };
+    let body = filled(&BEGIN.replace("    LEVELS\n", &part(LEVELS)), &words).replace("    DEVIATIONS\n", &deviations);
     let helper = filled(POSITIVE, &words);
     context.source.push_str(&helper);
     let rules = Parameter::new(format!("const {} *rules", context.global("monitor_rules")));
@@ -370,8 +408,12 @@ pub(super) fn write(context: &mut Context<'_>) {
     let argument = context.constants_argument();
     let list: Vec<String> =
         context.names.rows.iter().map(|names| format!("monitor->rules->deviations.{}", names.field)).collect();
-    let body = filled(REST, &words)
-        .replace("REGRESSOR", &format!("{}(motion{argument}, matrix);", context.global("base_regressor")))
+    let evaluate = format!("{}(motion{argument}, arguments);", context.global("base_jumps"));
+    let rest = REST.replace("        FINITE\n", &part(FINITE)).replace("    MEASURE\n", &part(MEASURE));
+    let declared = if jumps.is_some() { "    REAL arguments[ROWS][SIGNS];\n" } else { "" };
+    let evaluated = if jumps.is_some() { format!("\n    {evaluate}") } else { String::new() };
+    let body = filled(&rest.replace("    ARGUMENTS\n", declared), &words)
+        .replace("REGRESSOR", &format!("{}(motion{argument}, matrix);{evaluated}", context.global("base_regressor")))
         .replace("DEVIATION_LIST", &list.join(",\n                                   "));
     let mut parameters = vec![pointer.clone(), motion.clone()];
     parameters.extend(context.constants_parameter(true));
@@ -380,11 +422,23 @@ pub(super) fn write(context: &mut Context<'_>) {
     context.function(&context.global("monitor_rest"), about, "void", &parameters, &body);
     // A sample.
     let accumulate = format!(
-        "{}(&monitor->block, motion{argument}, applied, &monitor->rules->deviations) == {}",
+        "{}(&monitor->block, motion{argument}, applied, &deviations) == {}",
         context.global("base_accumulate"),
         context.constant("OK")
     );
-    let body = filled(PUSH, &words).replace("ACCUMULATE", &accumulate);
+    let counted = match &jumps {
+        Some(_) => {
+            let rows: String = (context.names.rows.iter().enumerate())
+                .map(|(row, names)| {
+                    filled(COUNTED, &words).replace("INDEX", &row.to_string()).replace("FIELD", &names.field)
+                })
+                .collect();
+            format!("    {evaluate}\n{rows}")
+        }
+        None => String::new(),
+    };
+    let push = PUSH.replace("    ARGUMENTS\n", declared);
+    let body = filled(&push, &words).replace("ACCUMULATE", &accumulate).replace("    COUNTED\n", &counted);
     parameters.push(Parameter::new(format!("const {} *applied", context.global("forces"))));
     parameters.push(Parameter::new("int whole".to_owned()));
     let about = "Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is 0 where the sample is\n\
@@ -431,6 +485,7 @@ const BEGIN: &str = "    static const WATCHED unheard = {0};
         }
         monitor->parameters[j] = unheard;
     }
+    LEVELS
     CLEAR(&monitor->block);
     monitor->unexplained = unheard.sides[0];
     monitor->left = ZERO;
@@ -444,6 +499,7 @@ const BEGIN: &str = "    static const WATCHED unheard = {0};
     monitor->blocks = 0;
     monitor->samples = 0;
     monitor->taken = 0;
+    monitor->equations = 0;
     monitor->rules = rules;
     monitor->state = RUN_IN;
     return OK;
@@ -451,6 +507,7 @@ const BEGIN: &str = "    static const WATCHED unheard = {0};
 
 const REST: &str = "    const REAL deviation[ROWS] = {DEVIATION_LIST};
     REAL matrix[ROWS][COLUMNS];
+    ARGUMENTS
     REAL before[COLUMNS];
     REAL after[COLUMNS];
     size_t i, j, k;
@@ -462,8 +519,10 @@ const REST: &str = "    const REAL deviation[ROWS] = {DEVIATION_LIST};
                 return;
             }
         }
+        FINITE
     }
     monitor->rests += ONE;
+    MEASURE
     for (i = 0; i < ROWS; ++i) {
         for (j = 0; j < COLUMNS; ++j) {
             const REAL entry = matrix[i][j] / deviation[i];
@@ -479,23 +538,81 @@ const REST: &str = "    const REAL deviation[ROWS] = {DEVIATION_LIST};
     }
 ";
 
-const PUSH: &str = "    const int taken = whole != 0 && ACCUMULATE;
+const PUSH: &str = "    ARGUMENTS
+    FORCES deviations = monitor->rules->deviations;
+    uint32_t equations = ROWS;
+    int taken;
 
+    COUNTED
+    taken = whole != 0 && ACCUMULATE;
     ++monitor->samples;
     monitor->taken += taken ? 1U : 0U;
+    monitor->equations += taken ? equations : 0U;
     if (monitor->samples >= monitor->rules->block) {
         if (monitor->state != MOVED && monitor->state != UNEXPLAINED
-            && (REAL)monitor->taken * (REAL)ROWS > TWO * (REAL)COLUMNS) {
+            && monitor->equations > 2U * COLUMNS) {
             monitor_judge(monitor);
         }
         CLEAR(&monitor->block);
         monitor->samples = 0;
         monitor->taken = 0;
+        monitor->equations = 0;
     }
     if (!taken && monitor->state != MOVED && monitor->state != UNEXPLAINED) {
         return LEFT_OUT;
     }
     return monitor->state;
+";
+
+const LEVELS: &str = "    for (i = 0; i < ROWS; ++i) {
+        for (j = 0; j < SIGNS; ++j) {
+            monitor->level[i][j] = ZERO;
+            monitor->wander[i][j] = ZERO;
+        }
+    }
+";
+
+const FINITE: &str = "        for (j = 0; j < SIGNS; ++j) {
+            if (!(FABS(arguments[i][j]) <= MAX)) {
+                return;
+            }
+        }
+";
+
+const MEASURE: &str = "    for (i = 0; i < ROWS; ++i) {
+        for (j = 0; j < SIGNS; ++j) {
+            const REAL off = arguments[i][j] - monitor->level[i][j];
+            monitor->level[i][j] += off / monitor->rests;
+            monitor->wander[i][j] += off * (arguments[i][j] - monitor->level[i][j]);
+        }
+        /* A row is counted where its signs are exact: what else there is in the entry is its noise then. */
+        for (j = 0; j < COLUMNS; ++j) {
+            matrix[i][j] = jumping[i][j] ? FABS(matrix[i][j]) : matrix[i][j];
+        }
+    }
+";
+
+const STILL: &str = "
+/* Whether a sign is that of noise, within five deviations of what it is taken of: normal noise leaves them once in 1.7 million samples.
+ * Dry friction at rest, or at a reversal, is anything between its limits. */
+static int monitor_still(const MONITOR *monitor, size_t row, const REAL arguments[SIGNS])
+{
+    const REAL share = STILL / (monitor->rests > TWO ? monitor->rests - ONE : ONE);
+    size_t i;
+
+    for (i = 0; i < SIGNS; ++i) {
+        if (arguments[i] * arguments[i] <= monitor->wander[row][i] * share) {
+            return 1;
+        }
+    }
+    return 0;
+}
+";
+
+const COUNTED: &str = "    if (monitor_still(monitor, INDEX, arguments[INDEX])) {
+        deviations.FIELD = INFINITE;
+        --equations;
+    }
 ";
 
 const AGAIN: &str = "    static const EVIDENCE nothing = {0};
@@ -509,9 +626,13 @@ const AGAIN: &str = "    static const EVIDENCE nothing = {0};
     monitor->state = RUN_IN;
 ";
 
+fn base_parameters(context: &Context<'_>) -> usize {
+    context.estimator.parts.base.as_ref().map_or(0, |base| base.parameters.len())
+}
+
 fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
     let scalar = context.scalar;
-    let count = context.estimator.parts.base.as_ref().map_or(0, |base| base.parameters.len()) as f64;
+    let count = base_parameters(context) as f64;
     let mut words = vec![
         ("REAL", scalar.name().to_owned()),
         ("COLUMNS", context.constant("BASE_PARAMETERS")),
@@ -524,6 +645,8 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("WATCHING", context.constant("MONITOR_WATCHING")),
         ("LEFT_OUT", context.constant("MONITOR_LEFT_OUT")),
         ("MOVED", context.constant("MONITOR_MOVED")),
+        ("FORCES", context.global("forces")),
+        ("INFINITE", format!("({})INFINITY", scalar.name())),
         ("UNEXPLAINED", context.constant("MONITOR_UNEXPLAINED")),
         ("CLEAR", context.global("base_estimator_clear")),
         ("OK", context.constant("OK")),
@@ -544,6 +667,7 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("FOUR", 4.0),
         ("NINE", 9.0),
         ("SIXTEEN", 16.0),
+        ("STILL", 25.0),
         ("HOUR", 3600.0),
     ];
     words.extend(numbers.map(|(name, value)| (name, scalar.literal(value))));

@@ -636,7 +636,8 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
     parameters.push(Parameter::new(format!("const {forces} *deviations")));
     let about = format!(
         "Takes in the motion and the applied forces B u of one instant, every equation with the standard deviation of its error, or all\n\
-         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero; the sample is left out then.",
+         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero; the sample is left out then. An\n\
+         equation whose deviation is infinite says nothing.",
         context.constant("NOT_FINITE")
     );
     let (name, status) = (context.global("base_accumulate"), context.global("status"));

@@ -24,7 +24,7 @@ pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
         names.extend(["NotFinite", "SquareRoot"]);
     }
     if parts.monitor {
-        names.extend(["MonitorFault", "MonitorState", "Monitoring"]);
+        names.extend(["MonitorFault", "MonitorJumps", "MonitorState", "Monitoring"]);
     }
     names
 }
@@ -229,7 +229,8 @@ fn estimator(context: &Context<'_>) -> TokenStream {
             /// error, or all alike when `deviations` is nothing.
             ///
             /// # Errors
-            /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then.
+            /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then. An equation whose deviation is
+            /// infinite says nothing.
             pub fn push(
                 &mut self,
                 motion: &Motion<T>,
@@ -317,6 +318,23 @@ fn monitor(context: &Context<'_>) -> TokenStream {
             quote!(#runtime::support)
         }
     };
+    let jumps = requested::jumps(context.estimator);
+    let signs = count(jumps.as_ref().map_or(0, |jumps| jumps.count));
+    let flags: Vec<bool> = jumps.as_ref().map_or_else(Vec::new, |jumps| jumps.entries.clone());
+    let size = base_fields(context).len();
+    let flag_rows = (0..context.names.rows.len()).map(|row| {
+        let flags = (0..size).map(|column| flags.get(row * size + column).copied().unwrap_or(false));
+        quote!([#(#flags),*])
+    });
+    let (signs_function, arguments_of) = match &jumps {
+        Some(jumps) => {
+            let function = requested::jumping(context.estimator, jumps);
+            let list = arguments(context, function.reads, false);
+            (matrix(context, "base_jumps", &function, list, jumps.count), quote!(base_jumps(motion, #argument)))
+        }
+        None => (TokenStream::new(), quote!([[]; #rows])),
+    };
+    let jumps = quote!(MonitorJumps { arguments: #arguments_of, entries: &JUMPING });
     let spread = requested::spread(context.estimator, context.options.identified).map(|spread| {
         let about = doc(requested::SPREAD);
         let rows = spread.iter().map(|row| {
@@ -331,6 +349,11 @@ fn monitor(context: &Context<'_>) -> TokenStream {
     quote! {
         #spread
 
+        #signs_function
+
+        /// Which entries of the regressor depend on a sign.
+        const JUMPING: [[bool; #columns]; #rows] = [#(#flag_rows),*];
+
         /// What a monitor watches, and how; arrays in the order of [`BASE_PARAMETERS`] and of the equations.
         pub type MonitorRules<T> = #support::MonitorRules<T, #rows, #columns>;
 
@@ -339,7 +362,7 @@ fn monitor(context: &Context<'_>) -> TokenStream {
         pub struct Monitor<'a, T> {
             rules: &'a MonitorRules<T>,
             block: BaseEstimator<T>,
-            watch: Monitoring<T, #rows, #columns>,
+            watch: Monitoring<T, #rows, #columns, #signs>,
         }
 
         impl<'a, T: Real> Monitor<'a, T> {
@@ -356,7 +379,7 @@ fn monitor(context: &Context<'_>) -> TokenStream {
             /// then is noise, which looks like a change of parameters where the machine moves little. Without any, the motion
             /// counts as exact.
             pub fn rest(&mut self, motion: &Motion<T>, #constants) {
-                self.watch.rest(self.rules, &base_regressor(motion, #argument));
+                self.watch.rest(self.rules, base_regressor(motion, #argument), &#jumps);
             }
 
             /// Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is false where
@@ -368,9 +391,10 @@ fn monitor(context: &Context<'_>) -> TokenStream {
                 whole: bool,
                 #constants
             ) -> MonitorState<T> {
-                let deviations = Forces::from_array(self.rules.deviations);
-                let taken = whole && self.block.push(motion, forces, Some(&deviations), #argument).is_ok();
-                if self.watch.counts(self.rules, taken) {
+                let deviations = self.watch.deviations(self.rules, &#jumps);
+                let given = Forces::from_array(deviations);
+                let taken = whole && self.block.push(motion, forces, Some(&given), #argument).is_ok();
+                if self.watch.counts(self.rules, taken.then_some(&deviations)) {
                     self.watch.judge(self.rules, &self.block.rows);
                     self.block = BaseEstimator::new();
                 }

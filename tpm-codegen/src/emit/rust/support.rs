@@ -43,7 +43,9 @@ pub(super) fn text(needs: Needs) -> String {
         text.push_str("    pub use self::square_root::{NotFinite, Shown, SquareRoot};\n");
     }
     if monitor {
-        text.push_str("    pub use self::monitor::{MonitorFault, MonitorRules, MonitorState, Monitoring, Moved};\n");
+        text.push_str(
+            "    pub use self::monitor::{MonitorFault, MonitorJumps, MonitorRules, MonitorState, Monitoring, Moved};\n",
+        );
     }
     if campaign {
         text.push_str(
