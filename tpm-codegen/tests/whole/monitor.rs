@@ -304,3 +304,36 @@ fn what_a_monitor_says_is_what_normal_equations_say() {
         }
     }
 }
+
+/// An arm with dry friction, whose joints rest one by one and all together, over some hours: the long measurement of `benches/monitor`, cut
+/// short.
+#[test]
+fn an_arm_with_dry_friction_is_watched() {
+    let Some(compiler) = compiler() else {
+        return skipped("no C compiler was found, so that the monitor of an arm was not run");
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = estimator(&root().join("tests/fixtures/arms/three_joints.tpm")).with(&[Part::Monitor]);
+    let options =
+        Options { scalar: Scalar::Float, prefix: Some("estimator"), ..Options::new(Language::C, "tpm generate") };
+    for file in generate(&source.expect("there are base parameters"), &options).expect("C has all of it") {
+        std::fs::write(folder.path().join(&file.name), &file.text).expect("writable");
+    }
+    let bench = root().join("benches/monitor");
+    let machine = format!("-DMACHINE=\"{}\"", bench.join("three_joints.h").display());
+    let command = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-DREAL=float", machine.as_str(), "-I."];
+    let output = Command::new(compiler)
+        .current_dir(folder.path())
+        .args(command)
+        .arg(bench.join("simulate.c"))
+        .args(["estimator.c", "-o", "simulate", "-lm"])
+        .output()
+        .expect("it runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(folder.path().join("simulate")).args(["10", "10"]).output().expect("it was compiled");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("\n0 false alarms in 10 h"), "{said}");
+    // Over a hundred times 97 % are found; of ten, one may be missed.
+    let found = ["9 of 10", "10 of 10"].iter().any(|found| said.contains(&format!("found within 60 s in {found},")));
+    assert!(found && said.contains(" 0 early"), "{said}");
+}
