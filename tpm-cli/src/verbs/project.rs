@@ -8,7 +8,7 @@ use crate::output::file;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::report::{Align, TextTable, cells, combination, number, or_dash};
+use tpm_runtime::report::{Align, TextTable, cells, combination, number, or_dash, probability};
 use tpm_runtime::session::StoredResult;
 use tpm_runtime::study::{
     ComparedMotion, Projection, ProjectionError, ProjectionRequest, Way, fitting_experiment, projection,
@@ -245,7 +245,7 @@ fn describe(found: &Projection) -> String {
             found.model,
             number(tested.chi_squared),
             tested.degrees,
-            number(tested.chance)
+            probability(tested.chance, number)
         );
     }
     for direction in &found.unobservable {

@@ -11,7 +11,7 @@ use crate::render::flags;
 use std::path::PathBuf;
 use tpm_runtime::document::Document;
 use tpm_runtime::estimate::Domain;
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::report::{Align, TextTable, number, probability};
 use tpm_runtime::session::{
     BetweenStamps, CorrelationTest, Fit, Identifiable as _, LAGS, SessionError, Simulation, Validation, validate,
 };
@@ -240,7 +240,7 @@ fn tests(simulation: &Simulation) -> String {
             lag.to_string(),
             format!("{:.4}", test.band),
             format!("{} of {LAGS}", test.outside()),
-            number(test.chance),
+            probability(test.chance, number),
             verdict.to_owned(),
         ]);
     };

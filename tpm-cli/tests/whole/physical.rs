@@ -110,5 +110,5 @@ fn a_fit_that_no_machine_has_and_one_that_explains_nothing_are_no_success() {
     let (code, text, error) = identify(&path);
     assert_eq!(code, Some(1), "{text}{error}");
     assert!(text.contains("is not explained by the model; terms"), "{text}{error}");
-    assert!(text.contains("a term 60.0 * dot(x) in row u takes 100 %: viscous damping"), "{text}{error}");
+    assert!(text.contains("a term 60.0 * dot(x) in row u can take 100 %: viscous damping"), "{text}{error}");
 }

@@ -3,7 +3,7 @@
 use crate::block::{Block, Cell, Notice};
 use crate::marks::Interval;
 use crate::page::{Caution, Document};
-use tpm_report::{cells, digits, or_dash};
+use tpm_report::{cells, digits, or_dash, probability};
 use tpm_session::{Comparison, Difference, Family, Verdict};
 
 /// Significant digits of probabilities and of joint statistics.
@@ -83,11 +83,11 @@ fn table(family: &Family, caption: &str) -> Block {
         "parameter",
         "unit",
         "#A",
-        "#std. dev.",
+        "#std. dev. of A",
         "#B",
-        "#std. dev.",
+        "#std. dev. of B",
         "#B - A",
-        "#std. dev.",
+        "#std. dev. of B - A",
         "outcome",
         "difference",
         "#z",
@@ -102,7 +102,7 @@ fn row(own: &Difference) -> Vec<Cell> {
         let [shown, deviation] = cells(value, std);
         [Cell::shown(shown, value), Cell::shown(deviation, std)]
     };
-    let chance = |p: Option<f64>| Cell::shown(or_dash(p, |p| digits(p, CHANCE_DIGITS)), p);
+    let chance = |p: Option<f64>| Cell::shown(or_dash(p, chance_text), p);
     let outcome = match &own.untested {
         Some(why) => why.clone(),
         None if own.changed => "changed".to_owned(),
@@ -119,6 +119,11 @@ fn row(own: &Difference) -> Vec<Cell> {
     line
 }
 
+/// A chance.
+fn chance_text(p: f64) -> String {
+    probability(p, |p| digits(p, CHANCE_DIGITS))
+}
+
 /// A number of deviations with its sign.
 fn signed(z: f64) -> String {
     let shown = digits(z, CHANCE_DIGITS);
@@ -133,7 +138,7 @@ fn notes(family: &Family) -> Vec<Block> {
             "All together: chi squared {} with {} degrees of freedom, p {}.",
             digits(joint.chi_squared, CHANCE_DIGITS),
             joint.degrees_of_freedom,
-            digits(joint.p, CHANCE_DIGITS)
+            chance_text(joint.p)
         )));
     }
     if let Some(direction) = &family.direction {

@@ -6,7 +6,7 @@
 use crate::block::{Cell, SHARE_DIGITS};
 use tpm_estimate::{ParameterReport, Status};
 use tpm_report::{digits, or_dash};
-use tpm_session::{Identification, Severity, Source};
+use tpm_session::{Identification, MissingTerm, Severity, Source};
 
 pub(super) fn subtitle(result: &Identification) -> String {
     match (result.source, &result.log, &result.pool) {
@@ -31,11 +31,26 @@ pub(super) fn unexplained(result: &Identification) -> (String, Cell) {
 
 /// The sentence for a complete result, with the parameters that are poorly determined.
 pub(super) fn success(result: &Identification) -> String {
-    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit);
+    // A term that the page names as missing is not explained, even where it moves no parameter and no warning speaks of it.
+    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit)
+        || lacking(result).iter().any(|(_, terms)| !terms.is_empty());
+    let hidden = asked(result).iter().filter(|own| own.status == Status::Unobservable).count();
+    // A motion of an arm shows some parameters in combinations only, which is known beforehand and no fault of the data.
+    let shown = match hidden {
+        0 if misfit => "Everything that was asked for has a value".to_owned(),
+        0 => "The data show everything that was asked for".to_owned(),
+        1 => {
+            format!("The data show all {} combinations that can be shown, one parameter only within them", result.rank)
+        }
+        _ => format!(
+            "The data show all {} combinations that can be shown, {hidden} parameters only within them",
+            result.rank
+        ),
+    };
     let mut text = if misfit {
-        format!("Everything that was asked for has a value, but the model leaves {} unexplained", share(result))
+        format!("{shown}, but the model leaves {} unexplained", share(result))
     } else {
-        "The data show everything that was asked for, and the model explains what was measured".to_owned()
+        format!("{shown}, and the model explains what was measured")
     };
     let poor = named(result, Status::PoorlyDetermined);
     if !poor.is_empty() {
@@ -45,10 +60,26 @@ pub(super) fn success(result: &Identification) -> String {
     text
 }
 
-/// The parameters with a status, those in which the model is linear first; each name once.
+/// Terms that the model lacks, with the log that showed them where there are several.
+pub(super) fn lacking(result: &Identification) -> Vec<(String, &[MissingTerm])> {
+    let runs = result.refinement.iter().map(|own| (String::new(), own.missing.as_slice()));
+    let alone = result.log.iter().map(|log| (String::new(), log.missing()));
+    let pooled = result.pool.iter().flat_map(|pool| &pool.logs);
+    let pooled = pooled.map(|part| (format!(" of {}", part.log.path), part.log.missing()));
+    runs.chain(alone).chain(pooled).collect()
+}
+
+/// The parameters that were asked for: where there are physical ones, the lumped ones are intermediate results.
+fn asked(result: &Identification) -> &[ParameterReport] {
+    if result.physical.is_empty() { &result.parameters } else { &result.physical }
+}
+
+/// The parameters with a status, those in which the model is linear first. One that stands in both lists has the status of a physical one.
 fn named(result: &Identification, status: Status) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
-    for own in result.parameters.iter().chain(&result.physical).filter(|own| own.status == status) {
+    let physical = |own: &&ParameterReport| result.physical.iter().any(|other| other.name == own.name);
+    let lumped = result.parameters.iter().filter(|own| !physical(own));
+    for own in lumped.chain(&result.physical).filter(|own| own.status == status) {
         if !names.contains(&own.name.as_str()) {
             names.push(&own.name);
         }
@@ -59,14 +90,13 @@ fn named(result: &Identification, status: Status) -> Vec<&str> {
 /// What a reader who knows nothing of estimators takes away: how many parameters are known and how well, which are not, and how much the
 /// model explains.
 pub(super) fn conclusion(result: &Identification) -> Vec<String> {
-    // Where there are physical parameters, the lumped ones are intermediate results.
-    let asked = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+    let asked = asked(result);
     let with = |status: Status| asked.iter().filter(|own| own.status == status).count();
     let mut counts: Vec<String> = Vec::new();
     for (count, what) in [
         (with(Status::Identified), "identified"),
         (with(Status::PoorlyDetermined), "known poorly"),
-        (with(Status::Unobservable), "not shown by the data"),
+        (with(Status::Unobservable), "not shown by itself"),
         (with(Status::Untrusted), "not to be trusted"),
         (with(Status::Frozen), "held at a value that was given"),
     ] {

@@ -9,8 +9,7 @@ use tpm_campaign::RunReport;
 use tpm_estimate::{ParameterReport, Status};
 use tpm_report::{Remedy, cells, combination, digits, number, or_dash};
 use tpm_session::{
-    About, Concern, Identification, LogReport, Meaning, MissingTerm, PeriodicReport, Severity, Validation, Warning,
-    Way, closed_loop,
+    About, Concern, Identification, LogReport, Meaning, PeriodicReport, Severity, Validation, Warning, Way, closed_loop,
 };
 
 /// Gives the name of a remedy in a front end, such as that of a flag; nothing where the front end has no name for it.
@@ -85,9 +84,14 @@ impl Document {
         // Where there are physical parameters, the lumped ones are intermediate results.
         let lumped =
             if result.physical.is_empty() { "" } else { "combinations of them, in which the equations are linear" };
-        let lists = [("", &result.physical), (lumped, &result.parameters)];
+        // One that is physical itself stands in the first table.
+        let physical = |own: &&ParameterReport| result.physical.iter().any(|other| other.name == own.name);
+        let lists: [(&str, Vec<&ParameterReport>); 2] = [
+            ("", result.physical.iter().collect()),
+            (lumped, result.parameters.iter().filter(|own| !physical(own)).collect()),
+        ];
         for (caption, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
-            let rows: Vec<Estimated<'_>> = list.iter().map(Estimated::from).collect();
+            let rows: Vec<Estimated<'_>> = list.into_iter().map(Estimated::from).collect();
             blocks.push(estimates("parameter", &rows, caption));
         }
         if !result.combinations.is_empty() {
@@ -145,7 +149,7 @@ impl Document {
 
     fn missing(&mut self, result: &Identification) {
         let mut blocks = Vec::new();
-        for (path, missing) in lacking(result) {
+        for (path, missing) in headline::lacking(result) {
             if missing.is_empty() {
                 continue;
             }
@@ -163,6 +167,13 @@ impl Document {
             let caption = format!("terms that would take what the model leaves unexplained{path}");
             let columns = ["term", "acts on", "#factor", "#std. dev.", "#of the unexplained", "meaning"];
             blocks.push(Block::table(&columns, rows.collect(), &caption));
+            let whole: f64 = missing.iter().map(|term| term.gain).sum();
+            blocks.extend((whole > 1.0).then(|| {
+                Block::text(
+                    "Each share is of what would be left without that term, beside the others: terms that look alike take the same part, so that \
+                     the shares add up to more than all.",
+                )
+            }));
         }
         self.section("missing", "What the model lacks", blocks);
     }
@@ -238,15 +249,6 @@ impl Document {
         }));
         self.section("provenance", "Provenance", vec![Block::Facts { rows }]);
     }
-}
-
-/// Terms that the model lacks, with the log that showed them where there are several.
-fn lacking(result: &Identification) -> Vec<(String, &[MissingTerm])> {
-    let runs = result.refinement.iter().map(|own| (String::new(), own.missing.as_slice()));
-    let alone = result.log.iter().map(|log| (String::new(), log.missing()));
-    let pooled = result.pool.iter().flat_map(|pool| &pool.logs);
-    let pooled = pooled.map(|part| (format!(" of {}", part.log.path), part.log.missing()));
-    runs.chain(alone).chain(pooled).collect()
 }
 
 /// Correlations from a covariance: the matrix, or a list of the strongest where the matrix is large; nothing for one parameter.

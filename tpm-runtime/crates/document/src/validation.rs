@@ -5,7 +5,7 @@ use crate::forces::{self, AROUND, PANEL};
 use crate::page::{Caution, Document};
 use crate::residuals;
 use tpm_plot::Figure;
-use tpm_report::{digits, number};
+use tpm_report::{digits, number, probability};
 use tpm_session::{BetweenStamps, CorrelationTest, LAGS, SensorFollowed, Validation};
 
 impl From<&Validation> for Document {
@@ -245,7 +245,8 @@ fn fits(found: &Validation, caption: &str) -> Block {
             Cell::size(Some(channel.noise)),
         ]
     });
-    let columns = ["coordinate", "unit", "#one step, rms", "#fit", "#free run, rms", "#fit", "#sensor noise found"];
+    let columns =
+        ["coordinate", "unit", "#one step, rms", "#its fit", "#free run, rms", "#its fit", "#sensor noise found"];
     Block::table(&columns, rows.collect(), caption)
 }
 
@@ -259,7 +260,7 @@ fn tested(found: &Validation, caption: &str) -> Option<Block> {
             Cell::text(lag.to_string()),
             Cell::shown(format!("{:.4}", test.band), Some(test.band)),
             Cell::text(format!("{} of {LAGS}", test.outside())),
-            Cell::shown(digits(test.chance, 2), Some(test.chance)),
+            Cell::shown(probability(test.chance, |p| digits(p, 2)), Some(test.chance)),
             Cell::text(if test.passed { "passed" } else { "failed" }),
         ]);
     };

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use tpm_codegen::import::{DescribedBody, JointLosses, Parted};
 use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{DMatrix, DVector};
-use tpm_report::number;
+use tpm_report::{number, probability};
 use tpm_symbolic::mechanics::tree::mechanism::{Loss, parameter_name};
 use tpm_symbolic::number::rational::to_f64;
 
@@ -164,7 +164,7 @@ impl Stage {
                  their deviations are too small, or the model lacks something",
                 number(distance),
                 shown.values.len(),
-                number(chance)
+                probability(chance, number)
             ));
         }
         if !parted.emptied.is_empty() {

@@ -20,7 +20,7 @@ use tpm_codegen::import::decimal;
 use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
 use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{Cholesky, DMatrix, DVector, tolerance};
-use tpm_report::number;
+use tpm_report::{number, probability};
 use tpm_session::{DeclaredModel, StoredResult};
 use tpm_symbolic::mechanics::tree::NAMES;
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
@@ -131,7 +131,7 @@ pub fn payload(request: &LoadRequest<'_>) -> Result<Load, InertiaError> {
         remarks.push(format!(
             "the load explains the difference of the results with a probability of {}: something else changed, or their deviations are too \
              small",
-            number(chance)
+            probability(chance, number)
         ));
     }
     let possible: Vec<f64> =

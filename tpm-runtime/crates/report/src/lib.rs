@@ -18,4 +18,4 @@ pub use file::{MOST_TEXT, is_special, read_input, read_text, write_output, write
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number, or_dash};
 pub use temporary::TEMPORARY;
-pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus};
+pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus, probability};

@@ -131,6 +131,15 @@ pub fn digits(number: f64, significant: usize) -> String {
     Cut { place, exponent: (!PLAIN_EXPONENTS.contains(&lead)).then_some(lead) }.text(number)
 }
 
+/// Probabilities below this one are not told from zero, which no chance is.
+const LEAST_PROBABILITY: f64 = 1e-300;
+
+/// A probability in a front end's own digits; one that is too small to be told from zero as a bound, since a chance is never zero.
+#[must_use]
+pub fn probability(p: f64, shown: fn(f64) -> String) -> String {
+    if p < LEAST_PROBABILITY { "<1e-300".to_owned() } else { shown(p) }
+}
+
 /// A number that is taken for exact, with at most twelve significant digits.
 #[must_use]
 pub fn exact(number: f64) -> String {

@@ -6,7 +6,7 @@ use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, HoldResiduals, LogReport, Way};
 use crate::options::LogOptions;
 use crate::record::nothing;
-use crate::simulation::simulate;
+use crate::simulation::{Extent, simulate};
 use crate::warning::{Exchange, Warning};
 use crate::{lines_log, periodic_log, recorded_log, samples_log, summary};
 use tpm_codegen::identified::Identified;
@@ -64,7 +64,8 @@ fn astray(
     options: &LogOptions,
     result: &Identification,
 ) -> Option<Warning> {
-    let simulated = result.refinement.as_ref().is_some_and(|report| report.used);
+    let refinement = result.log.as_ref().and_then(|log| log.refinement.as_ref());
+    let simulated = refinement.is_some_and(|report| report.used);
     let judged = !result.is_explained() || result.warnings.iter().any(Warning::is_distrust);
     if simulated || judged || is_static(model) || model.dims().coordinates > lines_log::MOST_SIMULATED {
         return None;
@@ -73,7 +74,7 @@ fn astray(
     let known = known.settled().ok()?;
     let parameters: Option<Vec<f64>> =
         (0..model.dims().parameters).map(|j| known.value(model.parameter(j).name)).collect();
-    simulate(machine, segments, options, &parameters?, &known.open).ok()?.ok()?.astray()
+    simulate(machine, segments, options, &parameters?, &known.open, Extent::Evidence).ok()?.ok()?.astray()
 }
 
 /// Says that the model explains a record far better when columns are exchanged, or with another sign, given the result without.

@@ -29,10 +29,25 @@ const MOST_SAMPLES: usize = 150_000;
 const MOST_NUMBERS: usize = 1 << 24;
 /// Number of such blocks.
 const BLOCKS: usize = 8;
+/// Most states at all samples that are evidence, but for [`LEAST_OF_EVIDENCE`] samples.
+const STATES_OF_EVIDENCE: usize = 8_000;
+/// Samples that are evidence whatever they cost.
+const LEAST_OF_EVIDENCE: usize = 1_000;
+/// Samples of a block of evidence; two blocks at least, since a machine may stand still at the beginning.
+const BLOCK_OF_EVIDENCE: usize = 500;
 /// Motions at which it is tested whether the rows change along a direction.
 const MOTIONS: usize = 32;
 /// Rows do not change along a direction when its terms cancel to this share of themselves at every motion.
 const CANCELLED: f64 = 1e-3;
+
+/// How much of a log is simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Extent {
+    /// All of it, as far as memory and minutes reach.
+    Whole,
+    /// As much as costs little beside an identification: for its report, or to see whether a model follows a log at all.
+    Evidence,
+}
 
 /// How well something simulated agrees with a channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -171,7 +186,7 @@ impl Simulation {
     }
 }
 
-/// Simulates the segments of a log from its inputs, or says why not. `open` are directions of the parameters that are not determined.
+/// Simulates the segments of a log from its inputs, or says why not; of a log that is longer than `extent`, blocks. `open` are directions of the parameters that are not determined.
 ///
 /// # Errors
 /// [`LogFault`] when the first sample to use lies behind the end.
@@ -181,6 +196,7 @@ pub(super) fn simulate(
     options: &LogOptions,
     parameters: &[f64],
     open: &[Weights],
+    extent: Extent,
 ) -> Result<Result<Simulation, String>, LogFault> {
     let Some(machine) = machine else {
         return Ok(Err(
@@ -200,8 +216,14 @@ pub(super) fn simulate(
     }
     let of: usize = stretches.iter().map(Stretch::samples).sum();
     let states: usize = (0..dims.coordinates).map(|c| model.coordinate_order(c)).sum();
-    let most = MOST_SAMPLES.min(MOST_NUMBERS / (states * (states + dims.inputs)).max(1));
-    let parts = at_most(stretches, most, BLOCKS);
+    let (most, blocks) = match extent {
+        Extent::Whole => (MOST_SAMPLES.min(MOST_NUMBERS / (states * (states + dims.inputs)).max(1)), BLOCKS),
+        Extent::Evidence => {
+            let most = (STATES_OF_EVIDENCE / states.max(1)).max(LEAST_OF_EVIDENCE);
+            (most, (most / BLOCK_OF_EVIDENCE).min(BLOCKS))
+        }
+    };
+    let parts = at_most(stretches, most, blocks);
     let sample_time = segments.first().map_or(0.0, |log| log.sample_time);
     match of_parts(machine, &parts, sample_time, options, parameters) {
         Ok(simulation) => Ok(Ok(Simulation { of, ..simulation })),

@@ -17,7 +17,7 @@ use crate::periodic_log::{repeating, spectra};
 use crate::record::{record, stretches};
 use crate::recorded_log;
 use crate::rows::Rows;
-use crate::simulation::{ChannelSimulation, Simulation, simulate};
+use crate::simulation::{ChannelSimulation, Extent, Simulation, simulate};
 use num_complex::Complex;
 use serde::Serialize;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
@@ -189,7 +189,8 @@ impl Validation {
 }
 
 /// The predictions of the logs that an identification comes from with what it found, for its report: nothing is fitted again, and what was
-/// known beforehand is part of the result.
+/// known beforehand is part of the result. Of a long log blocks are simulated, so that a report costs little beside its identification;
+/// [`validate`] simulates more.
 ///
 /// # Errors
 /// Those of [`validate`].
@@ -198,14 +199,14 @@ pub fn evidence(
     logs: Vec<LogRequest>,
     found: &Identification,
 ) -> Result<Vec<Validation>, SessionError> {
-    let predicted = |mut request: LogRequest| {
+    let of_log = |mut request: LogRequest| {
         let known = &mut request.estimation;
         known.prior.clear();
         known.frozen.clear();
         known.bounds.clear();
-        validate(model, request, found)
+        predicted(model, request, found.into(), Extent::Evidence)
     };
-    logs.into_iter().map(predicted).collect()
+    logs.into_iter().map(of_log).collect()
 }
 
 /// Predicts the inputs of a log from its motion, and simulates its motion from the inputs, with what an identification knows of the
@@ -219,7 +220,16 @@ pub fn validate(
     log: impl Into<LogRequest>,
     known: impl Into<Identified>,
 ) -> Result<Validation, SessionError> {
-    let (request, known) = (log.into(), known.into());
+    predicted(model, log.into(), known.into(), Extent::Whole)
+}
+
+/// [`validate`], of which so much is simulated.
+fn predicted(
+    model: &impl Identifiable,
+    request: LogRequest,
+    known: Identified,
+    extent: Extent,
+) -> Result<Validation, SessionError> {
     let declared = model.declaration()?;
     let rows = match declared.as_deref().filter(|declared| declared.is_only_simulated()) {
         Some(declared) => Rows::new(declared, Some(declared)),
@@ -262,7 +272,8 @@ pub fn validate(
     let machine = rows.machine();
     let derivatives = machine.map(|machine| machine.derivatives);
     let found = validate_segments(rows.model(), derivatives, &segments, &options, &parameters, &settled.open)?;
-    let (simulation, not_simulated) = match simulate(machine, &segments, &options, &parameters, &settled.open)? {
+    let (simulation, not_simulated) = match simulate(machine, &segments, &options, &parameters, &settled.open, extent)?
+    {
         Ok(simulation) => (Some(simulation), None),
         Err(why) => (None, Some(why)),
     };
@@ -301,7 +312,7 @@ pub(super) fn validate_run(
     let found = validate_segments(model, derivatives, &[log], options, parameters, open)?;
     let differentiable = derivatives.map(|derivatives| Differentiable { model, derivatives });
     let (simulation, not_simulated) =
-        match (&differentiable, simulate(differentiable, &[log], options, parameters, open)?) {
+        match (&differentiable, simulate(differentiable, &[log], options, parameters, open, Extent::Evidence)?) {
             (None, _) => {
                 (None, Some("the derivatives of a model with eliminated coordinates are not known".to_string()))
             }

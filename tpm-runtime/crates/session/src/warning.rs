@@ -614,7 +614,7 @@ impl fmt::Display for Warning {
             ),
             Warning::MissingTerm { term } => write!(
                 f,
-                "the model leaves something unexplained, of which a term {} * {}{} takes {:.0} %: {}; deviations contain how far the parameters would move with it",
+                "the model leaves something unexplained, of which a term {} * {}{} can take {:.0} %: {}; deviations contain how far the parameters would move with it",
                 digits(term.value, TERM_DIGITS),
                 term.term,
                 term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),

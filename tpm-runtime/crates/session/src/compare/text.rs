@@ -4,8 +4,6 @@ use crate::compare::comparison::{Comparison, Difference, Family, Verdict};
 use std::fmt::{self, Write as _};
 use tpm_report::{Align, TextTable, cells, digits, or_dash, plus_minus};
 
-/// Probabilities below this one are not told from zero.
-const LEAST_PROBABILITY: f64 = 1e-300;
 /// Significant digits of a joint test's statistic.
 const CHI_SQUARED_DIGITS: usize = 4;
 
@@ -168,5 +166,5 @@ fn notes(which: &str, family: &Family) -> String {
 }
 
 fn probability(p: f64) -> String {
-    if p < LEAST_PROBABILITY { "<1e-300".to_owned() } else { digits(p, 2) }
+    tpm_report::probability(p, |p| digits(p, 2))
 }
