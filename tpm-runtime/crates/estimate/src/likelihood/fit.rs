@@ -14,6 +14,7 @@ use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
+use crate::verdict::LARGE_RESIDUAL;
 use serde::Serialize;
 use tpm_core::model::Model;
 use tpm_numerics::singular::unit_columns;
@@ -156,6 +157,23 @@ impl OfAnyMotion {
         self.estimate.with_values(values, covariance, settings, |j, std| self.felt[j] * std)
     }
 
+    /// The model as it is, beside what was found with terms that it may lack. Such terms and parameters were exchanged for each other: with
+    /// the values beside the terms the model alone explains little, and with its own it does. Its own are the result, since it is the model
+    /// that is used; their deviations contain how far the terms would move them.
+    fn beside(self, with_terms: Self, settings: &Settings) -> Self {
+        let (own, other) = (&self.estimate, &with_terms.estimate);
+        let moved: Vec<f64> = own.values.iter().zip(&other.values).map(|(own, other)| other - own).collect();
+        let of = |i: usize| {
+            let entry = |j: usize| own.covariance[(i, j)] + other.covariance[(i, j)] + moved[i] * moved[j];
+            (0..moved.len()).map(entry).collect()
+        };
+        let covariance: Vec<Vec<f64>> = (0..moved.len()).map(of).collect();
+        let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| other.covariance.clone());
+        let estimate = self.restated(own.values.clone(), covariance, settings);
+        let report = LineReport { with_terms: with_terms.report.with_terms, ..self.report };
+        OfAnyMotion { estimate, report, lacking: with_terms.lacking, scale_unknown: with_terms.scale_unknown, ..self }
+    }
+
     /// Share of the information that noise of the sensors limits, of the row where it is largest.
     #[must_use]
     pub fn sensor_share(&self) -> f64 {
@@ -183,14 +201,33 @@ pub fn estimate_any_motion(
     let known = (record, &motion, circular);
     let mut look = Look::first(model);
     // Every round but the last refuses one gain at least.
-    loop {
+    let found = loop {
         let refused = look.refused.len();
         let result = applied(rows, known, &mut look, (&free, settings))?;
         if look.refused.len() == refused {
-            return Ok(result);
+            break result;
         }
         look = Look { refused: look.refused, ..Look::first(model) };
+    };
+    if found.lacking.is_empty() || found.estimate.residual <= LARGE_RESIDUAL {
+        return Ok(found);
     }
+    let look = Look { alone: true, ..Look::first(model) };
+    let alone = first_pass(rows, known, look, (&free, settings))?.with_terms()?.fit(&free)?.result;
+    Ok(if alone.estimate.residual <= LARGE_RESIDUAL { alone.beside(found, settings) } else { found })
+}
+
+/// A record looked at for the first time, as far as the noise of the forces allows.
+fn first_pass<'a>(
+    rows: Rows<'a>,
+    known: (&'a TimeRecord<'a>, &'a Motion, bool),
+    mut look: Look,
+    (free, settings): (&Free, &Settings),
+) -> Result<Pass<'a>, EstimateError> {
+    let pass = Pass::new(rows, known, &look, free, settings)?;
+    let Some(taken) = pass.wider()? else { return Ok(pass) };
+    look.taken = taken;
+    Pass::new(rows, known, &look, free, settings)
 }
 
 /// The estimate with the delays and gains of inputs that are found applied, until nothing is left of them. A gain of which the corrected
@@ -204,11 +241,8 @@ fn applied<'a>(
 ) -> Result<OfAnyMotion, EstimateError> {
     let mut settled = false;
     for _ in 0..APPLIED_PASSES {
-        let mut pass = Pass::new(rows, known, look, free, settings)?;
-        if let Some(taken) = pass.wider()? {
-            look.taken = taken;
-            pass = Pass::new(rows, known, look, free, settings)?;
-        }
+        let pass = first_pass(rows, known, look.clone(), (free, settings))?;
+        look.taken.clone_from(&pass.look.taken);
         let fitted = pass.with_terms()?.fit(free)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;

@@ -20,6 +20,8 @@ pub(super) struct Look {
     pub(super) applied: Vec<Term>,
     /// Gains of inputs that are no candidates: the record that they correct asks for ever more of them.
     pub(super) refused: Vec<Term>,
+    /// Whether the model is taken as it is, without terms that it may lack.
+    pub(super) alone: bool,
     /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
     pub(super) taken: Vec<f64>,
 }
@@ -28,7 +30,7 @@ impl Look {
     pub(super) fn first(model: &dyn Model<f64>) -> Self {
         let dims = model.dims();
         let inputs = vec![Acting { delay: 0.0, gain: 1.0 }; dims.inputs];
-        Look { inputs, applied: Vec::new(), refused: Vec::new(), taken: vec![0.0; dims.coordinates] }
+        Look { inputs, applied: Vec::new(), refused: Vec::new(), alone: false, taken: vec![0.0; dims.coordinates] }
     }
 
     /// Applies what was found of an input beside what was applied before.

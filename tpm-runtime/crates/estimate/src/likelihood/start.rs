@@ -89,7 +89,7 @@ impl<'a> Pass<'a> {
     /// As of [`all_rows`](Self::all_rows).
     pub(super) fn with_terms(mut self) -> Result<Self, EstimateError> {
         self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c]);
-        self.terms.retain(|term| !self.look.refused.contains(term));
+        self.terms.retain(|term| !self.look.alone && !self.look.refused.contains(term));
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
             let of = |term: &Term| match term.kind {
