@@ -2,23 +2,24 @@
 //!
 //! A discrete transform takes a signal for periodic. One that ends with another value or slope than it begins with has a second derivative
 //! with impulses where its end meets its beginning, and every filter spreads these over its own reach. The share of a motion that is read
-//! from a spectrum reaches over seconds: impulses of thousands of newtons then leave newtons in the middle of a record. So the polynomial
-//! of degree five that has the signal's value, slope and curvature at both ends is taken off before the transform; its derivatives are exact.
+//! from a spectrum reaches over seconds: impulses of thousands of newtons then leave newtons in the middle of a record. So the cubic
+//! that has the signal's value and slope at both ends is taken off before the transform; its derivatives are exact. Curvatures as well would be
+//! those of a sensor's noise where it is large.
 
 use crate::local::derivatives;
 use crate::time_domain::transform::Transform;
 use num_complex::Complex;
 
-/// Coefficients of a polynomial of degree five in time over the length of the signal.
-type Quintic = [f64; 6];
-/// Fewest samples to which a cubic is fitted at an end: twice as many as it has coefficients, and one.
-const LEAST_SAMPLES: usize = 9;
+/// Coefficients of a cubic in time over the length of the signal.
+type Cubic = [f64; 4];
+/// Fewest samples to which a quadratic is fitted at an end: twice as many as it has coefficients, and one.
+const LEAST_SAMPLES: usize = 7;
 
 /// A signal with its derivatives.
 #[derive(Clone, Debug)]
 pub(crate) struct Course {
     rest: Transform,
-    quintic: Quintic,
+    cubic: Cubic,
     /// Time from the first sample to the last, s.
     duration: f64,
     sample_time: f64,
@@ -28,47 +29,46 @@ pub(crate) struct Course {
 
 /// What is taken off a signal, and its rate.
 pub(crate) struct Trend {
-    quintic: Quintic,
+    cubic: Cubic,
     duration: f64,
 }
 
 impl Trend {
     /// Nothing, for a signal whose end goes over into its beginning.
     pub(crate) fn nothing() -> Self {
-        Trend { quintic: [0.0; 6], duration: 1.0 }
+        Trend { cubic: [0.0; 4], duration: 1.0 }
     }
 
-    /// The polynomial with the value, slope and curvature that a signal has at both of its ends, as cubics through `near` samples there tell.
+    /// The cubic with the value and the slope that a signal has at both of its ends, as quadratics through `near` samples there tell.
     pub(crate) fn of(signal: &[f64], sample_time: f64, near: usize) -> Self {
         let half = near.max(LEAST_SAMPLES).min(signal.len() / 2).saturating_sub(1) / 2;
         let width = 2 * half + 1;
         let duration = signal.len().saturating_sub(1) as f64 * sample_time;
-        // Value, slope and curvature at the first and the last of some samples, in units of the whole duration.
+        // Value and slope at the first and the last of some samples, in units of the whole duration.
         let ends = |part: &[f64]| {
-            let found = derivatives(part, sample_time, half, 2, width - 1)?;
-            Some(found.into_iter().enumerate().map(|(at, x)| x * duration.powi((at % 3) as i32)).collect::<Vec<f64>>())
+            let found = derivatives(part, sample_time, half, 1, width - 1)?;
+            Some(
+                found
+                    .into_iter()
+                    .enumerate()
+                    .map(|(at, x)| if at % 2 == 0 { x } else { x * duration })
+                    .collect::<Vec<f64>>(),
+            )
         };
         let both = if half > 0 { ends(&signal[..width]).zip(ends(&signal[signal.len() - width..])) } else { None };
-        let Some(([a, da, dda, ..], [.., b, db, ddb])) = both.as_ref().map(|(x, y)| (&x[..], &y[..])) else {
+        let Some(([a, da, ..], [.., b, db])) = both.as_ref().map(|(x, y)| (&x[..], &y[..])) else {
             return Trend::nothing();
         };
-        let (a, da, dda, b, db, ddb) = (*a, *da, *dda, *b, *db, *ddb);
-        let (value, slope, bend) = (b - a - da - 0.5 * dda, db - da - dda, ddb - dda);
-        let quintic = [
-            a,
-            da,
-            0.5 * dda,
-            10.0 * value - 4.0 * slope + 0.5 * bend,
-            -15.0 * value + 7.0 * slope - bend,
-            6.0 * value - 3.0 * slope + 0.5 * bend,
-        ];
-        if quintic.iter().all(|x| x.is_finite()) { Trend { quintic, duration } } else { Trend::nothing() }
+        let (a, da, b, db) = (*a, *da, *b, *db);
+        let (value, slope) = (b - a - da, db - da);
+        let cubic = [a, da, 3.0 * value - slope, slope - 2.0 * value];
+        if cubic.iter().all(|x| x.is_finite()) { Trend { cubic, duration } } else { Trend::nothing() }
     }
 
     /// What is left of a derivative of the signal that was measured, `derivative` zero for the signal itself.
     pub(crate) fn off(&self, signal: &[f64], sample_time: f64, derivative: usize) -> Vec<f64> {
         let left =
-            |(k, x): (usize, &f64)| x - polynomial(&self.quintic, self.duration, k as f64 * sample_time, derivative);
+            |(k, x): (usize, &f64)| x - polynomial(&self.cubic, self.duration, k as f64 * sample_time, derivative);
         signal.iter().enumerate().map(left).collect()
     }
 }
@@ -76,7 +76,7 @@ impl Trend {
 impl Course {
     /// From the transform of what a trend leaves.
     pub(crate) fn new(rest: Transform, trend: Trend, (points, sample_time): (usize, f64)) -> Self {
-        Course { rest, quintic: trend.quintic, duration: trend.duration, sample_time, points }
+        Course { rest, cubic: trend.cubic, duration: trend.duration, sample_time, points }
     }
 
     /// A derivative of the signal at even times over the time of the transform. `response` is that of a smoother which passes what is slow,
@@ -88,18 +88,18 @@ impl Course {
         for (k, value) in values.iter_mut().enumerate() {
             // Beyond the last sample there is nothing to follow.
             let time = (k as f64 * apart).min(self.duration);
-            *value += polynomial(&self.quintic, self.duration, time, derivative);
+            *value += polynomial(&self.cubic, self.duration, time, derivative);
         }
         values
     }
 }
 
 /// A derivative by time of a polynomial in time over a duration.
-fn polynomial(quintic: &Quintic, duration: f64, time: f64, derivative: usize) -> f64 {
+fn polynomial(cubic: &Cubic, duration: f64, time: f64, derivative: usize) -> f64 {
     let x = time / duration;
     let falling = |power: usize| ((power + 1 - derivative)..=power).map(|n| n as f64).product::<f64>();
-    let powers = (derivative..quintic.len()).rev();
-    powers.fold(0.0, |sum, power| sum * x + falling(power) * quintic[power]) / duration.powi(derivative as i32)
+    let powers = (derivative..cubic.len()).rev();
+    powers.fold(0.0, |sum, power| sum * x + falling(power) * cubic[power]) / duration.powi(derivative as i32)
 }
 
 #[cfg(test)]

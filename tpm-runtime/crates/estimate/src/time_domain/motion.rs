@@ -108,7 +108,7 @@ impl Motion {
                 let trend = if circular {
                     Trend::nothing()
                 } else {
-                    // A quarter of the fastest oscillation that stands out of the noise is as good as a cubic.
+                    // A quarter of the fastest oscillation that stands out of the noise is nearly a parabola.
                     let quarter = 0.5 * PI / highest[c].max(f64::MIN_POSITIVE) / record.sample_time;
                     Trend::of(measured, record.sample_time, quarter.min(samples as f64) as usize)
                 };
