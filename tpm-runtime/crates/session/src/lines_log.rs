@@ -224,7 +224,8 @@ struct Apart {
 
 impl Apart {
     fn of(refined: &Refined, lines: &OfAnyMotion) -> Option<Self> {
-        refined.report.as_ref().filter(|report| report.used)?;
+        let explains = refined.estimate.residual <= LARGE_RESIDUAL;
+        refined.report.as_ref().filter(|report| report.used && explains)?;
         let (own, other) = (&lines.estimate, &refined.estimate);
         let deviation = |j: usize| own.std[j].hypot(other.std[j]);
         let shown: Vec<usize> =

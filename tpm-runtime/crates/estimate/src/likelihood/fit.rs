@@ -209,12 +209,17 @@ pub fn estimate_any_motion(
         }
         look = Look { refused: look.refused, ..Look::first(model) };
     };
-    if found.lacking.is_empty() || found.estimate.residual <= LARGE_RESIDUAL {
+    if found.estimate.residual <= LARGE_RESIDUAL {
         return Ok(found);
     }
     let look = Look { alone: true, ..Look::first(model) };
     let alone = first_pass(rows, known, look, (&free, settings))?.with_terms()?.fit(&free)?.result;
-    Ok(if alone.estimate.residual <= LARGE_RESIDUAL { alone.beside(found, settings) } else { found })
+    Ok(match alone.estimate.residual <= LARGE_RESIDUAL {
+        false => found,
+        // Weights that follow the noise from line to line led to where the noise is little, and explain nothing of the force.
+        true if found.report.with_terms.iter().any(|left| *left > LARGE_RESIDUAL) => alone,
+        true => alone.beside(found, settings),
+    })
 }
 
 /// A record looked at for the first time, as far as the noise of the forces allows.

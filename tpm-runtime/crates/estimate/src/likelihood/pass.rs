@@ -20,7 +20,8 @@ pub(super) struct Look {
     pub(super) applied: Vec<Term>,
     /// Gains of inputs that are no candidates: the record that they correct asks for ever more of them.
     pub(super) refused: Vec<Term>,
-    /// Whether the model is taken as it is, without terms that it may lack.
+    /// Whether the model is taken as it is, without terms that it may lack, and all lines of a row count alike, so that what is left of the
+    /// force is least.
     pub(super) alone: bool,
     /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
     pub(super) taken: Vec<f64>,
@@ -174,6 +175,9 @@ impl Pass<'_> {
         let (right, view) = (self.right(), self.views[row]);
         let (signals, forces) = self.signals(row, missing)?;
         let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
+        if self.look.alone {
+            lines.band.fill(0);
+        }
         // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
         let leading = if forces.len() == signals.len() { row_lines(&self.paths.paths, view, &forces) } else { None };
         let power = leading.map_or_else(|| lines.column(right), |leading| leading.column(0));
