@@ -182,8 +182,7 @@ impl<'a> Paths<'a> {
             let mut noisy = path.clone();
             for (c, own) in self.measured.iter().enumerate() {
                 for d in 0..=self.rows.model.coordinate_order(c) {
-                    let noise = moving.noise[c]
-                        .filtered(path.points, |w| Complex::new(0.0, w).powu(d as u32) * own.smoothing(w, fastest));
+                    let noise = moving.noise[c].derivative(path.points, d, |w| own.smoothing(w, fastest));
                     noisy
                         .motion
                         .iter_mut()

@@ -85,10 +85,12 @@ impl Course {
         let of = |w: f64| Complex::new(0.0, w).powu(derivative as u32) * response(w);
         let mut values = self.rest.filtered(points, of);
         let apart = self.points as f64 * self.sample_time / points as f64;
+        // A smoother passes a cubic as it passes what is slowest.
+        let passed = response(0.0);
         for (k, value) in values.iter_mut().enumerate() {
             // Beyond the last sample there is nothing to follow.
             let time = (k as f64 * apart).min(self.duration);
-            *value += polynomial(&self.cubic, self.duration, time, derivative);
+            *value += passed * polynomial(&self.cubic, self.duration, time, derivative);
         }
         values
     }

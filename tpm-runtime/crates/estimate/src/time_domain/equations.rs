@@ -196,10 +196,10 @@ impl Band<'_> {
         let mut motion = vec![0.0; fine * slots];
         for (c, signal) in self.stretch.coordinates.iter().enumerate() {
             for d in 0..=model.coordinate_order(c) {
-                let response = |w: f64| Complex::new(0.0, w).powu(d as u32) * low_pass.response(w);
-                let mut values = signal.derivative(fine, d, |w| low_pass.response(w));
+                let response = |w: f64| low_pass.response(w);
+                let mut values = signal.derivative(fine, d, response);
                 if with_noise {
-                    let noise = self.stretch.noise[c].filtered(fine, response);
+                    let noise = self.stretch.noise[c].derivative(fine, d, response);
                     values.iter_mut().zip(&noise).for_each(|(value, noise)| *value += noise);
                 }
                 for (k, value) in values.iter().enumerate() {

@@ -54,7 +54,7 @@ pub(crate) struct Moving {
     pub(crate) points: usize,
     pub(crate) coordinates: Vec<Course>,
     /// Noise of the size that the coordinates have.
-    pub(crate) noise: Vec<Transform>,
+    pub(crate) noise: Vec<Course>,
     pub(crate) inputs: Vec<Transform>,
 }
 
@@ -98,43 +98,44 @@ impl Motion {
             let samples = stretch.samples();
             let points = quick(samples);
             let transform = |signal: &[f64]| Transform::new(signal, points, record.sample_time);
-            let mut random = |deviation: f64| -> Transform {
+            let mut random = |deviation: f64| -> Vec<f64> {
                 let draw = |_| -> f64 { deviation * Distribution::<f64>::sample(&StandardNormal, &mut rng) };
-                Transform::new(&(0..samples).map(draw).collect::<Vec<f64>>(), points, record.sample_time)
+                (0..samples).map(draw).collect()
             };
             let mut moving = Moving { samples, points, coordinates: Vec::new(), noise: Vec::new(), inputs: Vec::new() };
             for c in 0..coordinates {
+                // A quarter of the fastest oscillation that stands out of the noise is nearly a parabola.
+                let quarter = 0.5 * PI / highest[c].max(f64::MIN_POSITIVE) / record.sample_time;
+                let near = quarter.min(samples as f64) as usize;
+                let course = |position: &[f64], rate: Option<(&[f64], f64)>| {
+                    let trend = if circular { Trend::nothing() } else { Trend::of(position, record.sample_time, near) };
+                    let off = |signal: &[f64], derivative: usize| {
+                        transform(&trend.off(signal, record.sample_time, derivative))
+                    };
+                    let rest = match rate {
+                        Some((rate, of_rate)) => together(off(position, 0), &off(rate, 1), white[c], of_rate),
+                        None => off(position, 0),
+                    };
+                    Course::new(rest, trend, (points, record.sample_time))
+                };
                 let measured = stretch.coordinates[c];
-                let trend = if circular {
-                    Trend::nothing()
-                } else {
-                    // A quarter of the fastest oscillation that stands out of the noise is nearly a parabola.
-                    let quarter = 0.5 * PI / highest[c].max(f64::MIN_POSITIVE) / record.sample_time;
-                    Trend::of(measured, record.sample_time, quarter.min(samples as f64) as usize)
-                };
-                let without =
-                    |signal: &[f64], derivative: usize| transform(&trend.off(signal, record.sample_time, derivative));
+                let rate = stretch.rates.get(c).copied().flatten().zip(rate_noise[c]);
+                if let Some((rate, _)) = rate {
+                    let (position, rate) = (transform(measured), transform(rate));
+                    let gain = &mut gains[c];
+                    let last = (highest[c] / position.spacing()) as usize;
+                    for k in 1..=last.min(points / 2) {
+                        let own = Complex::new(0.0, k as f64 * position.spacing()) * position.bin(k);
+                        gain.0 += (rate.bin(k) * own.conj()).re;
+                        gain.1 += own.norm_sqr();
+                    }
+                }
+                // Noise goes the way of what is measured, so that it tells what noise of the sensors makes of the equations.
                 let noise = random(white[c]);
-                let rest = match (stretch.rates.get(c).copied().flatten(), rate_noise[c]) {
-                    (Some(of_sensor), Some(of_rate)) => {
-                        let (position, rate) = (transform(measured), transform(of_sensor));
-                        let gain = &mut gains[c];
-                        let last = (highest[c] / position.spacing()) as usize;
-                        for k in 1..=last.min(points / 2) {
-                            let own = Complex::new(0.0, k as f64 * position.spacing()) * position.bin(k);
-                            gain.0 += (rate.bin(k) * own.conj()).re;
-                            gain.1 += own.norm_sqr();
-                        }
-                        let noise_of_rate = random(of_rate);
-                        moving.noise.push(together(noise, &noise_of_rate, white[c], of_rate));
-                        together(without(measured, 0), &without(of_sensor, 1), white[c], of_rate)
-                    }
-                    _ => {
-                        moving.noise.push(noise);
-                        without(measured, 0)
-                    }
-                };
-                moving.coordinates.push(Course::new(rest, trend, (points, record.sample_time)));
+                let noise_of_rate = rate.map(|(_, of_rate)| (random(of_rate), of_rate));
+                let noise_of_rate = noise_of_rate.as_ref().map(|(noise, of_rate)| (noise.as_slice(), *of_rate));
+                moving.noise.push(course(&noise, noise_of_rate));
+                moving.coordinates.push(course(measured, rate));
             }
             moving.inputs = stretch.inputs.iter().map(|signal| transform(signal)).collect();
             stretches.push(moving);
