@@ -189,7 +189,9 @@ fn command(step: Step, model: &Path, result: Option<&Path>) -> Option<String> {
     let result = result.map_or_else(|| "RESULT.json".to_owned(), |path| path.display().to_string());
     Some(match step {
         Step::Motion => format!("tpm design {model}"),
-        Step::Prediction => format!("tpm validate {model} --params {result} --log OTHER.csv"),
+        Step::Prediction => format!(
+            "tpm validate {model} --params {result} --log OTHER.csv, with the --map, --scale and --hold of this one"
+        ),
         Step::Inertias => format!("tpm inertias {model} {result} --description ARM.urdf"),
         Step::Code => format!("tpm generate {model} --lang c --params {result}"),
         _ => return None,

@@ -449,7 +449,7 @@ fn a_page_of_an_arm_shows_frames_friction_and_what_to_do_next() {
         let fast: Vec<f64> = (own.points.iter()).filter(|(v, _)| v.abs() > 1.0).map(|(v, f)| f - law(*v)).collect();
         let rms = (fast.iter().map(|left| left * left).sum::<f64>() / fast.len() as f64).sqrt();
         assert!(fast.len() > 50 && rms < 0.1 * dry, "{joint}: {rms} of {dry} at {} points", fast.len());
-        for label in [format!("rate of {joint} [rad/s]"), format!("friction of {joint} [N m]")] {
+        for label in [format!("rate of {joint} [rad/s]"), format!("friction of {joint} [N*m]")] {
             assert!(shown.contains(&label), "`{label}` in {shown}");
         }
     }

@@ -14,6 +14,8 @@ use tpm_session::{
 
 /// Most points of friction in a panel, which are taken evenly over the rates that occur.
 const MOST: usize = 400;
+/// Room beside the smallest and the largest rate, a share of their distance, so that their points are not cut.
+const MARGIN: f64 = 0.02;
 /// An axis of a frame is named where the others have less than this.
 const ALONG: f64 = 1e-9;
 
@@ -60,10 +62,9 @@ impl Document {
                 "drives: v is the rate of what a drive moves",
             ),
         ];
-        let at = usize::from(self.sections.first().is_some_and(|first| first.id == "warnings"));
         self.section("machine", "Machine and frames", blocks);
         if let Some(own) = self.sections.pop() {
-            self.sections.insert(at, own);
+            self.sections.insert(0, own);
         }
         self.section("next", "What to do next", vec![Block::Notices { list: next(result, command) }]);
         self
@@ -73,13 +74,12 @@ impl Document {
     pub(super) fn friction(&mut self, all: &[Validation]) {
         let mut blocks = Vec::new();
         for found in all {
-            let panels: Vec<Panel> =
-                found.rows.iter().filter_map(|row| panel(row.unit.as_deref(), row.friction.as_ref()?)).collect();
+            let panels: Vec<Panel> = found.rows.iter().filter_map(|row| panel(row.friction.as_ref()?)).collect();
             if panels.is_empty() {
                 continue;
             }
-            let what = "Friction against the rate: what the other terms of the model leave of the applied force, and \
-                        the friction that was identified";
+            let what = "Friction against the rate: what the other terms of the model leave of the applied force, and the friction that was \
+                        identified. The points hold the band of the record that is used, in which a jump is smeared and rings";
             let caption = if all.len() > 1 { format!("{}: {what}", found.log) } else { what.to_owned() };
             blocks.push(self.figure("friction", low(format!("{}: friction", found.model), panels), &caption));
         }
@@ -122,7 +122,7 @@ fn drive(own: &DriveTerms) -> Vec<Cell> {
     ]
 }
 
-fn panel(unit: Option<&str>, own: &FrictionCourse) -> Option<Panel> {
+fn panel(own: &FrictionCourse) -> Option<Panel> {
     let mut points = own.points.clone();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (first, last) = (points.first()?.0, points.last()?.0);
@@ -131,10 +131,11 @@ fn panel(unit: Option<&str>, own: &FrictionCourse) -> Option<Panel> {
     }
     // In the order of the rates, so that no rhythm of the motion meets the pace at which they are taken.
     let points: Vec<(f64, f64)> = points.iter().step_by(points.len().div_ceil(MOST)).copied().collect();
+    let room = MARGIN * (last - first);
     let of = own.unit.as_ref().map_or(String::new(), |unit| format!(" [{unit}/s]"));
-    let force = unit.map_or(String::new(), |unit| format!(" [{unit}]"));
+    let force = own.force_unit.as_ref().map_or(String::new(), |unit| format!(" [{unit}]"));
     Some(Panel {
-        x: Axis::linear(&format!("rate of {}{of}", own.coordinate)).from_to(first, last),
+        x: Axis::linear(&format!("rate of {}{of}", own.coordinate)).from_to(first - room, last + room),
         y: Axis::linear(&format!("friction of {}{force}", own.coordinate)),
         traces: vec![
             Trace::new("what the other terms leave", 0, Curve::Points(points)),
@@ -181,7 +182,7 @@ fn next(result: &Identification, command: &Direct<'_>) -> Vec<Notice> {
     }
     let text = "Predict another log, of a motion that was not used here, before the parameters are relied on.";
     say(text.to_owned(), Some(Step::Prediction));
-    if !distrust {
+    if result.is_complete() {
         if !result.combinations.is_empty() {
             let text = "Ask for possible inertias of the links: what bodies can have, nearest to these values in their deviations, and to the \
                         description where the log says nothing.";

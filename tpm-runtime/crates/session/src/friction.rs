@@ -9,6 +9,8 @@ pub struct FrictionCourse {
     pub coordinate: String,
     /// Its unit.
     pub unit: Option<String>,
+    /// The unit of the force.
+    pub force_unit: Option<String>,
     /// Rate, and the force of the row that the other terms of the model leave.
     pub points: Vec<(f64, f64)>,
     /// Rate, and what the terms of friction make of it.
@@ -24,6 +26,7 @@ pub(super) struct OwnFriction<'a> {
     pub(super) values: Vec<f64>,
     /// Weights under which the terms of the row are its rate.
     pub(super) rate: Vec<f64>,
+    force_unit: Option<String>,
 }
 
 /// Rates that are tried, in units of the coordinate's.
@@ -49,8 +52,14 @@ impl<'a> OwnFriction<'a> {
         if row >= dims.coordinates || dims.order < 2 || model.needs_inputs() {
             return Ok(None);
         }
-        let mut own =
-            Self { model, constants, row, values: vec![0.0; dims.parameters], rate: vec![0.0; dims.parameters] };
+        let mut own = Self {
+            model,
+            constants,
+            row,
+            values: vec![0.0; dims.parameters],
+            rate: vec![0.0; dims.parameters],
+            force_unit: model.row(row).unit.map(Into::into),
+        };
         let columns: Vec<Vec<Vec<f64>>> = (RATES.iter())
             .map(|&rate| (0..STATES).map(|state| own.terms(rate, state)).collect::<Result<_, _>>())
             .collect::<Result<_, _>>()?;
@@ -66,6 +75,10 @@ impl<'a> OwnFriction<'a> {
                 return Ok(None);
             }
             own.values[j] = parameters[j];
+            // Rows with several inputs do not state a unit. What stands beside a sign or alone is the force itself.
+            if own.force_unit.is_none() && (0..RATES.len()).all(|rate| alike(at(rate, 0).abs(), largest)) {
+                own.force_unit = model.parameter(j).unit.map(Into::into);
+            }
             let slope = at(0, 0) / RATES[0];
             if RATES.iter().enumerate().all(|(rate, value)| alike(at(rate, 0), slope * value)) {
                 own.rate = vec![0.0; dims.parameters];
@@ -102,6 +115,12 @@ impl<'a> OwnFriction<'a> {
             law.push((rate, terms.iter().zip(&self.values).map(|(term, value)| term * value).sum()));
         }
         let label = self.model.coordinate(self.row);
-        Ok(FrictionCourse { coordinate: label.name.into(), unit: label.unit.map(Into::into), points, law })
+        Ok(FrictionCourse {
+            coordinate: label.name.into(),
+            unit: label.unit.map(Into::into),
+            force_unit: self.force_unit.clone(),
+            points,
+            law,
+        })
     }
 }
