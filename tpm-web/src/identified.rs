@@ -46,7 +46,8 @@ pub(crate) fn identified(asked: Identify, logs: &[Bytes]) -> Result<Value, Refus
     });
     let issue = |text: String| Some(text).filter(|text| !text.trim().is_empty());
     let issue = Issue { title: issue(asked.title), author: issue(asked.author), date: asked.date };
-    let document = Document::of_identification(&result, &shown, &remedy).issued(issue);
+    let document =
+        Document::of_identification(&result, &shown, &remedy).of_machine(&model, &result, &|_| None).issued(issue);
     let report = document.html().map_err(|error| error.to_string())?;
     let mut json = serde_json::to_string_pretty(&result).map_err(|error| error.to_string())?;
     json.push('\n');

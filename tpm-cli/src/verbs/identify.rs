@@ -17,7 +17,7 @@ use clap::ValueEnum;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use tpm_runtime::campaign::RunReport;
-use tpm_runtime::document::Document;
+use tpm_runtime::document::{Document, Step};
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
@@ -166,7 +166,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
                     Vec::new()
                 });
                 if let Some(folder) = &args.report {
-                    let document = Document::of_identification(&result, &shown, &flags::remedy);
+                    let document = Document::of_identification(&result, &shown, &flags::remedy).of_machine(
+                        &model,
+                        &result,
+                        &|step| command(step, &args.file, args.output.as_deref()),
+                    );
                     report::write(folder, &document.issued(args.issue.now()), &[])?;
                 }
                 if let Some(path) = &args.record {
@@ -176,6 +180,22 @@ pub(crate) fn run(args: &Args) -> Outcome {
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }
+}
+
+/// The command of a step after an identification.
+fn command(step: Step, model: &Path, result: Option<&Path>) -> Option<String> {
+    let model = model.display();
+    let result = result.filter(|path| path.extension().is_some_and(|own| own == "json"));
+    let result = result.map_or_else(|| "RESULT.json".to_owned(), |path| path.display().to_string());
+    Some(match step {
+        Step::Motion => format!("tpm design {model}"),
+        Step::Prediction => format!(
+            "tpm validate {model} --params {result} --log OTHER.csv, with the --map, --scale and --hold of this one"
+        ),
+        Step::Inertias => format!("tpm inertias {model} {result} --description ARM.urdf"),
+        Step::Code => format!("tpm generate {model} --lang c --params {result}"),
+        _ => return None,
+    })
 }
 
 /// Whether a file in the model's place is a log: neither its name nor its text is that of another kind of file.

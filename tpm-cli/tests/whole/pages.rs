@@ -153,6 +153,9 @@ fn check(case: &str, page: &str, result: &Value, shortfall: Option<&str>) {
                     assert_eq!(number(row[column]), stated, "{case}: {field} of {name}");
                 }
             }
+            if let Some(column) = place("difference/std") {
+                assert_eq!(number(row[column]), from_prior(entry), "{case}: distance of {name} from its prior");
+            }
             if status == "poorly_determined" && !poor.contains(&name.to_owned()) {
                 poor.push(name.to_owned());
             }
@@ -267,11 +270,19 @@ fn arm(seed: u64) -> (tempfile::NamedTempFile, DeclaredModel) {
     (file, model)
 }
 
+/// The difference of a value from its prior in standard deviations.
+fn from_prior(entry: &Value) -> Option<f64> {
+    let of = |field: &str| entry[field].as_f64();
+    let std = of("std").filter(|std| std.is_finite() && *std > 0.0)?;
+    Some((of("value")? - of("prior")?) / std)
+}
+
 /// The page of a result, checked.
-fn rendered(case: &str, result: &Identification, evidence: &[Validation]) -> String {
+fn rendered(case: &str, model: &DeclaredModel, result: &Identification, evidence: &[Validation]) -> String {
     let issue =
         Issue { title: Some(case.to_owned()), author: Some("A & <B>".to_owned()), date: Some("2026-03-01".to_owned()) };
-    let page = Page::of_identification(result, evidence, &|_| None).issued(issue).html().expect("a page");
+    let page = Page::of_identification(result, evidence, &|_| None).of_machine(model, result, &|_| None).issued(issue);
+    let page = page.html().expect("a page");
     assert!(page.contains("A &amp; &lt;B&gt;") && page.contains("2026-03-01"), "{case}");
     let json = serde_json::to_value(result).expect("JSON");
     check(case, &page, &json, result.shortfall().as_deref());
@@ -323,7 +334,7 @@ fn no_page_contradicts_itself_or_its_result() {
                     .flatten()
                     .into_iter()
                     .collect();
-                rendered(&case, &result, &evidence);
+                rendered(&case, &model, &result, &evidence);
                 pages += 1;
                 complete += usize::from(result.is_complete());
             }
@@ -353,7 +364,7 @@ fn no_page_contradicts_itself_or_its_result() {
                 true => evidence(&model, vec![request], &result).unwrap_or_else(|fault| panic!("{case}: {fault}")),
                 false => Vec::new(),
             };
-            let page = rendered(&case, &result, &evidence);
+            let page = rendered(&case, &model, &result, &evidence);
             if what == "right" {
                 assert!(page.contains("only within them"), "{case}: an arm hides parameters");
             }
@@ -368,11 +379,83 @@ fn no_page_contradicts_itself_or_its_result() {
     let model = DeclaredModel::parse("twice.tpm", &twice).unwrap_or_else(|fault| panic!("{fault}"));
     let result = from_log(&model, LogRequest::new(log.path())).expect("identifies");
     assert!(result.physical.iter().any(|own| own.value.is_none()), "a spring in two parts");
-    rendered("a spring in two parts", &result, &[]);
+    rendered("a spring in two parts", &model, &result, &[]);
     assert!(
         pages + 1 >= 50 && complete >= 8 && pages - complete >= 8,
         "{pages} pages, {complete} complete, {refused} refused"
     );
+}
+
+/// The page of an arm has its frames, the friction of its joints and what to do next; its numbers are those of the result.
+#[test]
+fn a_page_of_an_arm_shows_frames_friction_and_what_to_do_next() {
+    let (log, model) = arm(3);
+    let request = || {
+        let mut request = LogRequest::new(log.path());
+        request.estimation.refine = Refine::None;
+        request
+    };
+    let mut stated = request();
+    for j in 0..model.evaluated().dims().parameters {
+        let name = model.evaluated().parameter(j).name;
+        stated.estimation.prior.insert(name.to_owned(), if name.starts_with("m_") { 2.5 } else { 0.3 });
+    }
+    let result = from_log(&model, stated).expect("identifies");
+    let evidence = evidence(&model, vec![request()], &result).expect("is compared");
+    let page = rendered("arm beside its description", &model, &result, &evidence);
+    let json = serde_json::to_value(&result).expect("JSON");
+    let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+    let document = Document::parse_with_options(&page, options).expect("well-formed");
+    let section = |id: &str| {
+        let has = |node: &Node<'_, '_>| node.has_tag_name("section") && node.attribute("id") == Some(id);
+        document.descendants().find(has).unwrap_or_else(|| panic!("no section {id}"))
+    };
+    // Frames as the model states them, and the drives.
+    let frames = tables(section("machine"));
+    let cells = |rows: &[Vec<Node<'_, '_>>]| -> Vec<Vec<String>> {
+        rows.iter().map(|row| row.iter().map(|cell| text(*cell)).collect()).collect()
+    };
+    let expected = [
+        ["column", "the base", "q1 turns about z", "0, 0, 0.2", "0, 0, 0"],
+        ["upper", "column", "q2 turns about y", "0, 0.08, 0.1", "0, 0, 0"],
+        ["fore", "upper", "q3 turns about y", "0.35, -0.03, 0", "0, 0, 0"],
+    ];
+    assert_eq!(cells(&frames[0].1), expected);
+    assert_eq!(cells(&frames[1].1)[1], ["tau2", "q2", "fv_q2 v + fc_q2 sign(v)"]);
+    // Base parameters beside the description.
+    let combinations = json["combinations"].as_array().expect("a list");
+    let all = tables(section("parameters"));
+    let (head, rows) = all.iter().find(|(head, _)| head[0] == "combination").expect("combinations");
+    let place = |name: &str| head.iter().position(|column| column == name).expect("a column");
+    assert_eq!(rows.len(), combinations.len());
+    for (row, entry) in rows.iter().zip(combinations) {
+        assert_eq!(number(row[place("identified")]), entry["value"].as_f64());
+        assert_eq!(number(row[place("prior")]), entry["prior"].as_f64());
+        assert!(entry["prior"].is_number(), "{entry}");
+        assert_eq!(number(row[place("difference/std")]), from_prior(entry));
+    }
+    // The curve of friction is that of the identified parameters, and what the other terms leave lies about it.
+    let value = |name: &str| {
+        let own = json["parameters"].as_array().and_then(|list| list.iter().find(|own| own["name"] == name));
+        own.and_then(|own| own["value"].as_f64()).unwrap_or_else(|| panic!("no value of {name}"))
+    };
+    let shown = text(section("friction"));
+    for (row, joint) in evidence[0].rows.iter().zip(["q1", "q2", "q3"]) {
+        let own = row.friction.as_ref().unwrap_or_else(|| panic!("no friction of {joint}"));
+        let (viscous, dry) = (value(&format!("fv_{joint}")), value(&format!("fc_{joint}")));
+        let law = |v: f64| viscous * v + dry * v.signum();
+        assert!(own.law.iter().filter(|(v, _)| *v != 0.0).all(|(v, force)| (force - law(*v)).abs() < 1e-9), "{joint}");
+        // Far from reversals, where the low pass smears the jump.
+        let fast: Vec<f64> = (own.points.iter()).filter(|(v, _)| v.abs() > 1.0).map(|(v, f)| f - law(*v)).collect();
+        let rms = (fast.iter().map(|left| left * left).sum::<f64>() / fast.len() as f64).sqrt();
+        assert!(fast.len() > 50 && rms < 0.1 * dry, "{joint}: {rms} of {dry} at {} points", fast.len());
+        for label in [format!("rate of {joint} [rad/s]"), format!("friction of {joint} [N*m]")] {
+            assert!(shown.contains(&label), "`{label}` in {shown}");
+        }
+    }
+    let next = text(section("next"));
+    assert!(next.contains("Predict another log"), "{next}");
+    assert_eq!(next.contains("possible inertias"), result.is_complete(), "{next}");
 }
 
 #[test]

@@ -57,7 +57,7 @@ pub(super) fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Bloc
     let drawn = simulated || priors;
     let mut columns = vec![of, "unit", "#identified", "#std. dev."];
     columns.extend(if drawn { &["95 % interval", "#from", "#to"][..] } else { &["#95 % from", "#to"] });
-    columns.extend(priors.then_some("#prior"));
+    columns.extend(priors.then_some(["#prior", "#difference/std"]).into_iter().flatten());
     columns.extend(simulated.then_some(["#true", "#error/std"]).into_iter().flatten());
     columns.extend(remarks.then_some("status"));
     let line = |row: &Estimated<'_>| {
@@ -75,11 +75,16 @@ pub(super) fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Bloc
         ];
         line.extend(drawn.then(|| Cell::interval(Interval::of(row.value, row.std, row.truth, row.prior))));
         line.extend([end(-1.0), end(1.0)]);
-        line.extend(priors.then(|| Cell::number(row.prior)));
+        let apart = |from: Option<f64>| {
+            let apart = known.zip(from).map(|((value, std), from)| (value - from) / std);
+            Cell::shown(or_dash(apart, |apart| format!("{apart:+.2}")), apart)
+        };
+        if priors {
+            line.extend([Cell::number(row.prior), apart(row.prior)]);
+        }
         if simulated {
-            let error = known.zip(row.truth).map(|((value, std), truth)| (value - truth) / std);
             line.push(Cell::shown(or_dash(row.truth, |truth| beside(truth, row.value, row.std)), row.truth));
-            line.push(Cell::shown(or_dash(error, |error| format!("{error:+.2}")), error));
+            line.push(apart(row.truth));
         }
         line.extend(remarks.then(|| Cell::text(row.remark.clone())));
         line

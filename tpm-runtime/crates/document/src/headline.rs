@@ -32,8 +32,7 @@ pub(super) fn unexplained(result: &Identification) -> (String, Cell) {
 /// The sentence for a complete result, with the parameters that are poorly determined.
 pub(super) fn success(result: &Identification) -> String {
     // A term that the page names as missing is not explained, even where it moves no parameter and no warning speaks of it.
-    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit)
-        || lacking(result).iter().any(|(_, terms)| !terms.is_empty());
+    let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit) || lacks(result);
     let hidden = asked(result).iter().filter(|own| own.status == Status::Unobservable).count();
     // A motion of an arm shows some parameters in combinations only, which is known beforehand and no fault of the data.
     let shown = match hidden {
@@ -58,6 +57,11 @@ pub(super) fn success(result: &Identification) -> String {
     }
     text.push('.');
     text
+}
+
+/// Whether the page names terms that the model lacks.
+pub(super) fn lacks(result: &Identification) -> bool {
+    lacking(result).iter().any(|(_, terms)| !terms.is_empty())
 }
 
 /// Terms that the model lacks, with the log that showed them where there are several.

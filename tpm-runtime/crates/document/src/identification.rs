@@ -47,6 +47,7 @@ impl Document {
         document.parameters(result);
         document.not_shown(result);
         document.evidence(evidence, &[headline::unexplained(result)]);
+        document.friction(evidence);
         document.missing(result);
         document.correlations(result);
         document.runs(result);

@@ -36,6 +36,8 @@ mod fault_tests;
 mod fitted_delay;
 mod folder;
 mod found;
+mod frames;
+mod friction;
 mod identification;
 mod identify;
 #[cfg(test)]
@@ -104,6 +106,8 @@ pub use compare::{
 pub use error::{MachineError, SessionError, Setting};
 pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
+pub use frames::{DriveTerms, Frame, Movement};
+pub use friction::FrictionCourse;
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use identify::identify_log;
 pub use inspect::{

@@ -8,6 +8,7 @@
 use crate::between_stamps::{BetweenStamps, follow};
 use crate::entry::alone;
 use crate::error::SessionError;
+use crate::friction::{FrictionCourse, OwnFriction};
 use crate::identification::Identification;
 use crate::log::LogRequest;
 use crate::log_fault::LogFault;
@@ -20,6 +21,7 @@ use crate::rows::Rows;
 use crate::simulation::{ChannelSimulation, Extent, Simulation, simulate};
 use num_complex::Complex;
 use serde::Serialize;
+use std::f64::consts::PI;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
@@ -28,6 +30,18 @@ use tpm_log::{Log, ReadingReport, Recording};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
 const CANCELLED: f64 = 1e-3;
+
+/// Instants of a period at which friction is told.
+const INSTANTS: usize = 400;
+
+/// Values over one period from phasors at harmonics.
+fn over_period(lines: &[(usize, Complex<f64>)]) -> Vec<f64> {
+    let at = |n: usize| {
+        let phase = 2.0 * PI * n as f64 / INSTANTS as f64;
+        lines.iter().map(|(k, line)| (line * Complex::from_polar(1.0, phase * *k as f64)).re).sum()
+    };
+    (0..INSTANTS).map(at).collect()
+}
 
 /// Measured and predicted force of one row.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +68,9 @@ pub struct RowPrediction {
     /// Measured and predicted force, for figures.
     #[serde(skip)]
     pub course: RowCourse,
+    /// Its friction over the rate of its coordinate, for figures; nothing where the model has none there.
+    #[serde(skip)]
+    pub friction: Option<FrictionCourse>,
 }
 
 /// A row that is not predicted, since it changes along a direction of the parameters that neither data nor stated priors determine.
@@ -344,6 +361,10 @@ fn validate_segments(
         ([log], Some(Domain::Harmonics)) => Some(spectra(log, dims.coordinates, options)?),
         _ => None,
     };
+    let friction: Vec<Option<OwnFriction<'_>>> = (0..dims.rows)
+        .map(|row| OwnFriction::of(model, &options.constants, row, parameters, &directions))
+        .collect::<Result<_, EvalError>>()
+        .map_err(|error| fault(error.into()))?;
     let mut found = Validation::begun(model, path.clone(), options);
     let rows: Vec<(Missed, Option<Vec<_>>)> = match (&periodic, segments.first()) {
         (Some((periodic, spectra)), Some(log)) => {
@@ -360,7 +381,11 @@ fn validate_segments(
                     let (change, terms) = record.row_change(r, direction);
                     if terms > 0.0 { change / terms } else { 0.0 }
                 });
-                let missed = Missed { force, missed, changes: changes.collect(), course: ForceCourse::default() };
+                let course = friction[r].as_ref().map_or_else(ForceCourse::default, |own| {
+                    let parts = [&own.rate, &own.values].map(|weights| over_period(&record.row_part(r, weights)));
+                    ForceCourse { parts: parts.to_vec(), ..ForceCourse::default() }
+                });
+                let missed = Missed { force, missed, changes: changes.collect(), course };
                 (missed, Some(record.row_lines(r, parameters)))
             };
             (0..dims.rows).map(row).collect()
@@ -368,8 +393,12 @@ fn validate_segments(
         _ => {
             let stretches = stretches(segments, dims.coordinates, &options.reading)?;
             let record = record(segments.first().map_or(0.0, |log| log.sample_time), options, stretches);
-            let predicted = predict_in_band(model, derivatives, &options.constants, &record, parameters, &directions)
-                .map_err(fault)?;
+            let parts: Vec<Vec<Vec<f64>>> = (friction.iter())
+                .map(|own| own.iter().flat_map(|own| [own.rate.clone(), own.values.clone()]).collect())
+                .collect();
+            let predicted =
+                predict_in_band(model, derivatives, &options.constants, &record, parameters, &directions, &parts)
+                    .map_err(fault)?;
             found.cut_off = Some(predicted.cut_off);
             predicted.rows.into_iter().map(|row| (row, None)).collect()
         }
@@ -385,8 +414,22 @@ fn validate_segments(
             None => {
                 let share = if force > 0.0 { missed / force } else { 0.0 };
                 let (name, unit) = (label.name.into(), label.unit.map(String::from));
+                let left: Vec<f64> = match &lines {
+                    Some(lines) => {
+                        let left: Vec<(usize, Complex<f64>)> =
+                            lines.iter().map(|line| (line.0, line.1 - line.2)).collect();
+                        over_period(&left)
+                    }
+                    None => course.applied.iter().zip(&course.predicted).map(|(a, b)| a - b).collect(),
+                };
+                let friction = match (&friction[r], course.parts.as_slice()) {
+                    (Some(own), [rate, made]) => {
+                        Some(own.course(rate, &left, made).map_err(|error| fault(error.into()))?)
+                    }
+                    _ => None,
+                };
                 let course = lines.map_or(RowCourse::Time(course), RowCourse::Harmonics);
-                found.rows.push(RowPrediction { name, unit, force, missed, share, course });
+                found.rows.push(RowPrediction { name, unit, force, missed, share, course, friction });
             }
         }
     }

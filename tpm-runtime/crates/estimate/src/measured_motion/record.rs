@@ -349,6 +349,14 @@ impl MeasuredMotion {
         self.used[row].iter().zip(residuals).map(line).collect()
     }
 
+    /// Used lines of a row: harmonic, and phasor of its terms under weights of the parameters.
+    #[must_use]
+    pub fn row_part(&self, row: usize, weights: &[f64]) -> Vec<(usize, Complex<f64>)> {
+        let p = self.dims.parameters;
+        let of = |k: usize| weights.iter().enumerate().map(|(j, weight)| self.phi[row * p + j][k] * *weight).sum();
+        self.used[row].iter().map(|&k| (k, of(k))).collect()
+    }
+
     /// Root mean square over a period of the used lines of a row's terms along a direction in parameter space: of their sum, and the
     /// root sum of squares of the terms.
     #[must_use]

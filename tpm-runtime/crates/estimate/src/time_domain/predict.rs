@@ -20,6 +20,8 @@ pub struct ForceCourse {
     pub applied: Vec<f64>,
     /// Predicted force, unit of the row; not a number where the equation does not count.
     pub predicted: Vec<f64>,
+    /// Sums of the row's terms under the weights that were asked for; not a number where the equation does not count.
+    pub parts: Vec<Vec<f64>>,
 }
 
 /// What given parameters miss of one row.
@@ -78,7 +80,7 @@ impl Pace {
 }
 
 /// Predicts the forces of a record from its motion, with one value per parameter of the model; `directions` are those along which each
-/// row's change is told.
+/// row's change is told, `parts` weights of parameters for every row whose sums of terms are told over time.
 ///
 /// # Errors
 /// [`EstimateError::NoSignal`] when the stretches are too short for any band, [`EstimateError::Model`] and
@@ -90,6 +92,7 @@ pub fn predict_in_band(
     record: &TimeRecord<'_>,
     parameters: &[f64],
     directions: &[Vec<f64>],
+    parts: &[Vec<Vec<f64>>],
 ) -> Result<Prediction, EstimateError> {
     let dims = model.dims();
     let motion = Motion::new(record, false)?;
@@ -104,7 +107,7 @@ pub fn predict_in_band(
     let lengths = record.stretches.iter().map(Stretch::samples);
     let kept: f64 = lengths.map(|samples| (samples as f64 * record.sample_time - 2.0 * lost).max(0.0)).sum();
     let apart = kept / equations.instants() as f64;
-    let missed = |row: &RowEquations| {
+    let missed = |(index, row): (usize, &RowEquations)| {
         let counted = || row.entries.chunks_exact(width).zip(&row.counts).filter(|(_, counts)| **counts);
         let count = counted().count().max(1) as f64;
         let mean = |of: &dyn Fn(&[f64]) -> f64| (counted().map(|(entries, _)| of(entries)).sum::<f64>() / count).sqrt();
@@ -127,11 +130,14 @@ pub fn predict_in_band(
                 apart,
                 applied: course(&|entries| entries[width - 1]),
                 predicted: course(&|entries| along(entries, parameters)),
+                parts: (parts.get(index).into_iter().flatten())
+                    .map(|weights| course(&|entries| along(entries, weights)))
+                    .collect(),
             },
             force,
             missed: mean(&|entries| (entries[width - 1] - along(entries, parameters)).powi(2)),
             changes: directions.iter().map(change).collect(),
         }
     };
-    Ok(Prediction { cut_off: cut_off / (2.0 * PI), rows: equations.rows.iter().map(missed).collect() })
+    Ok(Prediction { cut_off: cut_off / (2.0 * PI), rows: equations.rows.iter().enumerate().map(missed).collect() })
 }
