@@ -127,7 +127,9 @@ impl AsRecorded {
             let own = all.next().flatten().unwrap_or_default();
             let mut own = with_readings(own, path, table.header_line, signal)?;
             follow(&mut own, path, signal, &mut report)?;
-            let outliers = lone_readings(&own.value);
+            // What a row says of the motion jumps with a held input, as an accelerometer does.
+            let smooth = model.coordinate_order(coordinate) > 0;
+            let outliers = if smooth { lone_readings(&own.value) } else { Vec::new() };
             lone.extend(outliers.iter().map(|&(k, value)| Lone {
                 coordinate,
                 line: own.lines[k],

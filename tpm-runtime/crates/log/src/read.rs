@@ -340,9 +340,11 @@ mod tests {
         assert!(fault(&with(5, "0.005,1\n")).starts_with("run.csv:7: 2 fields, the header has 3"));
         let message = fault(&with(5, "0.0052,1,1\n"));
         assert!(message.starts_with("run.csv:7: time advances by") && message.contains("20.0"), "{message}");
-        // A dropped sample; then time that stands still.
+        // A dropped sample; then one that was written twice. A stamp that was not read again lies between its neighbours.
         assert!(fault(&with(5, "")).starts_with("run.csv:7: time advances by"));
-        assert!(fault(&with(5, "0.004,1,1\n")).starts_with("run.csv:7: time advances by"));
+        assert!(fault(&with(5, "0.004,1,1\n0.005,1,1\n")).starts_with("run.csv:7: time advances by"));
+        let log = read(&with(5, "0.004,1,1\n"), &ReadingSettings::default()).expect("the next stamp makes up for it");
+        assert!((log.sample_time - 1e-3).abs() < 1e-12 && log.len() == 40, "{}", log.sample_time);
         let error =
             read(&text(good).replace("t_s,x,u", "t_s,y,u"), &ReadingSettings::default()).expect_err("no such column");
         assert!(format!("{error}").contains("no column `x`"), "{error}");
