@@ -1962,7 +1962,8 @@ impl<T: Real> BaseEstimator<T> {
     /// error, or all alike when `deviations` is nothing.
     ///
     /// # Errors
-    /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then.
+    /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then. An equation whose deviation is
+    /// infinite says nothing.
     pub fn push(
         &mut self,
         motion: &Motion<T>,
