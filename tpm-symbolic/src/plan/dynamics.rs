@@ -118,7 +118,7 @@ impl Dynamics {
         let mut left: Vec<usize> = (0..n).collect();
         let mut pivots = right.clone();
         // Of every eliminated coordinate: its number, the inverse pivot times what stood on the right, its factors.
-        let mut eliminated: Vec<(usize, Slot, Vec<(usize, Slot)>)> = Vec::with_capacity(n);
+        let mut eliminated: Vec<(usize, Slot, Factors)> = Vec::with_capacity(n);
         while !left.is_empty() {
             let beside = |k: usize| left.iter().copied().filter(move |&i| i != k);
             let coupled = |k: usize| beside(k).filter(|&i| matrix[k][i].is_some()).collect::<Vec<usize>>();
@@ -171,6 +171,9 @@ impl Dynamics {
         (1..).find(|n| n * n + n >= self.plan.outputs.len()).unwrap_or_default()
     }
 }
+
+/// Coordinates that stood beside an eliminated one, with their factors.
+type Factors = Vec<(usize, Slot)>;
 
 /// Degrees of expressions in some of the leaves, in the written form; `None` where such a leaf occurs inside a function
 /// or in a denominator.

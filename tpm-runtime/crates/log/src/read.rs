@@ -13,13 +13,10 @@ use crate::options::ReadingSettings;
 use crate::repeated::repeated_readings;
 use crate::source::LogSource;
 use crate::stamps::Uneven;
-use crate::table::Table;
+use crate::table::{LEAST_SAMPLES, Table};
 use std::io::Read;
 use std::path::Path;
 use tpm_core::model::{Label, Model};
-
-/// Fewest samples of a log.
-pub(super) const LEAST_SAMPLES: usize = 16;
 
 /// Measured rates by coordinate, nothing for a coordinate whose rate is not measured; an empty list where none is.
 pub type Rates = Vec<Option<Vec<f64>>>;

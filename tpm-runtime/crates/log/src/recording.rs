@@ -11,7 +11,7 @@ use crate::format::{open_columns, open_file};
 use crate::joins::joins;
 use crate::names::Signal;
 use crate::options::ReadingSettings;
-use crate::read::{LEAST_SAMPLES, Log, all_measured, jitter, rate_signals, signals};
+use crate::read::{Log, all_measured, jitter, rate_signals, signals};
 use crate::repeated::{repeated_readings, without_repeats};
 use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 use crate::resample::{
@@ -19,7 +19,7 @@ use crate::resample::{
 };
 use crate::source::LogSource;
 use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
-use crate::table::{Hole, Table};
+use crate::table::{Hole, LEAST_SAMPLES, Table};
 use crate::wraps::followed;
 use std::io::Read;
 use std::ops::Range;

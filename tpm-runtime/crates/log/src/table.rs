@@ -6,10 +6,12 @@ use crate::computed::Computed;
 use crate::error::LogError;
 use crate::names::{Names, Plan, Signal, Time};
 use crate::options::ReadingSettings;
-use crate::read::LEAST_SAMPLES;
 use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
 use serde::Serialize;
+
+/// Fewest samples of a log.
+pub(super) const LEAST_SAMPLES: usize = 16;
 
 /// Least stamps that count nanoseconds, microseconds or milliseconds from 1970 on, with the unit and its length in s.
 /// As seconds such stamps would lie thousands of years ahead.
