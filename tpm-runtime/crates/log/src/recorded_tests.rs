@@ -138,7 +138,7 @@ fn a_column_without_a_unit_is_said_to_be_in_the_units_of_the_model() {
 #[test]
 fn stamps_that_were_not_read_again_are_spread() {
     // A stamp in whole milliseconds, every ninth of which is that of the row before.
-    let late = |i: usize| if i % 9 == 0 && i > 0 { i - 1 } else { i };
+    let late = |i: usize| if i.is_multiple_of(9) && i > 0 { i - 1 } else { i };
     let text = table("time_ms,x,u", |i, x, u| format!("{},{x:.9},{u:.9}", 2 * late(i)));
     let recording = read(&text, &ReadingSettings::default()).expect("sound");
     holds(&recording, &[(0, ROWS)]);
