@@ -18,54 +18,74 @@ from cramer_rao import ORDER, truth_of
 LINKS = ["shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"]
 
 
+class Recorded:
+    """A log without noise, the parameters behind it and the rows of its equations: inertias, then friction and rotor of every joint."""
+
+    def __init__(self, urdf, log, truth):
+        self.model = pin.buildModelFromUrdf(urdf)
+        self.data, self.joints = self.model.createData(), list(self.model.names[1:])
+        self.settings = json.loads(Path(truth).read_text())
+        table = np.genfromtxt(log, delimiter=",", names=True)
+        self.times = table["t_s"]
+        self.q, self.v, self.torque = (np.column_stack([table[f"{name}{j}"] for j in range(1, 7)]) for name in ("q", "dq", "tau"))
+        self.a = np.gradient(self.v, self.times, axis=0)
+        self.names = [f"{p}_{link}" for link in LINKS for p in ORDER] + [f"{k}_{j}" for j in self.joints for k in ("fv", "Ia")]
+        losses = np.ravel(np.column_stack([self.settings["params"]["d"], self.settings["params"]["arm"]]))
+        self.theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(self.model.inertias)[1:]] + [losses])
+        self.noise = self.settings["tau_noise_frac"] * np.abs(self.torque).max(0)
+        # What the tool uses are the periods in which the motion has settled: all but the first.
+        self.used = self.times >= self.settings["period_s"]
+
+    def rows(self, q, v, a):
+        found = np.zeros((len(q), 6, len(self.names)))
+        for k in range(len(q)):
+            found[k, :, :60] = pin.computeJointTorqueRegressor(self.model, self.data, q[k], v[k], a[k])
+            for j in range(6):
+                found[k, j, 60 + 2 * j : 62 + 2 * j] = v[k, j], a[k, j]
+        return found
+
+    def bound(self):
+        """Covariance of the parameters by the noise of the torques, of a motion that is known."""
+        rows = self.rows(self.q[self.used], self.v[self.used], self.a[self.used])
+        information = sum(rows[:, j].T @ rows[:, j] / self.noise[j] ** 2 for j in range(6))
+        scale = np.sqrt(np.diag(information))
+        scale[scale == 0] = 1
+        scales = np.outer(scale, scale)
+        return np.linalg.pinv(information / scales, rcond=1e-12, hermitian=True) / scales
+
+
+def imported(tpm, urdf):
+    """The model of a description with viscous friction and rotors, in a folder of its own."""
+    file = Path(tempfile.mkdtemp()) / "ur5.tpm"
+    subprocess.run([tpm, "import", urdf, "--output", file, "--losses", "viscous,rotor"], capture_output=True, check=False)
+    return file
+
+
 def main(tpm, urdf, log, truth, seeds=20):
-    model = pin.buildModelFromUrdf(urdf)
-    data, joints = model.createData(), list(model.names[1:])
-    settings = json.loads(Path(truth).read_text())
-    table = np.genfromtxt(log, delimiter=",", names=True)
-    times = table["t_s"]
-    q, v, torque = (np.column_stack([table[f"{name}{j}"] for j in range(1, 7)]) for name in ("q", "dq", "tau"))
-    a = np.gradient(v, times, axis=0)
-    links = dict(zip(joints, LINKS))
-    names = [f"{p}_{links[j]}" for j in joints for p in ORDER] + [f"{k}_{j}" for j in joints for k in ("fv", "Ia")]
-    losses = np.ravel(np.column_stack([settings["params"]["d"], settings["params"]["arm"]]))
-    theta = np.concatenate([inertia.toDynamicParameters() for inertia in list(model.inertias)[1:]] + [losses])
-    rows = np.zeros((len(times), 6, len(names)))
-    for k in range(len(times)):
-        rows[k, :, :60] = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])
-        for j in range(6):
-            rows[k, j, 60 + 2 * j : 62 + 2 * j] = v[k, j], a[k, j]
-    noise = settings["tau_noise_frac"] * np.abs(torque).max(0)
-    # What the tool uses are the periods in which the motion has settled: all but the first.
-    used = times >= settings["period_s"]
-    information = sum(rows[used, j].T @ rows[used, j] / noise[j] ** 2 for j in range(6))
-    scale = np.sqrt(np.diag(information))
-    scale[scale == 0] = 1
-    bound = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True) / np.outer(scale, scale)
-    values, units = dict(zip(names, theta)), {name: np.eye(len(names))[i] for i, name in enumerate(names)}
-    folder = Path(tempfile.mkdtemp())
-    imported = folder / "ur5.tpm"
-    subprocess.run([tpm, "import", urdf, "--output", imported, "--losses", "viscous,rotor"], capture_output=True, check=False)
+    own = Recorded(urdf, log, truth)
+    bound = own.bound()
+    values, units = dict(zip(own.names, own.theta)), {name: np.eye(len(own.names))[i] for i, name in enumerate(own.names)}
+    model = imported(tpm, urdf)
+    file = model.parent / "log.csv"
     errors, scores, codes = [], [], []
     for seed in range(int(seeds)):
         rng = np.random.default_rng(1000 + seed)
-        step = np.array(settings["encoder_step"])
-        read, force = np.round(q / step) * step, torque + rng.normal(size=torque.shape) * noise
-        file = folder / "log.csv"
-        header = ",".join(["t_s", *joints, *(f"tau_{j}" for j in joints)])
-        np.savetxt(file, np.column_stack([times, read, force]), delimiter=",", header=header, comments="", fmt="%.10g")
-        run = subprocess.run([tpm, "identify", imported, "--log", file, "--hold", "zoh", "--json"], capture_output=True, text=True)
+        step = np.array(own.settings["encoder_step"])
+        read, force = np.round(own.q / step) * step, own.torque + rng.normal(size=own.torque.shape) * own.noise
+        header = ",".join(["t_s", *own.joints, *(f"tau_{j}" for j in own.joints)])
+        np.savetxt(file, np.column_stack([own.times, read, force]), delimiter=",", header=header, comments="", fmt="%.10g")
+        run = subprocess.run([tpm, "identify", model, "--log", file, "--hold", "zoh", "--json"], capture_output=True, text=True)
         codes.append(run.returncode)
         result = json.loads(run.stdout)
         own_errors = {}
-        for own in result["parameters"] + result["combinations"]:
-            if own["value"] is None:
+        for shown in result["parameters"] + result["combinations"]:
+            if shown["value"] is None:
                 continue
-            terms = own.get("terms") or {own["name"]: 1}
+            terms = shown.get("terms") or {shown["name"]: 1}
             of = lambda by: sum(float(f) * truth_of(name, by) for name, f in terms.items())
             true, row = of(values), of(units)
-            own_errors[own.get("name") or str(sorted(terms))] = (own["value"] - true) / np.sqrt(row @ bound @ row)
-            scores.append((own["value"] - true) / own["std"])
+            own_errors[shown.get("name") or str(sorted(terms))] = (shown["value"] - true) / np.sqrt(row @ bound @ row)
+            scores.append((shown["value"] - true) / shown["std"])
         errors.append(own_errors)
     per = {name: np.sqrt(np.mean([e[name] ** 2 for e in errors if name in e])) for name in errors[0]}
     scores = np.array(scores)
