@@ -159,12 +159,10 @@ static void run_add_rest(WORKSPACE *workspace, const REAL motion[ENTRIES], PHASO
     }
 }
 
-/* Lines of the rows' derivatives along the motion at the present parameters, and harmonics of what the rows leave there. */
-static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
+/* By how much the slots of a motion are moved for differences. */
+static void run_steps(const WORKSPACE *workspace, REAL w, REAL steps[ENTRIES])
 {
-    const REAL mean = ONE / (REAL)POINTS;
-    REAL steps[ENTRIES];
-    size_t point, entry, row, column, line, side;
+    size_t entry, line;
 
     for (entry = 0; entry < ENTRIES; ++entry) {
         REAL square = ZERO;
@@ -173,6 +171,18 @@ static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
             square += run_square(run_times(workspace->PATH[run_coordinate[entry]][line], derivative));
         }
         steps[entry] = square > ZERO ? SQRT(square) * STEP : STEP;
+    }
+}
+
+/* Lines of the rows' derivatives along the motion at the present parameters, and harmonics of what the rows leave there. */
+static void run_differentiate(WORKSPACE *workspace, REAL wCONSTANTS)
+{
+    const REAL mean = ONE / (REAL)POINTS;
+    REAL steps[ENTRIES];
+    size_t point, entry, row, column, line, side;
+
+    run_steps(workspace, w, steps);
+    for (entry = 0; entry < ENTRIES; ++entry) {
         for (row = 0; row < ROWS; ++row) {
             for (line = 0; line < LINES; ++line) {
                 workspace->gains[row][entry][line] = run_phasor(ZERO, ZERO);

@@ -322,7 +322,7 @@ static void run_forget_shift(WORKSPACE *workspace)
 static void run_find_shift(const RUN *run, WORKSPACE *workspace, REAL wCONSTANTS)
 {
     REAL steps[ENTRIES];
-    size_t point, entry, second, row, column, line, side;
+    size_t point, entry, second, row, column, side;
 
     run_forget_shift(workspace);
     for (row = 0; row < ROWS && !run_has_mean(workspace, row); ++row) {
@@ -340,14 +340,7 @@ static void run_find_shift(const RUN *run, WORKSPACE *workspace, REAL wCONSTANTS
         return;
     }
     workspace->shifts = 1;
-    for (entry = 0; entry < ENTRIES; ++entry) {
-        REAL square = ZERO;
-        for (line = 0; line < LINES; line += 2) {
-            const PHASOR derivative = run_derivative(w * (REAL)(line / 2), run_order[entry]);
-            square += run_square(run_times(workspace->PATH[run_coordinate[entry]][line], derivative));
-        }
-        steps[entry] = square > ZERO ? SQRT(square) * STEP : STEP;
-    }
+    run_steps(workspace, w, steps);
     for (point = 0; point < POINTS; ++point) {
         REAL motion[ENTRIES];
         run_motion_at(workspace->PATH, run_point(point), w, motion);

@@ -132,11 +132,7 @@ impl Estimate {
 
     /// The estimate of updates that have not settled: what the last one moved is one standard deviation more.
     pub fn moving(&self, moved: &[f64], settings: &Settings) -> Self {
-        let count = self.values.len();
-        let entry = |r: usize, c: usize| self.covariance[(r, c)] + moved[r] * moved[c];
-        let rows: Vec<Vec<f64>> = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
-        let covariance = Matrix::from_rows(&rows).unwrap_or_else(|| self.covariance.clone());
-        self.refined(self.values.clone(), covariance, settings)
+        self.refined(self.values.clone(), self.covariance.moved_by(moved), settings)
     }
 
     /// The estimate of the first parameters alone, whatever the others are.

@@ -47,6 +47,13 @@ impl Matrix {
         (0..self.rows().min(self.columns())).map(|i| self.0[(i, i)])
     }
 
+    /// The matrix and the outer product of a vector, of its number of rows, with itself: a covariance whose variables may besides be moved by so
+    /// much together.
+    #[must_use]
+    pub fn moved_by(&self, moved: &[f64]) -> Self {
+        Self(DMatrix::from_fn(self.rows(), self.columns(), |r, c| self.0[(r, c)] + moved[r] * moved[c]))
+    }
+
     /// A dense matrix as it is.
     #[must_use]
     pub const fn of(matrix: DMatrix<f64>) -> Self {

@@ -18,7 +18,7 @@ use tpm_estimate::{
     Sensor, Settings, Stretch, TermKind, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
-use tpm_numerics::{Matrix, alarm};
+use tpm_numerics::alarm;
 
 /// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
 /// simulation: below it the smoothed motion says all that a joint estimate would.
@@ -245,17 +245,11 @@ impl Apart {
     /// The estimate of the lines, whose deviations contain the difference.
     fn widened(&self, model: &dyn Model<f64>, lines: &OfAnyMotion, settings: &Settings) -> Refined {
         let own = &lines.estimate;
-        let row = |i: usize| -> Vec<f64> {
-            let of = |j: usize| own.covariance[(i, j)] + self.moved[i] * self.moved[j];
-            (0..own.values.len()).map(of).collect()
-        };
-        let rows: Vec<Vec<f64>> = (0..own.values.len()).map(row).collect();
-        let covariance = Matrix::from_rows(&rows).unwrap_or_else(|| own.covariance.clone());
         let parameter = model.parameter(self.parameter).name.to_string();
         let warning =
             Warning::WaysContradict { parameter, moved: self.moved[self.parameter], deviation: self.deviation };
         Refined {
-            estimate: lines.restated(own.values.clone(), covariance, settings),
+            estimate: lines.restated(own.values.clone(), own.covariance.moved_by(&self.moved), settings),
             report: None,
             warnings: vec![warning],
         }

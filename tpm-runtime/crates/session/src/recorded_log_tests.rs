@@ -242,13 +242,8 @@ fn a_measured_acceleration_is_mapped_by_its_name() {
     let computed = from_log(&model, log(&[("x", 0, 1e-3), ("ddot(x)", 2, 2e-2)], 8)).expect("identified");
     assert!(!computed.to_string().contains("ddot(x)"), "{computed}");
     // An accelerometer and no position.
-    let moved = "model Slide {
-        unmeasured x [m];
-        input u [N];
-        parameter m [kg], d [N*s/m], k [N/m];
-        m*ddot(x) + d*dot(x) + k*x = u;
-    }";
-    let moved = DeclaredModel::parse("slide.tpm", moved).expect("a model");
+    let moved = text.replace("coordinate", "unmeasured");
+    let moved = DeclaredModel::parse("slide.tpm", &moved).expect("a model");
     let result = from_log(&moved, log(&[("acc", 2, 2e-2)], 9).map("ddot(x)", "acc")).expect("identified");
     assert_right(&result, &truth, 0.05);
 }

@@ -186,7 +186,8 @@ impl Simulation {
     }
 }
 
-/// Simulates the segments of a log from its inputs, or says why not; of a log that is longer than `extent`, blocks. `open` are directions of the parameters that are not determined.
+/// Simulates the segments of a log from its inputs, or says why not; of a log that is longer than `extent`, blocks. `open` are directions of
+/// the parameters that are not determined.
 ///
 /// # Errors
 /// [`LogFault`] when the first sample to use lies behind the end.

@@ -163,13 +163,8 @@ impl OfAnyMotion {
     fn beside(self, with_terms: Self, settings: &Settings) -> Self {
         let (own, other) = (&self.estimate, &with_terms.estimate);
         let moved: Vec<f64> = own.values.iter().zip(&other.values).map(|(own, other)| other - own).collect();
-        let of = |i: usize| {
-            let entry = |j: usize| own.covariance[(i, j)] + other.covariance[(i, j)] + moved[i] * moved[j];
-            (0..moved.len()).map(entry).collect()
-        };
-        let covariance: Vec<Vec<f64>> = (0..moved.len()).map(of).collect();
-        let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| other.covariance.clone());
-        let estimate = self.restated(own.values.clone(), covariance, settings);
+        let both = Matrix::of(own.covariance.dense() + other.covariance.dense());
+        let estimate = self.restated(own.values.clone(), both.moved_by(&moved), settings);
         let report = LineReport { with_terms: with_terms.report.with_terms, ..self.report };
         OfAnyMotion { estimate, report, lacking: with_terms.lacking, scale_unknown: with_terms.scale_unknown, ..self }
     }
@@ -212,8 +207,8 @@ pub fn estimate_any_motion(
     if found.estimate.residual <= LARGE_RESIDUAL {
         return Ok(found);
     }
-    let look = Look { alone: true, ..Look::first(model) };
-    let alone = first_pass(rows, known, look, (&free, settings))?.with_terms()?.fit(&free)?.result;
+    let mut look = Look { alone: true, ..Look::first(model) };
+    let alone = first_pass(rows, known, &mut look, (&free, settings))?.with_terms()?.fit(&free)?.result;
     Ok(match alone.estimate.residual <= LARGE_RESIDUAL {
         false => found,
         // Weights that follow the noise from line to line led to where the noise is little, and explain nothing of the force.
@@ -222,17 +217,17 @@ pub fn estimate_any_motion(
     })
 }
 
-/// A record looked at for the first time, as far as the noise of the forces allows.
+/// A record looked at as far as the noise of the forces allows.
 fn first_pass<'a>(
     rows: Rows<'a>,
     known: (&'a TimeRecord<'a>, &'a Motion, bool),
-    mut look: Look,
+    look: &mut Look,
     (free, settings): (&Free, &Settings),
 ) -> Result<Pass<'a>, EstimateError> {
-    let pass = Pass::new(rows, known, &look, free, settings)?;
+    let pass = Pass::new(rows, known, look, free, settings)?;
     let Some(taken) = pass.wider()? else { return Ok(pass) };
     look.taken = taken;
-    Pass::new(rows, known, &look, free, settings)
+    Pass::new(rows, known, look, free, settings)
 }
 
 /// The estimate with the delays and gains of inputs that are found applied, until nothing is left of them. A gain of which the corrected
@@ -246,9 +241,7 @@ fn applied<'a>(
 ) -> Result<OfAnyMotion, EstimateError> {
     let mut settled = false;
     for _ in 0..APPLIED_PASSES {
-        let pass = first_pass(rows, known, look.clone(), (free, settings))?;
-        look.taken.clone_from(&pass.look.taken);
-        let fitted = pass.with_terms()?.fit(free)?;
+        let fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
             found.term.kind == TermKind::Delay && late.abs() > LONGEST_DELAY

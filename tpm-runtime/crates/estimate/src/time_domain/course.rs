@@ -10,8 +10,6 @@ use crate::local::derivatives;
 use crate::time_domain::transform::Transform;
 use num_complex::Complex;
 
-/// Coefficients of a cubic in time over the length of the signal.
-type Cubic = [f64; 4];
 /// Fewest samples to which a quadratic is fitted at an end: twice as many as it has coefficients, and one.
 const LEAST_SAMPLES: usize = 7;
 
@@ -19,17 +17,15 @@ const LEAST_SAMPLES: usize = 7;
 #[derive(Clone, Debug)]
 pub(crate) struct Course {
     rest: Transform,
-    cubic: Cubic,
-    /// Time from the first sample to the last, s.
-    duration: f64,
-    sample_time: f64,
-    /// Points of the transform.
-    points: usize,
+    trend: Trend,
 }
 
-/// What is taken off a signal, and its rate.
+/// A cubic in time over the length of a signal, which is taken off it, and its derivatives off those of the signal.
+#[derive(Clone, Debug)]
 pub(crate) struct Trend {
-    cubic: Cubic,
+    /// Coefficients, the constant one first.
+    cubic: [f64; 4],
+    /// Time from the first sample to the last, s.
     duration: f64,
 }
 
@@ -45,21 +41,13 @@ impl Trend {
         let width = 2 * half + 1;
         let duration = signal.len().saturating_sub(1) as f64 * sample_time;
         // Value and slope at the first and the last of some samples, in units of the whole duration.
-        let ends = |part: &[f64]| {
+        let ends = |part: &[f64]| -> Option<[f64; 4]> {
             let found = derivatives(part, sample_time, half, 1, width - 1)?;
-            Some(
-                found
-                    .into_iter()
-                    .enumerate()
-                    .map(|(at, x)| if at % 2 == 0 { x } else { x * duration })
-                    .collect::<Vec<f64>>(),
-            )
+            let [a, da, b, db] = found.try_into().ok()?;
+            Some([a, da * duration, b, db * duration])
         };
         let both = if half > 0 { ends(&signal[..width]).zip(ends(&signal[signal.len() - width..])) } else { None };
-        let Some(([a, da, ..], [.., b, db])) = both.as_ref().map(|(x, y)| (&x[..], &y[..])) else {
-            return Trend::nothing();
-        };
-        let (a, da, b, db) = (*a, *da, *b, *db);
+        let Some(([a, da, ..], [.., b, db])) = both else { return Trend::nothing() };
         let (value, slope) = (b - a - da, db - da);
         let cubic = [a, da, 3.0 * value - slope, slope - 2.0 * value];
         if cubic.iter().all(|x| x.is_finite()) { Trend { cubic, duration } } else { Trend::nothing() }
@@ -67,16 +55,24 @@ impl Trend {
 
     /// What is left of a derivative of the signal that was measured, `derivative` zero for the signal itself.
     pub(crate) fn off(&self, signal: &[f64], sample_time: f64, derivative: usize) -> Vec<f64> {
-        let left =
-            |(k, x): (usize, &f64)| x - polynomial(&self.cubic, self.duration, k as f64 * sample_time, derivative);
+        let left = |(k, x): (usize, &f64)| x - self.at(k as f64 * sample_time, derivative);
         signal.iter().enumerate().map(left).collect()
+    }
+
+    /// A derivative at a time; beyond the last sample that of its time, since there is nothing to follow.
+    fn at(&self, time: f64, derivative: usize) -> f64 {
+        let x = time.min(self.duration) / self.duration;
+        let falling = |power: usize| ((power + 1 - derivative)..=power).map(|n| n as f64).product::<f64>();
+        let powers = (derivative..self.cubic.len()).rev();
+        let sum = powers.fold(0.0, |sum, power| sum * x + falling(power) * self.cubic[power]);
+        sum / self.duration.powi(derivative as i32)
     }
 }
 
 impl Course {
     /// From the transform of what a trend leaves.
-    pub(crate) fn new(rest: Transform, trend: Trend, (points, sample_time): (usize, f64)) -> Self {
-        Course { rest, cubic: trend.cubic, duration: trend.duration, sample_time, points }
+    pub(crate) fn new(rest: Transform, trend: Trend) -> Self {
+        Course { rest, trend }
     }
 
     /// A derivative of the signal at even times over the time of the transform. `response` is that of a smoother which passes what is slow,
@@ -84,24 +80,14 @@ impl Course {
     pub(crate) fn derivative(&self, points: usize, derivative: usize, response: impl Fn(f64) -> f64) -> Vec<f64> {
         let of = |w: f64| Complex::new(0.0, w).powu(derivative as u32) * response(w);
         let mut values = self.rest.filtered(points, of);
-        let apart = self.points as f64 * self.sample_time / points as f64;
+        let apart = self.rest.duration() / points as f64;
         // A smoother passes a cubic as it passes what is slowest.
         let passed = response(0.0);
         for (k, value) in values.iter_mut().enumerate() {
-            // Beyond the last sample there is nothing to follow.
-            let time = (k as f64 * apart).min(self.duration);
-            *value += passed * polynomial(&self.cubic, self.duration, time, derivative);
+            *value += passed * self.trend.at(k as f64 * apart, derivative);
         }
         values
     }
-}
-
-/// A derivative by time of a polynomial in time over a duration.
-fn polynomial(cubic: &Cubic, duration: f64, time: f64, derivative: usize) -> f64 {
-    let x = time / duration;
-    let falling = |power: usize| ((power + 1 - derivative)..=power).map(|n| n as f64).product::<f64>();
-    let powers = (derivative..cubic.len()).rev();
-    powers.fold(0.0, |sum, power| sum * x + falling(power) * cubic[power]) / duration.powi(derivative as i32)
 }
 
 #[cfg(test)]
@@ -121,7 +107,7 @@ mod tests {
         let points = quick(samples);
         let largest = |trend: Trend, d: usize| {
             let rest = Transform::new(&trend.off(&signal, h, 0), points, h);
-            let course = Course::new(rest, trend, (points, h));
+            let course = Course::new(rest, trend);
             // A smoother whose response has a corner, so that it reaches far.
             let values =
                 course.derivative(points, d, |w| (1.0 - (w - 60.0).abs() / 60.0).max(f64::from(u8::from(w < 60.0))));

@@ -116,7 +116,7 @@ impl Motion {
                         Some((rate, of_rate)) => together(off(position, 0), &off(rate, 1), white[c], of_rate),
                         None => off(position, 0),
                     };
-                    Course::new(rest, trend, (points, record.sample_time))
+                    Course::new(rest, trend)
                 };
                 let measured = stretch.coordinates[c];
                 let rate = stretch.rates.get(c).copied().flatten().zip(rate_noise[c]);

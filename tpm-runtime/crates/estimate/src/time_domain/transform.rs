@@ -45,7 +45,12 @@ impl Transform {
 
     /// Angular frequency from one bin to the next, rad/s.
     pub(crate) fn spacing(&self) -> f64 {
-        2.0 * PI / (self.points as f64 * self.sample_time)
+        2.0 * PI / self.duration()
+    }
+
+    /// Time over which the transform reaches, s.
+    pub(crate) fn duration(&self) -> f64 {
+        self.points as f64 * self.sample_time
     }
 
     /// Power of every bin.
