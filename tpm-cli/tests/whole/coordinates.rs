@@ -210,3 +210,49 @@ fn the_best_values_of_the_model_itself_are_the_result_where_friction_bends() {
     let truth = [("m1", 0.6), ("m2", 0.5), ("m3", 0.4), ("d1", 16.0), ("d2", 16.0), ("d3", 16.0)];
     assert!(farthest(&result, &truth) < 1.5, "{result}");
 }
+
+/// Play in one spring of a chain looks like a softer spring; machines of more than three coordinates are asked for forces between those that
+/// are joined.
+#[test]
+fn play_in_a_spring_of_a_chain_is_named_with_its_size() {
+    let sines = [
+        [[0.21, 0.41, 0.3], [0.1, 0.97, 1.1], [0.04, 1.63, 2.5]],
+        [[0.16, 0.47, 1.3], [-0.08, 1.03, 0.1], [0.05, 1.71, 1.5]],
+        [[0.18, 0.53, 2.1], [0.1, 1.13, 0.9], [-0.04, 1.9, 3.0]],
+        [[0.2, 0.37, 0.7], [0.06, 1.23, 2.9], [0.05, 2.03, 1.0]],
+    ];
+    let (inertias, stiffness, damping, gap) = ([0.043, 0.051, 0.055, 0.042], [37.5, 129.0, 120.0], 0.12, 0.007);
+    let rows: Vec<Vec<f64>> = (0..2400)
+        .map(|k| {
+            let t = k as f64 * 2e-3;
+            let moving = sines.map(|own| motion(&own, t));
+            let mut forces: Vec<f64> = (0..4).map(|i| inertias[i] * moving[i][2] + damping * moving[i][1]).collect();
+            for (i, own) in stiffness.iter().enumerate() {
+                let apart = moving[i][0] - moving[i + 1][0];
+                let play = if i == 1 { apart.clamp(-gap, gap) } else { 0.0 };
+                forces[i] += own * (apart - play);
+                forces[i + 1] -= own * (apart - play);
+            }
+            let positions = (0..4).map(|i| moving[i][0] + 1e-4 * noise(4 * k + i));
+            [t].into_iter().chain(positions).chain(forces).collect()
+        })
+        .collect();
+    let model = "model Rotors {
+  coordinate q1 [rad], q2 [rad], q3 [rad], q4 [rad];
+  input u1 [N*m], u2 [N*m], u3 [N*m], u4 [N*m];
+  parameter m1 [kg*m^2], m2 [kg*m^2], m3 [kg*m^2], m4 [kg*m^2], k12 [N*m/rad], k23 [N*m/rad], k34 [N*m/rad],
+    d1 [N*m*s/rad], d2 [N*m*s/rad], d3 [N*m*s/rad], d4 [N*m*s/rad];
+  m1*ddot(q1) + d1*dot(q1) + k12*(q1 - q2) = u1;
+  m2*ddot(q2) + d2*dot(q2) + k12*(q2 - q1) + k23*(q2 - q3) = u2;
+  m3*ddot(q3) + d3*dot(q3) + k23*(q3 - q2) + k34*(q3 - q4) = u3;
+  m4*ddot(q4) + d4*dot(q4) + k34*(q4 - q3) = u4;
+}";
+    let folder = tempfile::tempdir().expect("a folder");
+    let (_, result) = identified(folder.path(), model, "t_s,q1,q2,q3,q4,u1,u2,u3,u4", &rows);
+    let named = missing(&result);
+    let size = -stiffness[1] * gap;
+    assert!(named.len() == 1 && named[0].0 == "sign(q2 - q3)" && (named[0].1 / size - 1.0).abs() < 0.03, "{named:?}");
+    let truth =
+        [("m1", 0.043), ("m2", 0.051), ("m3", 0.055), ("m4", 0.042), ("k12", 37.5), ("k23", 129.0), ("k34", 120.0)];
+    assert!(farthest(&result, &truth) < 3.5, "{result}");
+}

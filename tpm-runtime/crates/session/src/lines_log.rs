@@ -385,6 +385,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         TermKind::LoadFriction => {
             (format!("abs(force)*sign({})", v()), "dry friction in proportion to the force (gear)".into())
         }
+        TermKind::Play => (format!("sign({})", q()), "play in a spring about zero".into()),
         TermKind::DeadZone => ("sign(force)".into(), "a dead zone of the input".into()),
         TermKind::Delay => {
             let input = name(model.input(own.of));
@@ -414,6 +415,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
             (format!("abs{}", apart().1), "damping between the coordinates that differs with the direction".into())
         }
         TermKind::PairDrag => (format!("{0}*abs{0}", apart().1), "drag between the coordinates".into()),
+        TermKind::PairPlay => (format!("sign{}", apart().0), "play in a spring between the coordinates".into()),
         TermKind::PairFriction => (format!("sign{}", apart().1), "dry friction between the coordinates".into()),
         TermKind::PairPositionDamping => (
             format!("{}*{}", apart().0, apart().1),

@@ -8,7 +8,7 @@ use tpm_numerics::root_mean_square;
 
 /// Share of the root mean square velocity up to which friction is larger at low speed.
 const STRIBECK_VELOCITY: f64 = 0.15;
-/// Share of the root mean square force over which a dead zone is rounded.
+/// Share of the root mean square force over which a dead zone is rounded, and of the root mean square distance for play.
 const DEAD_ZONE: f64 = 0.05;
 /// Smallest range of a coordinate, rad or unit of the coordinate, over which sines of the coordinate itself are told from its powers.
 const SINE_RANGE: f64 = 0.5;
@@ -16,7 +16,7 @@ const SINE_RANGE: f64 = 0.5;
 const RIPPLES: std::ops::RangeInclusive<u32> = 5..=30;
 /// A column that is made of the recorded force takes no part when it is that force to within this cosine.
 const ITSELF: f64 = 0.9;
-/// Most coordinates of a machine in which every pair is asked for forces between them.
+/// Most coordinates of a machine in which every pair is asked for forces between them; of more, those that the model joins by a force.
 const MOST_PAIRED: usize = 3;
 
 /// A term that a model may lack.
@@ -62,6 +62,8 @@ pub enum TermKind {
     LoadFriction,
     /// A dead zone: a force that opposes the input whatever its size.
     DeadZone,
+    /// Play in a spring about zero: a force that is less by a constant, with the sign of the position.
+    Play,
     /// An input that acts later than it is recorded; the value is the delay, s.
     Delay,
     /// An input that is a multiple of what is recorded, as one that is recorded in another unit; the value is the factor.
@@ -80,6 +82,8 @@ pub enum TermKind {
     PairFriction,
     /// Damping in proportion to the distance.
     PairPositionDamping,
+    /// Play in a spring between two coordinates.
+    PairPlay,
     /// An inertia that couples two coordinates.
     PairInertia,
 }
@@ -113,6 +117,18 @@ fn sign(v: f64, deviation: f64) -> f64 {
     libm::erf(v / (SQRT_2 * deviation.max(f64::MIN_POSITIVE)))
 }
 
+/// The sign of a signal of a given root mean square, rounded about zero.
+fn rounded_sign(signal: &[f64], size: f64) -> Vec<f64> {
+    let width = (DEAD_ZONE * size).max(f64::MIN_POSITIVE);
+    signal.iter().map(|x| (x / width).tanh()).collect()
+}
+
+/// A force between two coordinates, which acts on both rows with opposite signs.
+fn against_each_other((a, b): (usize, usize), values: Vec<f64>) -> Columns {
+    let against = values.iter().map(|value| -value).collect();
+    vec![(a, values), (b, against)]
+}
+
 /// What the terms of all stretches have in common: so that a column means the same in each of them.
 #[derive(Clone, Debug)]
 pub(super) struct Scales {
@@ -120,6 +136,8 @@ pub(super) struct Scales {
     speed: Vec<f64>,
     /// Least and largest position.
     range: Vec<(f64, f64)>,
+    /// Mean product of the positions of two coordinates.
+    products: Vec<Vec<f64>>,
     /// Deviation of the velocity.
     rate_deviation: Vec<f64>,
     /// Root mean square force, by row.
@@ -141,11 +159,16 @@ impl Scales {
         let range = |c: usize| {
             series(c, 0).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)))
         };
+        let points: usize = paths.iter().map(|path| path.points).sum();
+        let positions: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 0).collect()).collect();
+        let product =
+            |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / points.max(1) as f64;
         let driven =
             |row: usize| along.iter().any(|own| (0..dims.inputs).any(|i| own.place(row, Entry::Rate(i)).is_some()));
         Scales {
             speed: (0..dims.coordinates).map(|c| root_mean_square(series(c, 1))).collect(),
             range: (0..dims.coordinates).map(range).collect(),
+            products: positions.iter().map(|a| positions.iter().map(|b| product((a, b))).collect()).collect(),
             rate_deviation,
             force: (0..dims.rows).map(right).collect(),
             duration: paths.iter().map(|path| path.points as f64 * path.apart).sum(),
@@ -215,10 +238,8 @@ impl Scales {
                 // A force that has the sign of the velocity throughout is this column itself, which explains nothing.
                 if likeness(&values, &force).abs() > ITSELF { Vec::new() } else { values }
             }
-            TermKind::DeadZone => {
-                let force = right();
-                by(&|k| (force[k] / (DEAD_ZONE * self.force[row]).max(f64::MIN_POSITIVE)).tanh())
-            }
+            TermKind::DeadZone => rounded_sign(&right(), self.force[row]),
+            TermKind::Play => rounded_sign(&q, self.products[c][c].sqrt()),
             _ => vec![0.0; path.points],
         };
         if values.is_empty() { Vec::new() } else { vec![(row, values)] }
@@ -236,6 +257,10 @@ impl Scales {
         let acceleration = apart(2);
         let own = self.rate_deviation[a].hypot(self.rate_deviation[b]);
         let deviation = |k: usize| own.hypot(CELL * path.apart * acceleration[k]);
+        if kind == TermKind::PairPlay {
+            let size = (self.products[a][a] + self.products[b][b] - 2.0 * self.products[a][b]).max(0.0).sqrt();
+            return against_each_other((a, b), rounded_sign(&r, size));
+        }
         let of = |k: usize| match kind {
             TermKind::PairPower(n) => r[k].powi(n as i32),
             TermKind::PairDamping => w[k],
@@ -245,13 +270,17 @@ impl Scales {
             TermKind::PairPositionDamping => r[k] * w[k],
             _ => 0.0,
         };
-        let values: Vec<f64> = (0..path.points).map(of).collect();
-        let against = values.iter().map(|value| -value).collect();
-        vec![(a, values), (b, against)]
+        against_each_other((a, b), (0..path.points).map(of).collect())
     }
 
-    /// The terms that are asked for; `coupled` says whether a row of the model has the acceleration of a coordinate.
-    pub(super) fn terms(&self, model: &dyn Model<f64>, coupled: &dyn Fn(usize, usize) -> bool) -> Vec<Term> {
+    /// The terms that are asked for; `coupled` says whether a row of the model has the acceleration of a coordinate, `feels` whether it
+    /// depends on its motion.
+    pub(super) fn terms(
+        &self,
+        model: &dyn Model<f64>,
+        coupled: &dyn Fn(usize, usize) -> bool,
+        feels: &dyn Fn(usize, usize) -> bool,
+    ) -> Vec<Term> {
         let dims = model.dims();
         let mut terms = Vec::new();
         for row in 0..dims.rows {
@@ -272,6 +301,7 @@ impl Scales {
                 add(TermKind::PositionDamping(exponent));
             }
             add(TermKind::Inertia(1));
+            add(TermKind::Play);
             if high - low > SINE_RANGE {
                 for multiple in 1..=2 {
                     add(TermKind::Sine(multiple));
@@ -311,9 +341,12 @@ impl Scales {
         }
         // Forces between coordinates that are measured in one unit: a distance means nothing between an angle and a length.
         let alike = |a: usize, b: usize| model.coordinate(a).unit == model.coordinate(b).unit;
-        if dims.coordinates <= MOST_PAIRED && dims.rows == dims.coordinates {
+        let inertial = |a: usize, b: usize| coupled(a, b) || coupled(b, a);
+        let joined = |a: usize, b: usize| (feels(a, b) || feels(b, a)) && !inertial(a, b);
+        let asked = |a: usize, b: usize| alike(a, b) && (dims.coordinates <= MOST_PAIRED || joined(a, b));
+        if dims.rows == dims.coordinates {
             for a in 0..dims.coordinates {
-                for b in (a + 1..dims.coordinates).filter(|&b| alike(a, b)) {
+                for b in (a + 1..dims.coordinates).filter(|&b| asked(a, b)) {
                     let mut add = |kind: TermKind| terms.push(Term { kind, row: None, of: a, other: Some(b) });
                     for exponent in 1..=3 {
                         add(TermKind::PairPower(exponent));
@@ -324,11 +357,12 @@ impl Scales {
                         TermKind::PairDrag,
                         TermKind::PairFriction,
                         TermKind::PairPositionDamping,
+                        TermKind::PairPlay,
                     ] {
                         add(kind);
                     }
                     // With a coupling of the model's own it would span, together with an inertia, what the parameters span.
-                    if !coupled(a, b) && !coupled(b, a) {
+                    if !inertial(a, b) {
                         add(TermKind::PairInertia);
                     }
                 }

@@ -88,7 +88,8 @@ impl<'a> Pass<'a> {
     /// # Errors
     /// As of [`all_rows`](Self::all_rows).
     pub(super) fn with_terms(mut self) -> Result<Self, EstimateError> {
-        self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c]);
+        let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
+        self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c], &feels);
         self.terms.retain(|term| !self.look.alone && !self.look.refused.contains(term));
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
