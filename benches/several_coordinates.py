@@ -19,7 +19,7 @@ import numpy as np
 # The steps of the integration are short beside the time in which dry friction, a steep function of the velocity near rest, stops a light link.
 STEP, SUBSTEPS, SECONDS = 1e-3, 16, 8.0
 CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged",
-          "gives_energy"}
+          "gives_energy", "goes_against"}
 
 
 class Arm:

@@ -16,7 +16,7 @@ from scipy import signal
 from scipy.optimize import least_squares
 
 CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged",
-          "negative_inertia", "gives_energy"}
+          "negative_inertia", "gives_energy", "goes_against"}
 
 
 def result(values=None, refused=None, causes=()):

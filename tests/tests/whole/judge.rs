@@ -100,6 +100,7 @@ fn findings() -> Vec<Warning> {
         Warning::NotVisible { parameter: m(), data: Data::Log },
         Warning::PoorlyDetermined { parameter: m(), value: 1.0, std: 0.9 },
         Warning::OnlyInCombinations { parameters: vec![m(), "c".into()], data: Data::Log },
+        Warning::GoesAgainst { parameter: m(), value: -2.0, std: 0.1 },
         Warning::NegativeInertia { parameter: m(), value: -1.0 },
         Warning::GivesEnergy { parameter: m(), value: -1.0, std: 0.1 },
         Warning::Run { run: 1, ending: RunEnding::Unsettled, goes_on: true },

@@ -1,7 +1,7 @@
 //! Inputs that do not stand alone, and machines that nothing drives: identified and followed by simulation, refused elsewhere.
 
 use crate::model::Identifiable as _;
-use crate::{DeclaredModel, Identification, LogRequest, from_log, validate};
+use crate::{DeclaredModel, Identification, LogRequest, Warning, from_log, validate};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -221,4 +221,20 @@ fn what_needs_inputs_that_stand_alone_refuses_the_others() {
     rows.rows_under(&[0.1, 0.2, 0.3], &[-2.0], &[], &mut scratch, (&mut phi, &mut known)).expect("fits");
     assert_eq!(phi, [0.3, 0.2, 4.0]);
     assert!((known[0] - 0.6 * 0.1_f64.sin()).abs() < 1e-15);
+}
+
+/// A motor that turns against its command is wired or recorded the wrong way round, unless somebody has said that it does.
+#[test]
+fn a_gain_that_goes_against_its_input_is_named() {
+    let case = Case { truth: &[0.03, 0.02, -0.2], ..PROPELLER };
+    let against = |request: LogRequest| {
+        let result = from_log(&case.model(), request).expect("identified");
+        let said = |warning: &Warning| matches!(warning, Warning::GoesAgainst { parameter, .. } if parameter == "kT");
+        assert!(result.is_complete() != result.warnings.iter().any(said), "{result}");
+        result.warnings.iter().any(said)
+    };
+    assert!(against(case.log(1)));
+    let mut told = case.log(1);
+    told.estimation.prior.insert("kT".into(), -0.1);
+    assert!(!against(told));
 }

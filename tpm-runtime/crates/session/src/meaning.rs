@@ -107,6 +107,7 @@ impl Warning {
             Warning::Physical { remark } => (Remark, Parameters, Concern::Parameters(remark.parameters())),
             Warning::NegativeInertia { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
             Warning::GivesEnergy { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
+            Warning::GoesAgainst { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
             Warning::FarFromLinear { .. } => (Distrust, Estimation, All),
             Warning::EndOfInterval { .. } => (Distrust, Estimation, All),
             Warning::SeveralMinima { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),

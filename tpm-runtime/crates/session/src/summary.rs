@@ -12,7 +12,7 @@ use tpm_log::Lone;
 use tpm_motion::RunEnding;
 use tpm_numerics::{alarm, tolerance};
 use tpm_physical::{
-    PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical, takes_energy,
+    PhysicalError, PhysicalSettings, has_inertia, input_gains, is_lumped, negative_inertias, physical, takes_energy,
 };
 use tpm_plant::stability::LoopStability;
 use tpm_symbolic::mechanics::model::Kind;
@@ -241,23 +241,28 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
 
 /// Warns of masses and inertias that came out negative, unless the matrix of accelerations at rest at a
 /// position is that of some machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
-/// Where it is, the rows are a balance of forces, and damping or friction that came out negative would drive the machine.
+/// Where it is, the rows are a balance of forces, and damping or friction that came out negative would drive the machine. Warns of gains of
+/// inputs that came out negative too.
 pub(super) fn warn_of_impossible_values(
     result: &mut Identification,
     model: &dyn Model<f64>,
     constants: &[f64],
     position: &[f64],
 ) {
-    if has_inertia(model, &result.current, constants, position) {
-        let Some(estimate) = &result.estimate else { return };
-        let takes = takes_energy(model, constants, position);
-        let surely = |j: usize| estimate.values[j] < -alarm::DRIVES * estimate.std[j];
-        let gives = (0..takes.len()).filter(|&j| takes[j] && surely(j)).map(|j| Warning::GivesEnergy {
-            parameter: model.parameter(j).name.into(),
-            value: estimate.values[j],
-            std: estimate.std[j],
-        });
-        result.warnings.extend(gives);
+    let machine = has_inertia(model, &result.current, constants, position);
+    if let Some(estimate) = &result.estimate {
+        let surely = |j: &usize| estimate.values[*j] < -alarm::DRIVES * estimate.std[*j];
+        let stated = |j: &usize| result.parameters.get(*j).and_then(|own| own.prior).is_some_and(|prior| prior < 0.0);
+        let of = |j: usize| (model.parameter(j).name.to_string(), estimate.values[j], estimate.std[j]);
+        let gains = input_gains(model, constants, position);
+        let against = (0..gains.len()).filter(|&j| gains[j]).filter(surely).filter(|j| !stated(j)).map(of);
+        let takes = if machine { takes_energy(model, constants, position) } else { Vec::new() };
+        let gives = (0..takes.len()).filter(|&j| takes[j]).filter(surely).map(of);
+        let against = against.map(|(parameter, value, std)| Warning::GoesAgainst { parameter, value, std });
+        let gives = gives.map(|(parameter, value, std)| Warning::GivesEnergy { parameter, value, std });
+        result.warnings.extend(against.chain(gives).collect::<Vec<_>>());
+    }
+    if machine {
         return;
     }
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };

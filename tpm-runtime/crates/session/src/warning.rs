@@ -235,6 +235,15 @@ pub enum Warning {
         /// Its value, in its unit.
         value: f64,
     },
+    /// The gain of an input came out negative, so that the machine goes against it.
+    GoesAgainst {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+        /// Its standard deviation.
+        std: f64,
+    },
     /// A parameter of damping or dry friction came out negative, so that its term gives energy to the machine.
     GivesEnergy {
         /// The parameter.
@@ -566,6 +575,11 @@ impl fmt::Display for Warning {
             Warning::GivesEnergy { parameter, value, std } => write!(
                 f,
                 "{parameter} = {} is negative, so that its term gives energy to the machine, which damping and friction do not: a term may be missing, or a scale, a sign or a column may be wrong",
+                plus_minus(*value, *std)
+            ),
+            Warning::GoesAgainst { parameter, value, std } => write!(
+                f,
+                "{parameter} = {} is negative, so that the machine goes against its input: the column of the input or of a coordinate has the wrong sign, unless the drive is meant to turn the other way; state a negative prior if it is",
                 plus_minus(*value, *std)
             ),
             Warning::Run { run, ending, goes_on } => match (ending, goes_on) {

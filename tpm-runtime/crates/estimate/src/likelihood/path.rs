@@ -71,7 +71,7 @@ pub(super) struct Measured {
 impl Measured {
     /// Density of the noise of the position at an angular frequency, to both sides.
     fn noise(&self, w: f64, h: f64) -> f64 {
-        let own = self.spectrum.noise.powi(2);
+        let own = self.spectrum.noise_at(w / (2.0 * PI));
         let together = match self.rate_noise {
             Some(rate) if own > 0.0 && w > 0.0 => own * rate * rate / (rate * rate + own * w * w),
             _ => own,
@@ -150,7 +150,7 @@ impl<'a> Paths<'a> {
                     spectrum.used = taken[c];
                 }
                 let rate_noise = rate.map(|rates| Sensor::of(&rates).noise);
-                let by_position = rate_deviation(spectrum.noise, spectrum.followed, h);
+                let by_position = rate_deviation(spectrum.noise_at(spectrum.followed).sqrt(), spectrum.followed, h);
                 let rate_deviation = rate_noise.map_or(by_position, |noise| noise.min(by_position));
                 Measured { spectrum, narrow, rate_noise, rate_deviation }
             })

@@ -19,6 +19,16 @@ const FOLLOWED: f64 = 3.0;
 const USED: f64 = 100.0;
 /// The median of a power whose mean is one, for averages of a few overlapping segments.
 const MEDIAN_POWER: f64 = 0.9;
+/// Corner frequencies at which colours of a sensor's noise are tried, per octave: neighbours differ by less than their spectra can be told
+/// apart.
+const CORNERS_PER_OCTAVE: i32 = 4;
+/// Octaves below half of the sampling frequency down to which corners are tried.
+const CORNER_OCTAVES: i32 = 10;
+/// A colour is looked at where it makes the noise at the edge of the motion's band at least twice that of the upper quarter: below, it
+/// moves no edge by more than a few per cent.
+const COLOURED: f64 = 2.0;
+/// Rounds in which the edge of the band and the colour above it are found from each other.
+const ROUNDS: usize = 8;
 
 /// A spectrum by averaged segments (Welch 1967).
 #[derive(Clone, Debug)]
@@ -29,11 +39,52 @@ struct Welch {
     density: Vec<f64>,
 }
 
+/// Density of a sensor's noise per Hz, to one side: white, or of first order,
+///
+/// ```text
+/// S(f) = level / (1 + r^2 - 2 r cos(2 pi f h)).
+/// ```
+#[derive(Clone, Copy, Debug)]
+struct Floor {
+    level: f64,
+    /// Correlation r of one sample with the next.
+    correlation: f64,
+    /// Time from one to the next, s.
+    h: f64,
+}
+
+impl Floor {
+    fn at(&self, frequency: f64) -> f64 {
+        self.level * self.shape(frequency)
+    }
+
+    fn shape(&self, frequency: f64) -> f64 {
+        let r = self.correlation;
+        1.0 / (1.0 + r * r - 2.0 * r * (2.0 * PI * frequency * self.h).cos())
+    }
+
+    /// The colour of first order that is likeliest (Whittle 1953) for the densities of bins at which nothing moves.
+    fn of(bins: &[(f64, f64)], h: f64) -> Self {
+        let tried = (0..=CORNERS_PER_OCTAVE * CORNER_OCTAVES).map(|k| {
+            let corner = 0.5 / h * 2.0_f64.powf(-f64::from(k) / f64::from(CORNERS_PER_OCTAVE));
+            let correlation = if k == 0 { 0.0 } else { (-2.0 * PI * corner * h).exp() };
+            let shape = Floor { level: 1.0, correlation, h };
+            let count = bins.len() as f64;
+            let level = bins.iter().map(|(f, power)| power / shape.shape(*f)).sum::<f64>() / count;
+            let logs = bins.iter().map(|(f, _)| shape.shape(*f).ln()).sum::<f64>() / count;
+            (level.max(f64::MIN_POSITIVE).ln() + logs, Floor { level, ..shape })
+        });
+        let least = tried.min_by(|a, b| a.0.total_cmp(&b.0));
+        least.expect("invariant: white noise is among what is tried").1
+    }
+}
+
 /// What the spectrum of one coordinate says.
 #[derive(Clone, Debug)]
 pub(super) struct Spectrum {
-    /// Deviation of white noise of the sensor, unit of the coordinate.
+    /// Deviation of the noise of the sensor, unit of the coordinate, were all of its spectrum as it is at the upper end.
     pub(super) noise: f64,
+    floor: Floor,
     /// Highest frequency at which the motion stands out of the noise, Hz.
     pub(super) followed: f64,
     /// Highest frequency at which it stands far out of the noise, Hz.
@@ -51,27 +102,50 @@ impl Spectrum {
         let quarter = 0.25 / h;
         let mut high: Vec<f64> = fine.bins().filter(|(f, _)| *f > quarter).map(|(_, p)| p).collect();
         high.sort_by(f64::total_cmp);
-        let floor = high.get(high.len() / 2).copied().unwrap_or(0.0) / MEDIAN_POWER;
+        let white = high.get(high.len() / 2).copied().unwrap_or(0.0) / MEDIAN_POWER;
+        let white = Floor { level: white, correlation: 0.0, h };
         let first = MAIN_LOBE.max(3);
-        let below = |ratio: f64| {
-            let smooth = |k: usize| {
-                let near = &fine.density[k.saturating_sub(1)..(k + 2).min(fine.density.len())];
-                near.iter().sum::<f64>() / near.len() as f64
-            };
-            let end = (first..fine.density.len()).find(|&k| smooth(k) < ratio * floor);
-            end.map_or(0.25 / h, |k| (k as f64 * fine.spacing).min(0.25 / h))
+        let smooth = |k: usize| {
+            let near = &fine.density[k.saturating_sub(1)..(k + 2).min(fine.density.len())];
+            near.iter().sum::<f64>() / near.len() as f64
         };
-        let noise = (floor * 0.5 / h).sqrt();
-        let (followed, used) = (below(FOLLOWED), below(USED));
+        let below = |ratio: f64, floor: &Floor| {
+            let under = |k: &usize| smooth(*k) < ratio * floor.at(*k as f64 * fine.spacing);
+            let end = (first..fine.density.len()).find(under);
+            end.map_or(quarter, |k| (k as f64 * fine.spacing).min(quarter))
+        };
+        // The noise is seen above the motion, whose band is known by the noise.
+        let mut floor = white;
+        for _ in 0..ROUNDS {
+            let edge = below(FOLLOWED, &floor);
+            let bins: Vec<(f64, f64)> = fine.bins().filter(|(f, _)| *f > edge).collect();
+            let coloured = Floor::of(&bins, h);
+            let before = std::mem::replace(&mut floor, coloured);
+            if coloured.correlation == before.correlation {
+                break;
+            }
+        }
+        if floor.at(below(FOLLOWED, &floor)) < COLOURED * white.level {
+            floor = white;
+        }
+        let noise = (white.level * 0.5 / h).sqrt();
+        let (followed, used) = (below(FOLLOWED, &floor), below(USED, &floor));
         let segment = ((SHARE_SEGMENT / h) as usize).clamp(1, longest.max(1));
         let mut share = Welch::of(signals, h, segment);
         let logs: Vec<f64> = share.density.iter().map(|p| p.max(f64::MIN_POSITIVE).ln()).collect();
+        let spacing = share.spacing;
         for (k, p) in share.density.iter_mut().enumerate() {
             let near = &logs[k.saturating_sub(1)..(k + 2).min(logs.len())];
             let smooth = (near.iter().sum::<f64>() / near.len() as f64).exp();
+            let floor = floor.at(k as f64 * spacing);
             *p = if k < MAIN_LOBE { 1.0 } else { (1.0 - floor / smooth).max(0.0) };
         }
-        Spectrum { noise, followed, used, share }
+        Spectrum { noise, floor, followed, used, share }
+    }
+
+    /// Variance of the noise at a frequency, Hz, were all of its spectrum as it is there.
+    pub(super) fn noise_at(&self, frequency: f64) -> f64 {
+        0.5 * self.floor.at(frequency) / self.floor.h
     }
 
     /// Share of the power at a frequency, Hz, that is motion: the response of the smoother that gives E[q | y], Wiener's.
@@ -164,5 +238,32 @@ mod tests {
         assert!((found.noise / noise - 1.0).abs() < 0.1, "{}", found.noise);
         assert!(found.used > 7.0 && found.followed >= found.used && found.followed < 16.0, "{found:?}");
         assert!(found.share(4.0) > 0.999 && found.share(100.0) < 0.5);
+    }
+
+    #[test]
+    fn coloured_noise_is_not_taken_for_motion() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let (h, noise, correlation) = (1e-3, 1e-3, 0.95_f64);
+        let mut colour = 0.0;
+        let signal: Vec<f64> = (0..10_000)
+            .map(|k| {
+                let fresh: f64 = StandardNormal.sample(&mut rng);
+                colour = correlation * colour + (1.0 - correlation * correlation).sqrt() * fresh;
+                let t = f64::from(k) * h;
+                (2.0 * std::f64::consts::PI * (0.5 * t + 0.375 * t * t)).sin() + noise * colour
+            })
+            .collect();
+        let found = Spectrum::of(&[&signal], h);
+        // Density of the noise, over that of white noise of the same deviation.
+        let exact = |f: f64| {
+            (1.0 - correlation * correlation)
+                / (1.0 + correlation * correlation - 2.0 * correlation * (2.0 * std::f64::consts::PI * f * h).cos())
+        };
+        for f in [20.0, 100.0, 400.0] {
+            let ratio = found.noise_at(f) / (noise * noise * exact(f));
+            assert!((ratio - 1.0).abs() < 0.25, "{f} Hz: {ratio}");
+        }
+        // The chirp ends at 8 Hz; the noise falls to a tenth only at 25 Hz.
+        assert!(found.used > 6.0 && found.followed >= found.used && found.followed < 16.0, "{found:?}");
     }
 }
