@@ -9,6 +9,7 @@ use crate::mechanics::pattern::Pattern;
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
 use ecow::EcoString;
+use num_traits::{One as _, Zero as _};
 use serde::{Deserialize, Serialize};
 
 /// Most leaves and operations of an expression that a message shows completely.
@@ -187,6 +188,40 @@ impl ExactModel {
     /// The run-time constants that are not to be identified, in order of declaration.
     pub fn known_constants(&self) -> impl Iterator<Item = Symbol> {
         self.run_time_constants().filter(|symbol| self.nonlinear.iter().all(|own| own.symbol != *symbol))
+    }
+
+    /// The parameters that are gains of inputs: a term of some equation is the parameter times an input, perhaps times known positive numbers and
+    /// the size of inputs, on the side of the forces (`... = Kt*i`). The input pushes backwards where such a parameter is negative.
+    #[must_use]
+    pub fn input_gains(&self) -> Vec<Symbol> {
+        let terms = self.equations.iter().flat_map(|equation| &equation.terms);
+        let mut gains: Vec<Symbol> = terms.filter_map(|term| self.gain_of_input(term.expr)).collect();
+        gains.sort_unstable();
+        gains.dedup();
+        gains
+    }
+
+    fn gain_of_input(&self, term: ExprId) -> Option<Symbol> {
+        let Node::Product(factors) = self.graph.node(term) else { return None };
+        let (mut left, mut gains, mut inputs) = (Rational::one(), Vec::new(), 0);
+        let is_input = |leaf: &ExprId| matches!(self.graph.node(*leaf), Node::Symbol(symbol) if self.quantity(*symbol).kind == Kind::Input);
+        for &factor in factors {
+            let node = self.graph.node(factor);
+            match node {
+                Node::Number(value) => left *= value,
+                Node::Symbol(symbol) => match &self.quantity(*symbol).kind {
+                    Kind::Parameter => gains.push(*symbol),
+                    Kind::Input => inputs += 1,
+                    _ => left *= self.known_value(node)?,
+                },
+                Node::Function(Function::Abs, of) if self.graph.leaves(*of).iter().all(is_input) => {}
+                _ => return None,
+            }
+        }
+        match gains[..] {
+            [gain] if inputs == 1 && left < Rational::zero() => Some(gain),
+            _ => None,
+        }
     }
 
     /// The pattern of a name, or the first when no name is given.

@@ -296,46 +296,6 @@ pub fn takes_energy(model: &dyn Model<f64>, constants: &[f64], position: &[f64])
     never.into_iter().zip(some).map(|(never, some)| never && some).collect()
 }
 
-/// Which parameters are the gain of an input: in the rows `Y(u) theta + known = B u` the column of such a parameter is `-u_i` times numbers
-/// that are not negative, at rest and in motion. A motor constant is one. Where the value is negative, the machine would go against the
-/// input.
-#[must_use]
-pub fn input_gains(model: &dyn Model<f64>, constants: &[f64], position: &[f64]) -> Vec<bool> {
-    let dims = model.dims();
-    let (n, p) = (dims.coordinates, dims.parameters);
-    if !model.needs_inputs() || position.len() < n {
-        return vec![false; p];
-    }
-    let mut scratch = vec![0.0; model.workspace_len()];
-    let mut known = vec![0.0; dims.rows];
-    let mut rows = |motion: &[f64], inputs: &[f64]| {
-        let mut rows = vec![0.0; dims.regressor_len()];
-        let done = model.rows_under(motion, inputs, constants, &mut scratch, (&mut rows, &mut known));
-        done.is_ok().then_some(rows)
-    };
-    let mut rest = vec![0.0; dims.motion_len()];
-    rest[..n].copy_from_slice(&position[..n]);
-    // Any motion will do in which no two entries are alike.
-    let moving: Vec<f64> = rest.iter().enumerate().map(|(k, at)| at + (k as f64 + 1.0).sqrt()).collect();
-    let unit =
-        |i: usize, size: f64| -> Vec<f64> { (0..dims.inputs).map(|k| if k == i { size } else { 0.0 }).collect() };
-    let Some(without) = rows(&moving, &unit(dims.inputs, 0.0)) else { return vec![false; p] };
-    let mut gain = vec![false; p];
-    for i in 0..dims.inputs {
-        let mut of = |motion: &[f64], size: f64| rows(motion, &unit(i, size));
-        let (Some(one), Some(back), Some(still)) = (of(&moving, 1.0), of(&moving, -1.0), of(&rest, 1.0)) else {
-            return vec![false; p];
-        };
-        for (j, gain) in gain.iter_mut().enumerate() {
-            let at = || (0..dims.rows).map(|row| row * p + j);
-            let pushes = at().any(|k| one[k] < 0.0);
-            *gain |=
-                pushes && at().all(|k| one[k] <= 0.0 && back[k] == -one[k] && still[k] == one[k] && without[k] == 0.0);
-        }
-    }
-    gain
-}
-
 /// Masses and moments of inertia that are certainly negative, which no machine has, by name with their values.
 #[must_use]
 pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {

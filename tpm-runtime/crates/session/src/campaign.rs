@@ -395,6 +395,7 @@ impl Session {
                 }
             }
         }
+        summary::warn_of_negative_gains(&mut result, &self.declared.prepared().model);
         let simulated = match (result.source, store) {
             (Source::SimulatedPlant, _) => true,
             (Source::Folder, Some(store)) => store.is_simulated()?,

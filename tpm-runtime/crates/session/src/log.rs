@@ -192,6 +192,9 @@ pub fn from_logs<R: Into<LogRequest>>(
     if let Some(lumped) = lumped {
         lumped.complete(&mut result, first.estimation.physical())?;
     }
+    if let Some(declared) = &declared {
+        summary::warn_of_negative_gains(&mut result, &declared.prepared().model);
+    }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
         logs: fingerprints,

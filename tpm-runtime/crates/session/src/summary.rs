@@ -6,16 +6,16 @@ use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use tpm_campaign::{Campaign, Contradiction, RunReport};
 use tpm_core::model::Model;
-use tpm_estimate::named::EstimateReport;
+use tpm_estimate::named::{EstimateReport, ParameterReport};
 use tpm_estimate::{Estimate, LARGE_RESIDUAL, ResidualOf, Status, Weights};
 use tpm_log::Lone;
 use tpm_motion::RunEnding;
 use tpm_numerics::{alarm, tolerance};
 use tpm_physical::{
-    PhysicalError, PhysicalSettings, has_inertia, input_gains, is_lumped, negative_inertias, physical, takes_energy,
+    PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical, takes_energy,
 };
 use tpm_plant::stability::LoopStability;
-use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
@@ -241,28 +241,23 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
 
 /// Warns of masses and inertias that came out negative, unless the matrix of accelerations at rest at a
 /// position is that of some machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
-/// Where it is, the rows are a balance of forces, and damping or friction that came out negative would drive the machine. Warns of gains of
-/// inputs that came out negative too.
+/// Where it is, the rows are a balance of forces, and damping or friction that came out negative would drive the machine.
 pub(super) fn warn_of_impossible_values(
     result: &mut Identification,
     model: &dyn Model<f64>,
     constants: &[f64],
     position: &[f64],
 ) {
-    let machine = has_inertia(model, &result.current, constants, position);
-    if let Some(estimate) = &result.estimate {
-        let surely = |j: &usize| estimate.values[*j] < -alarm::DRIVES * estimate.std[*j];
-        let stated = |j: &usize| result.parameters.get(*j).and_then(|own| own.prior).is_some_and(|prior| prior < 0.0);
-        let of = |j: usize| (model.parameter(j).name.to_string(), estimate.values[j], estimate.std[j]);
-        let gains = input_gains(model, constants, position);
-        let against = (0..gains.len()).filter(|&j| gains[j]).filter(surely).filter(|j| !stated(j)).map(of);
-        let takes = if machine { takes_energy(model, constants, position) } else { Vec::new() };
-        let gives = (0..takes.len()).filter(|&j| takes[j]).filter(surely).map(of);
-        let against = against.map(|(parameter, value, std)| Warning::GoesAgainst { parameter, value, std });
-        let gives = gives.map(|(parameter, value, std)| Warning::GivesEnergy { parameter, value, std });
-        result.warnings.extend(against.chain(gives).collect::<Vec<_>>());
-    }
-    if machine {
+    if has_inertia(model, &result.current, constants, position) {
+        let Some(estimate) = &result.estimate else { return };
+        let takes = takes_energy(model, constants, position);
+        let surely = |j: usize| estimate.values[j] < -alarm::DRIVES * estimate.std[j];
+        let gives = (0..takes.len()).filter(|&j| takes[j] && surely(j)).map(|j| Warning::GivesEnergy {
+            parameter: model.parameter(j).name.into(),
+            value: estimate.values[j],
+            std: estimate.std[j],
+        });
+        result.warnings.extend(gives);
         return;
     }
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
@@ -270,6 +265,19 @@ pub(super) fn warn_of_impossible_values(
     result
         .warnings
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
+}
+
+/// Warns of gains of inputs that came out negative where nobody stated that they are.
+pub(super) fn warn_of_negative_gains(result: &mut Identification, model: &ExactModel) {
+    let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+    let gains = model.input_gains();
+    let is_gain = |own: &&ParameterReport| gains.iter().any(|gain| *model.quantity(*gain).name == own.name);
+    let stated = |own: &&ParameterReport| own.prior.is_some_and(|prior| prior < 0.0);
+    let known = named.iter().filter(is_gain).filter(|own| !stated(own));
+    let known = known.filter_map(|own| Some((own.name.clone(), own.value?, own.std?)));
+    let against = known.filter(|(_, value, std)| *value < -alarm::DRIVES * std);
+    let said = against.map(|(parameter, value, std)| Warning::GoesAgainst { parameter, value, std });
+    result.warnings.extend(said.collect::<Vec<_>>());
 }
 
 /// A model whose parameters were lumped.
