@@ -151,6 +151,7 @@ fn findings() -> Vec<Warning> {
             | Warning::PoorlyDetermined { .. }
             | Warning::OnlyInCombinations { .. }
             | Warning::NegativeInertia { .. }
+            | Warning::GoesAgainst { .. }
             | Warning::GivesEnergy { .. }
             | Warning::Run { .. }
             | Warning::Contradicts { .. }
