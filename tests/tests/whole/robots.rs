@@ -18,7 +18,7 @@ use tpm_symbolic::mechanics::tree::{Joint, NAMES};
 use tpm_symbolic::number::rational::to_f64;
 
 /// The fixtures, with the description and the joints that are held.
-pub(crate) const ROBOTS: [(&str, &str, &[&str]); 7] = [
+pub(crate) const ROBOTS: [(&str, &str, &[&str]); 8] = [
     ("ur5", "ur5_robot", &[]),
     ("ur10", "ur10_robot", &[]),
     ("so101", "so101", &[]),
@@ -26,6 +26,7 @@ pub(crate) const ROBOTS: [(&str, &str, &[&str]); 7] = [
     ("xarm7", "xarm7", &[]),
     ("panda", "panda", &["panda_finger_joint1", "panda_finger_joint2"]),
     ("z1", "z1", &[]),
+    ("gripper", "gripper", &[]),
 ];
 
 fn folder() -> Option<PathBuf> {
@@ -34,7 +35,8 @@ fn folder() -> Option<PathBuf> {
 }
 
 pub(crate) fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imported> {
-    let path = folder()?.join(format!("{file}.urdf"));
+    let own = root().join(format!("tests/fixtures/robots/{file}.urdf"));
+    let path = if own.is_file() { own } else { folder()?.join(format!("{file}.urdf")) };
     let source = Source::from_bytes(format!("{file}.urdf"), std::fs::read(path).expect("a description"));
     let options = Options {
         locked: locked.iter().map(|joint| ((*joint).to_owned(), "0".to_owned())).collect(),
@@ -343,10 +345,11 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
         if let Some(coordinate) = body.joint.coordinate() {
             let place = coordinate.0 as usize;
             rates = [state[1][place], state[2][place]];
+            let direction = body.joint.direction().each_ref().map(to_f64);
             match &body.joint {
-                Joint::Revolute { axis, .. } => {
+                Joint::Revolute { axis, factor, .. } => {
                     let axis: [f64; 3] = std::array::from_fn(|i| to_f64(&axis[i]));
-                    let (sine, cosine) = state[0][place].sin_cos();
+                    let (sine, cosine) = (to_f64(factor) * state[0][place]).sin_cos();
                     let across = skew(axis);
                     let turn: [[f64; 3]; 3] = std::array::from_fn(|i| {
                         std::array::from_fn(|j| {
@@ -355,14 +358,14 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
                                 + axis[i] * axis[j] * (1.0 - cosine)
                         })
                     });
-                    screw[..3].copy_from_slice(&axis);
+                    screw[..3].copy_from_slice(&direction);
                     moved = product(&to_child(&turn, [0.0; 3]), &placed);
                 }
-                Joint::Prismatic { axis, .. } => {
-                    let axis: [f64; 3] = std::array::from_fn(|i| to_f64(&axis[i]));
-                    screw[3..].copy_from_slice(&axis);
+                Joint::Prismatic { .. } => {
+                    screw[3..].copy_from_slice(&direction);
                     let identity = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-                    moved = product(&to_child(&identity, axis.map(|component| component * state[0][place])), &placed);
+                    moved =
+                        product(&to_child(&identity, direction.map(|component| component * state[0][place])), &placed);
                 }
                 Joint::Fixed => {}
             }
@@ -391,7 +394,7 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
     for index in (0..bodies.len()).rev() {
         let (moved, [_, _, wrench, screw]) = kept[index];
         if let Some(coordinate) = bodies[index].joint.coordinate() {
-            torques[coordinate.0 as usize] = (0..6).map(|i| screw[i] * wrench[i]).sum();
+            torques[coordinate.0 as usize] += (0..6).map(|i| screw[i] * wrench[i]).sum::<f64>();
         }
         if let Some(parent) = bodies[index].parent {
             let carried = times(&transposed(&moved), &wrench);
@@ -491,7 +494,7 @@ fn a_joint_without_an_axis_is_told_how_one_is_written() {
 #[test]
 fn what_is_left_out_or_read_otherwise_is_said() {
     let inertial = "<link name=\"b\"><inertial><mass value=\"2\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"9\"/></inertial><visual/></link>";
-    let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><mimic joint=\"k\"/><dynamics damping=\"0.5\"/>";
+    let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><dynamics damping=\"0.5\"/>";
     let text = two_links(joint)
         .replace("<link name=\"b\"/>", inertial)
         .replace("name=\"j\"", "name=\"2 j\"")
@@ -501,7 +504,6 @@ fn what_is_left_out_or_read_otherwise_is_said() {
         import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
     for words in [
-        "`mimic` is left out",
         "`visual` is left out",
         "`gazebo` is left out, 2 times in all",
         "`frob` is no element of a `robot` that is known here",

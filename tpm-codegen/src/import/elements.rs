@@ -18,7 +18,7 @@ pub(super) fn span(node: Node<'_, '_>) -> Span {
 }
 
 /// Elements without a meaning for the dynamics, each with its parent element.
-const WITHOUT_DYNAMICS: [(&str, &str); 28] = [
+const WITHOUT_DYNAMICS: [(&str, &str); 27] = [
     ("robot", "material"),
     ("robot", "transmission"),
     ("robot", "gazebo"),
@@ -26,7 +26,6 @@ const WITHOUT_DYNAMICS: [(&str, &str); 28] = [
     ("robot", "sensor"),
     ("link", "visual"),
     ("link", "collision"),
-    ("joint", "mimic"),
     ("joint", "safety_controller"),
     ("joint", "calibration"),
     ("mujoco", "asset"),
@@ -75,10 +74,10 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
             } else {
                 format!("`{name}` is no element of a `{inside}` that is known here; it is left out{times}")
             };
-            let help = match name.as_str() {
-                "mimic" => "the joint has a coordinate of its own here; lock it, or couple it in the model by hand",
-                _ if known => "a model of the dynamics has no use for it",
-                _ => "check its spelling, and that it stands in the right place",
+            let help = if known {
+                "a model of the dynamics has no use for it"
+            } else {
+                "check its spelling, and that it stands in the right place"
             };
             self.diagnostics.push(Diagnostic::warning(place, message).help(help));
         }
