@@ -480,6 +480,63 @@ fn faults_of_a_description_are_named_at_their_lines() {
 }
 
 #[test]
+fn joints_that_follow_are_held_with_those_that_lead() {
+    let text = std::fs::read_to_string(root().join("tests/fixtures/robots/gripper.urdf")).expect("a description");
+    let import = |text: &str, locked: &[(&str, &str)]| {
+        let locked = locked.iter().map(|(joint, at)| ((*joint).to_owned(), (*at).to_owned())).collect();
+        let source = Source::new("gripper.urdf", text);
+        import_description(&source, &Options { locked, ..Options::default() }).map_err(|faults| faults.render(&source))
+    };
+    let model = import(&text, &[("elbow", "0.5"), ("left_finger", "0.01")]).expect("an arm").model;
+    assert!(model.contains("coordinate turn [rad], wrist [rad];"), "{model}");
+    // The belt stands at -0.5 times 0.5.
+    let fixed =
+        import(&text, &[("elbow", "0.5"), ("belt", "-0.25"), ("left_finger", "0.01"), ("right_finger", "-0.01")]);
+    assert_eq!(
+        values(&fixed.as_ref().expect("an arm").prior),
+        values(&import(&text, &[("elbow", "0.5"), ("left_finger", "0.01")]).expect("an arm").prior)
+    );
+    // A joint that is held follows nothing.
+    let model = import(&text, &[("belt", "0.1")]).expect("an arm").model;
+    assert!(!model.contains("-1/2*elbow") && model.contains("revolute elbow"), "{model}");
+    for (from, to, words) in [
+        ("offset=\"0\"", "offset=\"0.1\"", "`belt` follows `elbow` with an offset"),
+        ("mimic joint=\"elbow\"", "mimic joint=\"knee\"", "`belt` follows `knee`, which does not move here"),
+        ("mimic joint=\"elbow\"", "mimic joint=\"lift\"", "`belt` follows `lift`, which follows another joint itself"),
+        ("multiplier=\"-0.5\"", "multiplier=\"0\"", "`belt` follows 0 times `elbow`"),
+        ("multiplier=\"-0.5\"", "multiplier=\"half\"", "`multiplier` is `half`, which is no number"),
+    ] {
+        let said = import(&text.replace(from, to), &[]).err().unwrap_or_else(|| panic!("no fault: {words}"));
+        assert!(said.contains(words), "`{words}`:\n{said}");
+    }
+}
+
+#[test]
+fn a_coordinate_moves_other_joints_by_factors() {
+    let model = |second: &str| {
+        let text = format!(
+            "model M {{\ncoordinate q [rad];\ninput u [N*m];\nconstant r = 1/10 [m];\nmechanism {{\ngravity (0, 0, -9.81);\n\
+             body a {{\nrevolute q about y;\n}}\nbody b on a {{\n{second}\ninertia mass 1;\n}}\ndrive q by u;\n}}\n}}\n"
+        );
+        let source = Source::new("m.tpm", text);
+        parse_model(&source).map_err(|faults| faults.render(&source))
+    };
+    for right in ["revolute 1/2*q about z at (1, 0, 0);", "revolute -q about z;", "prismatic (1/10)*q along x;"] {
+        model(right).unwrap_or_else(|said| panic!("{right}\n{said}"));
+    }
+    for (wrong, words) in [
+        ("revolute q about z;", "`q` moves two joints"),
+        ("revolute 0*q about z;", "the joint does not move"),
+        ("revolute q/2 about z;", "a number times a coordinate"),
+        ("revolute 2*(q + 1) about z;", "a number times a coordinate"),
+        ("revolute r*q about z;", "unit mismatch"),
+    ] {
+        let said = model(wrong).err().unwrap_or_else(|| panic!("no fault: {wrong}"));
+        assert!(said.contains(words), "`{words}`:\n{said}");
+    }
+}
+
+#[test]
 fn a_joint_without_an_axis_is_told_how_one_is_written() {
     let text =
         "model M {\ncoordinate q [rad];\ninput u [N*m];\nmechanism {\nbody a {\nrevolute q;\n}\ndrive q by u;\n}\n}\n";
@@ -498,13 +555,14 @@ fn what_is_left_out_or_read_otherwise_is_said() {
     let text = two_links(joint)
         .replace("<link name=\"b\"/>", inertial)
         .replace("name=\"j\"", "name=\"2 j\"")
-        .replace("</robot>", "<gazebo/><gazebo/><frob/></robot>");
+        .replace("</robot>", "<gazebo/><gazebo/><frob/><transmission><joint name=\"2 j\"/><actuator name=\"m\"><mechanicalReduction>80</mechanicalReduction></actuator></transmission></robot>");
     let source = Source::new("robot.urdf", text);
     let imported =
         import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
     for words in [
         "`visual` is left out",
+        "motors turn 80 times as far as their joints `2 j`; the model has positions and torques of the joints",
         "`gazebo` is left out, 2 times in all",
         "`frob` is no element of a `robot` that is known here",
         "the joint `2 j` has no axis; by the rules of URDF it is the x axis",

@@ -238,7 +238,9 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
                 let Some(joint) = element.attribute("joint").or(element.attribute("jointinparent")) else { continue };
                 let gear = element.attribute("gear").or_else(|| self.attribute(element, None, "gear"));
                 let gear = gear.and_then(|text| rational::parse(text.split_whitespace().next()?));
-                let gear = gear.map_or_else(|| rational::integer(1), |gear| rational::abs(&gear));
+                let gear = gear.unwrap_or_else(|| rational::integer(1));
+                self.reader.geared(element, joint, gear.clone());
+                let gear = rational::abs(&gear);
                 let range = self.range(element, None, "forcerange", "forcelimited");
                 let range = match range {
                     None if element.has_tag_name("motor") => self.range(element, None, "ctrlrange", "ctrllimited"),

@@ -23,6 +23,7 @@ pub(super) fn read(robot: Node<'_, '_>, reader: &mut Reader<'_, '_, '_>) -> Desc
         match element.tag_name().name() {
             "link" => description.links.extend(reader.link(element)),
             "joint" => description.joints.extend(reader.joint(element)),
+            "transmission" => reader.transmission(element),
             _ => reader.ignore(element, "robot"),
         }
     }
@@ -127,6 +128,17 @@ impl Reader<'_, '_, '_> {
             armature: rational::integer(0),
             follows,
         })
+    }
+
+    /// The reduction between a motor and its joint, in either place where it is written.
+    fn transmission(&mut self, node: Node<'_, '_>) {
+        self.ignore(node, "robot");
+        let joint = node.children().find(|child| child.has_tag_name("joint")).and_then(|joint| joint.attribute("name"));
+        let reduction = node.descendants().find(|child| child.has_tag_name("mechanicalReduction"));
+        let ratio = reduction.and_then(|reduction| rational::parse(reduction.text()?.trim()));
+        if let (Some(joint), Some(ratio)) = (joint, ratio) {
+            self.geared(node, joint, ratio);
+        }
     }
 
     fn mimic(&mut self, node: Node<'_, '_>, joint: &str) -> Option<Follows> {

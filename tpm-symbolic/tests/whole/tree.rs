@@ -43,7 +43,7 @@ fn mechanism(specs: &[Spec], drives: bool) -> (ExactModel, Mechanism) {
         let axis = unit_vector(&spec.axis.map(integer)).unwrap_or_else(|| [0, 0, 1].map(integer));
         let (leader, factor) = spec.follows.clone().unwrap_or((index, integer(1)));
         let name = format!("q{leader}");
-        let known = |model: &ExactModel| model.coordinates.iter().position(|quantity| quantity.name == name.as_str());
+        let known = |model: &ExactModel| model.coordinates.iter().position(|quantity| quantity.name.as_str() == name);
         let joint = match (spec.joint, known(&model)) {
             ('r', Some(known)) => Joint::Revolute { coordinate: Coordinate(known as u32), factor, axis },
             ('p', Some(known)) => Joint::Prismatic { coordinate: Coordinate(known as u32), factor, axis },

@@ -7,6 +7,7 @@ use crate::mechanics::tree::vector::{
     Turn, Vector, add, constant, cross, difference, negated, outward_in, scale, sum_of_products, times, zero,
 };
 use crate::number::rational::integer;
+use num_traits::One;
 
 /// Motion of a link.
 #[derive(Clone, Debug)]
@@ -141,7 +142,7 @@ impl Step {
         let turn = match &link.joint {
             Joint::Revolute { coordinate, axis, factor } => {
                 let coordinate = graph.derivative_of(*coordinate, 0);
-                let angle = graph.scale(coordinate, factor.clone());
+                let angle = if factor.is_one() { coordinate } else { graph.scale(coordinate, factor.clone()) };
                 Some(Turn::new(graph, axis, angle))
             }
             _ => None,
