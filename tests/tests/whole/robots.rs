@@ -514,14 +514,20 @@ fn joints_that_follow_are_held_with_those_that_lead() {
 #[test]
 fn a_coordinate_moves_other_joints_by_factors() {
     let model = |second: &str| {
+        let constant = if second.contains("r*q") { "constant r = 1/10 [m/rad];\n" } else { "" };
         let text = format!(
-            "model M {{\ncoordinate q [rad];\ninput u [N*m];\nconstant r = 1/10 [m];\nmechanism {{\ngravity (0, 0, -9.81);\n\
-             body a {{\nrevolute q about y;\n}}\nbody b on a {{\n{second}\ninertia mass 1;\n}}\ndrive q by u;\n}}\n}}\n"
+            "model M {{\ncoordinate q [rad];\ninput u [N*m];\n{constant}mechanism {{\ngravity (0, 0, -9.81);\n\
+             body a {{\nrevolute q about y;\n}}\nbody b on a {{\n{second}\ninertia parameters;\n}}\ndrive q by u;\n}}\n}}\n"
         );
         let source = Source::new("m.tpm", text);
         parse_model(&source).map_err(|faults| faults.render(&source))
     };
-    for right in ["revolute 1/2*q about z at (1, 0, 0);", "revolute -q about z;", "prismatic (1/10)*q along x;"] {
+    for right in [
+        "revolute 1/2*q about z at (1, 0, 0);",
+        "revolute -q about z;",
+        "prismatic (1/10)*q along x;",
+        "prismatic r*q along x;",
+    ] {
         model(right).unwrap_or_else(|said| panic!("{right}\n{said}"));
     }
     for (wrong, words) in [
