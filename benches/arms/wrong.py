@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from cramer_rao import Machine, identified, imported, numbers, truth_of
 
-CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged"}
+CAUSES = {"missing_term", "limited", "halves", "repeats", "vibration", "unexplained", "unsettled", "other_hold", "exchanged", "goes_against"}
 
 
 def faults(machine):

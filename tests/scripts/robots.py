@@ -7,12 +7,16 @@ random states of each robot (5), REGRESSORS the number of those whose regressor 
 
 Angles are read as `tpm import` reads them: within 1e-4 of a multiple of pi/2 they are that multiple. The fixture `so101_written` has
 the angles as they are written. Parameters of a body are in the order m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz, about its frame.
+
+Joints that follow others (`gripper`, in OUT) are joints of their own here, and are moved and asked through the matrix G from the joints that
+lead to all of them: torques G' tau(G q, G v, G a), and the mass matrix G' M G.
 """
 
 import json
 import math
 import re
 import sys
+import xml.etree.ElementTree as xml
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +75,38 @@ def fixture(model, states, regressors, rng):
     return {"joints": joints, "states": written}
 
 
+def followed(text):
+    """A description without `mimic`, by which Pinocchio might reduce the model itself, and what it says: factor and leader by follower."""
+    mimics = {}
+    for joint in xml.fromstring(text).iter("joint"):
+        for mimic in joint.iter("mimic"):
+            mimics[joint.get("name")] = (float(mimic.get("multiplier", "1")), mimic.get("joint"))
+    return re.sub(r"<mimic[^>]*/>", "", text), mimics
+
+
+def coupled(text, states, rng):
+    text, mimics = followed(text)
+    model = model_of(text, [])
+    data = model.createData()
+    joints = list(model.names)[1:]
+    # A joint without limits has two positions, cosine and sine, in Pinocchio.
+    leading = [joint for joint in joints if joint not in mimics]
+    G = np.zeros((len(joints), len(leading)))
+    for row, joint in enumerate(joints):
+        factor, leader = mimics.get(joint, (1.0, joint))
+        G[row, leading.index(leader)] = factor
+    written = []
+    for _ in range(states):
+        q, v, a = (np.round(rng.uniform(-limit, limit, len(leading)), 3) for limit in (2, 2, 6))
+        configuration = pin.integrate(model, pin.neutral(model), G @ q)
+        torque = G.T @ pin.rnea(model, data, configuration, G @ v, G @ a)
+        mass = pin.crba(model, data, configuration)
+        mass = G.T @ (np.triu(mass) + np.triu(mass, 1).T) @ G
+        state = {"q": q.tolist(), "v": v.tolist(), "a": a.tolist(), "torque": digits(torque), "mass": digits(mass)}
+        written.append(state)
+    return {"joints": leading, "states": written}
+
+
 def main():
     folder, out = Path(sys.argv[1]), Path(sys.argv[2])
     states = int(sys.argv[3]) if len(sys.argv) > 3 else 5
@@ -82,6 +118,8 @@ def main():
         text = text.replace('<?xml version="1.0" encoding="utf-8"?>', "")
         found = fixture(model_of(text, locked), states, regressors, rng)
         (out / f"{name}.json").write_text(json.dumps(found, separators=(",", ":")) + "\n")
+    found = coupled(recognised((out / "gripper.urdf").read_text()).split("?>", 1)[1], states, rng)
+    (out / "gripper.json").write_text(json.dumps(found, separators=(",", ":")) + "\n")
 
 
 main()

@@ -129,6 +129,7 @@
 //! | `body NAME on PARENT { ... }` | a body; without `on` it stands on the base; bodies may come in any order |
 //! | `revolute q about AXIS at (x, y, z) turned (roll, pitch, yaw);` | the body turns by the coordinate q, rad |
 //! | `prismatic q along AXIS at ... turned ...;` | the body slides by the coordinate q, m |
+//! | `revolute 1/2*q about ...;`, `prismatic -1*q along ...;` | the joint follows the one that `q` moves as it is, with this factor: fingers, belts, gears |
 //! | `fixed at ... turned ...;` | the body moves with its parent |
 //! | `inertia parameters;` | the parameters `m_NAME`, `mx_NAME`, `my_NAME`, `mz_NAME`, `Ixx_NAME`, `Ixy_NAME`, `Ixz_NAME`, `Iyy_NAME`, `Iyz_NAME`, `Izz_NAME` |
 //! | `inertia mass m at (x, y, z) turned (...) moments (Ixx, Ixy, Ixz, Iyy, Iyz, Izz);` | a known inertia: its centre of mass, and the moments about that |

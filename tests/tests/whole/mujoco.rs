@@ -6,7 +6,7 @@
 use crate::support::root;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use tpm_codegen::import::{Angles, Imported, Options, import_description};
+use tpm_codegen::import::{Angles, Described, Imported, Options, import_description, mjcf};
 use tpm_codegen::parse_model;
 use tpm_codegen::source::Source;
 use tpm_runtime::interpret::Interpreted;
@@ -62,6 +62,8 @@ fn every_spelling_gives_the_torques_of_mujoco() {
             assert!(imported.experiment.contains(limit), "{limit}:\n{}", imported.experiment);
         }
         assert!(imported.model.contains("gravity (0.3, -0.2, -9.7);"));
+        let geared = "motors turn 50 times as far as their joints `pan`";
+        assert!(imported.warnings.iter().any(|warning| warning.message.contains(geared)), "{:#?}", imported.warnings);
     }
 }
 
@@ -101,6 +103,59 @@ fn one_pendulum_in_other_words() {
 
 fn weight_at(angle: f64) -> f64 {
     2.0 * 9.81 * 0.1 * angle.cos()
+}
+
+/// Two pendulums on the world, of which the second one turns half as far back, with its losses.
+fn two_pendulums(joints: &str, equality: &str) -> String {
+    let body = |name: &str, joint: &str| format!("<body name=\"{name}\">\n{joint}\n{INERTIAL}\n</body>\n");
+    let [first, second] = ["j", "k"].map(|name| JOINT.replace("\"j\"", &format!("\"{name}\"")));
+    let second = second.replace("/>", &format!(" {joints}/>"));
+    let bodies = body("b", &first) + &body("c", &second);
+    format!("<mujoco model=\"m\">\n<worldbody>\n{bodies}</worldbody>\n<equality>\n{equality}\n</equality>\n</mujoco>")
+}
+
+#[test]
+fn a_joint_that_an_equality_couples_follows_the_other_one() {
+    let text = two_pendulums(
+        "damping=\"0.4\" armature=\"0.08\" frictionloss=\"0.2\" range=\"-20 40\"",
+        "<joint joint1=\"k\" joint2=\"j\" polycoef=\"0 -0.5 0 0 0\"/>",
+    );
+    let imported = read(&text, &Options::default()).unwrap_or_else(|fault| panic!("{fault}"));
+    let [q, v, a] = [0.4, 1.5, -2.0];
+    let found = torques(&imported, &[[vec![q], vec![v], vec![a]]])[0][0];
+    // Of the second pendulum the position, the rate and the acceleration are halved and against it, and so is its part of the torque.
+    let own = 0.12 * a - weight_at(q);
+    let other = 0.2 * -0.5 * a - weight_at(-0.5 * q) + 0.4 * -0.5 * v - 0.2;
+    assert!((found - (own - 0.5 * other)).abs() < 1e-12, "{found}");
+    // Its limits, -20 to 40 degrees, are those of the first one at -80 to 40.
+    assert!(imported.model.contains("revolute -1/2*j about y"), "{}", imported.model);
+    assert!(imported.experiment.contains("j = [-1.39626340159"), "{}", imported.experiment);
+    assert!(imported.model.contains("coordinate j [rad];\n    input tau_j [N*m];"), "{}", imported.model);
+    // What is written for MuJoCo says the same.
+    let source = Source::new("robot.xml", text.as_str());
+    let described =
+        Described::read(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let written = mjcf(&described, &BTreeMap::new(), &BTreeMap::new()).expect("possible inertias");
+    let again = read(&written, &Options::default()).unwrap_or_else(|fault| panic!("{fault}\n{written}"));
+    assert!((torques(&again, &[[vec![q], vec![v], vec![a]]])[0][0] - found).abs() < 1e-12, "{written}");
+}
+
+#[test]
+fn what_is_coupled_otherwise_is_named() {
+    let fault = |joints: &str, equality: &str| {
+        read(&two_pendulums(joints, equality), &Options::default())
+            .err()
+            .unwrap_or_else(|| panic!("no fault: {equality}"))
+    };
+    let says =
+        |said: &str, words: &[&str]| words.iter().for_each(|word| assert!(said.contains(word), "`{word}`:\n{said}"));
+    says(&fault("", "<joint joint1=\"k\" joint2=\"j\" polycoef=\"0.1 1 0 0 0\"/>"), &["with an offset", "`ref`"]);
+    says(&fault("ref=\"10\"", "<joint joint1=\"k\" joint2=\"j\"/>"), &["with an offset"]);
+    says(&fault("", "<joint joint1=\"k\" joint2=\"j\" polycoef=\"0 1 2 0 0\"/>"), &["`k` is coupled", "lock"]);
+    says(&fault("", "<joint joint1=\"k\" joint2=\"l\"/>"), &["`k` follows `l`, which does not move here", "lock it"]);
+    says(&fault("", "<joint joint1=\"l\" joint2=\"j\"/>"), &["`l` follows `j` and is no joint"]);
+    let both = "<joint joint1=\"k\" joint2=\"j\"/><joint joint1=\"j\" joint2=\"k\"/>";
+    says(&fault("", both), &["`k` follows `j`, which follows another joint itself"]);
 }
 
 #[test]

@@ -18,7 +18,7 @@ use tpm_symbolic::mechanics::tree::{Joint, NAMES};
 use tpm_symbolic::number::rational::to_f64;
 
 /// The fixtures, with the description and the joints that are held.
-pub(crate) const ROBOTS: [(&str, &str, &[&str]); 7] = [
+pub(crate) const ROBOTS: [(&str, &str, &[&str]); 8] = [
     ("ur5", "ur5_robot", &[]),
     ("ur10", "ur10_robot", &[]),
     ("so101", "so101", &[]),
@@ -26,6 +26,7 @@ pub(crate) const ROBOTS: [(&str, &str, &[&str]); 7] = [
     ("xarm7", "xarm7", &[]),
     ("panda", "panda", &["panda_finger_joint1", "panda_finger_joint2"]),
     ("z1", "z1", &[]),
+    ("gripper", "gripper", &[]),
 ];
 
 fn folder() -> Option<PathBuf> {
@@ -34,7 +35,8 @@ fn folder() -> Option<PathBuf> {
 }
 
 pub(crate) fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imported> {
-    let path = folder()?.join(format!("{file}.urdf"));
+    let own = root().join(format!("tests/fixtures/robots/{file}.urdf"));
+    let path = if own.is_file() { own } else { folder()?.join(format!("{file}.urdf")) };
     let source = Source::from_bytes(format!("{file}.urdf"), std::fs::read(path).expect("a description"));
     let options = Options {
         locked: locked.iter().map(|joint| ((*joint).to_owned(), "0".to_owned())).collect(),
@@ -343,10 +345,11 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
         if let Some(coordinate) = body.joint.coordinate() {
             let place = coordinate.0 as usize;
             rates = [state[1][place], state[2][place]];
+            let direction = body.joint.direction().each_ref().map(to_f64);
             match &body.joint {
-                Joint::Revolute { axis, .. } => {
+                Joint::Revolute { axis, factor, .. } => {
                     let axis: [f64; 3] = std::array::from_fn(|i| to_f64(&axis[i]));
-                    let (sine, cosine) = state[0][place].sin_cos();
+                    let (sine, cosine) = (to_f64(factor) * state[0][place]).sin_cos();
                     let across = skew(axis);
                     let turn: [[f64; 3]; 3] = std::array::from_fn(|i| {
                         std::array::from_fn(|j| {
@@ -355,14 +358,14 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
                                 + axis[i] * axis[j] * (1.0 - cosine)
                         })
                     });
-                    screw[..3].copy_from_slice(&axis);
+                    screw[..3].copy_from_slice(&direction);
                     moved = product(&to_child(&turn, [0.0; 3]), &placed);
                 }
-                Joint::Prismatic { axis, .. } => {
-                    let axis: [f64; 3] = std::array::from_fn(|i| to_f64(&axis[i]));
-                    screw[3..].copy_from_slice(&axis);
+                Joint::Prismatic { .. } => {
+                    screw[3..].copy_from_slice(&direction);
                     let identity = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-                    moved = product(&to_child(&identity, axis.map(|component| component * state[0][place])), &placed);
+                    moved =
+                        product(&to_child(&identity, direction.map(|component| component * state[0][place])), &placed);
                 }
                 Joint::Fixed => {}
             }
@@ -391,7 +394,7 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
     for index in (0..bodies.len()).rev() {
         let (moved, [_, _, wrench, screw]) = kept[index];
         if let Some(coordinate) = bodies[index].joint.coordinate() {
-            torques[coordinate.0 as usize] = (0..6).map(|i| screw[i] * wrench[i]).sum();
+            torques[coordinate.0 as usize] += (0..6).map(|i| screw[i] * wrench[i]).sum::<f64>();
         }
         if let Some(parent) = bodies[index].parent {
             let carried = times(&transposed(&moved), &wrench);
@@ -477,6 +480,69 @@ fn faults_of_a_description_are_named_at_their_lines() {
 }
 
 #[test]
+fn joints_that_follow_are_held_with_those_that_lead() {
+    let text = std::fs::read_to_string(root().join("tests/fixtures/robots/gripper.urdf")).expect("a description");
+    let import = |text: &str, locked: &[(&str, &str)]| {
+        let locked = locked.iter().map(|(joint, at)| ((*joint).to_owned(), (*at).to_owned())).collect();
+        let source = Source::new("gripper.urdf", text);
+        import_description(&source, &Options { locked, ..Options::default() }).map_err(|faults| faults.render(&source))
+    };
+    let model = import(&text, &[("elbow", "0.5"), ("left_finger", "0.01")]).expect("an arm").model;
+    assert!(model.contains("coordinate turn [rad], wrist [rad];"), "{model}");
+    // The belt stands at -0.5 times 0.5.
+    let fixed =
+        import(&text, &[("elbow", "0.5"), ("belt", "-0.25"), ("left_finger", "0.01"), ("right_finger", "-0.01")]);
+    assert_eq!(
+        values(&fixed.as_ref().expect("an arm").prior),
+        values(&import(&text, &[("elbow", "0.5"), ("left_finger", "0.01")]).expect("an arm").prior)
+    );
+    // A joint that is held follows nothing.
+    let model = import(&text, &[("belt", "0.1")]).expect("an arm").model;
+    assert!(!model.contains("-1/2*elbow") && model.contains("revolute elbow"), "{model}");
+    for (from, to, words) in [
+        ("offset=\"0\"", "offset=\"0.1\"", "`belt` follows `elbow` with an offset"),
+        ("mimic joint=\"elbow\"", "mimic joint=\"knee\"", "`belt` follows `knee`, which does not move here"),
+        ("mimic joint=\"elbow\"", "mimic joint=\"lift\"", "`belt` follows `lift`, which follows another joint itself"),
+        ("multiplier=\"-0.5\"", "multiplier=\"0\"", "`belt` follows 0 times `elbow`"),
+        ("multiplier=\"-0.5\"", "multiplier=\"half\"", "`multiplier` is `half`, which is no number"),
+    ] {
+        let said = import(&text.replace(from, to), &[]).err().unwrap_or_else(|| panic!("no fault: {words}"));
+        assert!(said.contains(words), "`{words}`:\n{said}");
+    }
+}
+
+#[test]
+fn a_coordinate_moves_other_joints_by_factors() {
+    let model = |second: &str| {
+        let constant = if second.contains("r*q") { "constant r = 1/10 [m/rad];\n" } else { "" };
+        let text = format!(
+            "model M {{\ncoordinate q [rad];\ninput u [N*m];\n{constant}mechanism {{\ngravity (0, 0, -9.81);\n\
+             body a {{\nrevolute q about y;\n}}\nbody b on a {{\n{second}\ninertia parameters;\n}}\ndrive q by u;\n}}\n}}\n"
+        );
+        let source = Source::new("m.tpm", text);
+        parse_model(&source).map_err(|faults| faults.render(&source))
+    };
+    for right in [
+        "revolute 1/2*q about z at (1, 0, 0);",
+        "revolute -q about z;",
+        "prismatic (1/10)*q along x;",
+        "prismatic r*q along x;",
+    ] {
+        model(right).unwrap_or_else(|said| panic!("{right}\n{said}"));
+    }
+    for (wrong, words) in [
+        ("revolute q about z;", "`q` moves two joints"),
+        ("revolute 0*q about z;", "the joint does not move"),
+        ("revolute q/2 about z;", "a number times a coordinate"),
+        ("revolute 2*(q + 1) about z;", "a number times a coordinate"),
+        ("revolute r*q about z;", "unit mismatch"),
+    ] {
+        let said = model(wrong).err().unwrap_or_else(|| panic!("no fault: {wrong}"));
+        assert!(said.contains(words), "`{words}`:\n{said}");
+    }
+}
+
+#[test]
 fn a_joint_without_an_axis_is_told_how_one_is_written() {
     let text =
         "model M {\ncoordinate q [rad];\ninput u [N*m];\nmechanism {\nbody a {\nrevolute q;\n}\ndrive q by u;\n}\n}\n";
@@ -491,18 +557,18 @@ fn a_joint_without_an_axis_is_told_how_one_is_written() {
 #[test]
 fn what_is_left_out_or_read_otherwise_is_said() {
     let inertial = "<link name=\"b\"><inertial><mass value=\"2\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"9\"/></inertial><visual/></link>";
-    let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><mimic joint=\"k\"/><dynamics damping=\"0.5\"/>";
+    let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><dynamics damping=\"0.5\"/>";
     let text = two_links(joint)
         .replace("<link name=\"b\"/>", inertial)
         .replace("name=\"j\"", "name=\"2 j\"")
-        .replace("</robot>", "<gazebo/><gazebo/><frob/></robot>");
+        .replace("</robot>", "<gazebo/><gazebo/><frob/><transmission><joint name=\"2 j\"/><actuator name=\"m\"><mechanicalReduction>80</mechanicalReduction></actuator></transmission></robot>");
     let source = Source::new("robot.urdf", text);
     let imported =
         import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
     for words in [
-        "`mimic` is left out",
         "`visual` is left out",
+        "motors turn 80 times as far as their joints `2 j`; the model has positions and torques of the joints",
         "`gazebo` is left out, 2 times in all",
         "`frob` is no element of a `robot` that is known here",
         "the joint `2 j` has no axis; by the rules of URDF it is the x axis",

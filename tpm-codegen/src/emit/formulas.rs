@@ -93,6 +93,7 @@ impl<'a> Recursion<'a> {
         let mut moved: Vec<Coordinate> =
             mechanism.tree.bodies().iter().filter_map(|body| body.joint.coordinate()).collect();
         moved.sort_unstable();
+        moved.dedup();
         let coordinates = moved.iter().map(|place| model.coordinates[place.0 as usize].name.as_str()).collect();
         let mut graph = model.graph.clone();
         let symbols: BTreeMap<&str, Symbol> =

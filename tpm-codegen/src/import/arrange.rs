@@ -5,7 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::Zero;
+use num_traits::{Signed, Zero};
 use tpm_symbolic::expr::graph::{ExprId, Graph};
 use tpm_symbolic::mechanics::tree::mechanism::{Loss, parameter_name};
 use tpm_symbolic::mechanics::tree::rotation::{Angle, Rotation};
@@ -44,7 +44,10 @@ pub(super) struct Moving {
     /// The names of joint and link in the description.
     pub(super) joint: String,
     pub(super) link: String,
+    /// The name of the joint in the model: its coordinate, unless it follows another joint.
     pub(super) coordinate: String,
+    /// The body on whose joint's coordinate this joint moves, and its factor; a joint that follows has no input and no losses of its own.
+    pub(super) follows: Option<(usize, Rational)>,
     pub(super) input: String,
     /// The name of the joint's amplitude in the pattern.
     pub(super) amplitude: String,
@@ -100,6 +103,7 @@ pub(super) fn arrange(
         return None;
     }
     arranger.walk(base, &kept, &locked);
+    arranger.follow();
     arranger.massless();
     if arranger.bodies.iter().all(|body| body.moving.is_none()) {
         let fault = Diagnostic::error(description.span, "no joint of this part of the description moves");
@@ -279,6 +283,15 @@ impl<'a> Arranger<'a, '_, '_> {
                 }
             }
         }
+        // What follows a joint that is held is held with it.
+        for joint in self.description.joints.iter().filter(|joint| joint.kind != Kind::Fixed) {
+            let Some(follows) = &joint.follows else { continue };
+            if let Some((value, _)) = locked.get(&follows.leader).filter(|_| !locked.contains_key(&joint.name)) {
+                let value = value * &follows.factor;
+                let text = value.to_string();
+                locked.insert(joint.name.clone(), (value, text));
+            }
+        }
         locked
     }
 
@@ -405,7 +418,10 @@ impl<'a> Arranger<'a, '_, '_> {
     fn moving(&mut self, joint: &'a Joint, parent: &Place) -> Place {
         let (direction, axis) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
         let turns = joint.kind == Kind::Revolute;
-        let coordinate = self.renamed(&joint.name, "joint", &Loss::ALL.map(Loss::symbol), joint.span);
+        let coordinate = match joint.follows {
+            Some(_) => identifier(&joint.name, &[], &mut self.taken),
+            None => self.renamed(&joint.name, "joint", &Loss::ALL.map(Loss::symbol), joint.span),
+        };
         let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &[], &mut self.taken);
         let name = self.renamed(&joint.child, "link", &NAMES, joint.span);
         let index = self.bodies.len();
@@ -417,6 +433,7 @@ impl<'a> Arranger<'a, '_, '_> {
                 joint: joint.name.clone(),
                 link: joint.child.clone(),
                 coordinate,
+                follows: None,
                 input,
                 amplitude: String::new(),
                 centre: String::new(),
@@ -442,6 +459,68 @@ impl<'a> Arranger<'a, '_, '_> {
             rotation: Rotation::identity(),
             body: Some(index),
         }
+    }
+
+    /// Lets joints that follow others move by the coordinates of these, which also get their losses and keep their limits.
+    fn follow(&mut self) {
+        let described = &self.description.joints;
+        let joint_of = |body: &Body| {
+            let joint = &body.moving.as_ref()?.joint;
+            described.iter().find(|own| own.name == *joint)
+        };
+        let joints: Vec<Option<&Joint>> = self.bodies.iter().map(joint_of).collect();
+        for (index, joint) in joints.iter().enumerate() {
+            let Some((joint, follows)) = joint.and_then(|joint| Some((joint, joint.follows.as_ref()?))) else {
+                continue;
+            };
+            let name = &follows.leader;
+            let leader = joints.iter().position(|own| own.is_some_and(|own| own.name == *name));
+            let further = leader.and_then(|leader| joints[leader]?.follows.as_ref());
+            let (fault, help) = match (leader, further) {
+                _ if follows.factor.is_zero() => (format!("0 times `{name}`"), "lock it".to_owned()),
+                (None, _) => (
+                    format!("`{name}`, which does not move here"),
+                    format!("lock it, or let `{name}` move, and keep it"),
+                ),
+                (_, Some(further)) => (
+                    format!("`{name}`, which follows another joint itself"),
+                    format!("let it follow `{}`, with the product of both factors", further.leader),
+                ),
+                (Some(leader), None) => {
+                    self.lead(leader, index, &follows.factor);
+                    continue;
+                }
+            };
+            self.error(follows.span, format!("the joint `{}` follows {fault}", joint.name), &help);
+        }
+    }
+
+    /// Gives the joint of a body to that of another one, which it follows: powers are equal, so that losses move with the factor or its
+    /// square, and the leader keeps the limits of both.
+    fn lead(&mut self, leader: usize, follower: usize, factor: &Rational) {
+        let Some(own) = self.bodies[follower].moving.as_mut() else { return };
+        own.follows = Some((leader, factor.clone()));
+        let size = rational::abs(factor);
+        let square = &size * &size;
+        let [damping, friction, armature] =
+            [&mut own.damping, &mut own.friction, &mut own.armature].map(std::mem::take);
+        let over = |limit: &Option<Rational>, by: &Rational| limit.as_ref().map(|limit| limit / by);
+        let mut ends = [over(&own.limits.lower, factor), over(&own.limits.upper, factor)];
+        if factor.is_negative() {
+            ends.reverse();
+        }
+        let velocity = over(&own.limits.velocity, &size);
+        let Some(leading) = self.bodies[leader].moving.as_mut() else { return };
+        leading.damping += damping * &square;
+        leading.friction += friction * size;
+        leading.armature += armature * square;
+        let [lower, upper] = ends;
+        let limits = &mut leading.limits;
+        limits.lower = limits.lower.take().max(lower);
+        limits.upper = limits.upper.take().into_iter().chain(upper).min();
+        // Descriptions write a velocity of zero where nobody knew it.
+        let known = |velocity: &Rational| !velocity.is_zero();
+        limits.velocity = limits.velocity.take().into_iter().chain(velocity).filter(known).min();
     }
 
     /// An identifier for a name and for its parameters with these symbols, with a report where it differs from the name.

@@ -17,7 +17,7 @@ pub struct Described {
 pub struct DescribedBody<'a> {
     /// The body's name in the model, which ends the names of its parameters.
     pub name: &'a str,
-    /// The joint's coordinate in the model, which ends the names of its losses.
+    /// The joint's coordinate in the model, which ends the names of its losses; the joint's own name where it follows another one.
     pub coordinate: &'a str,
     /// The joint's name in the description.
     pub joint: &'a str,

@@ -71,6 +71,16 @@ pub(super) struct Joint {
     pub(super) friction: Rational,
     /// Inertia of the rotor on the joint's side; zero where the description has none.
     pub(super) armature: Rational,
+    /// The joint that moves this one with it.
+    pub(super) follows: Option<Follows>,
+}
+
+/// Another joint, and the position over that joint's.
+#[derive(Debug)]
+pub(super) struct Follows {
+    pub(super) leader: String,
+    pub(super) factor: Rational,
+    pub(super) span: Span,
 }
 
 /// Limits of a joint.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use num_traits::{One, Zero};
 use roxmltree::Node;
 use tpm_symbolic::number::rational::{self, Rational};
 
@@ -18,7 +19,7 @@ pub(super) fn span(node: Node<'_, '_>) -> Span {
 }
 
 /// Elements without a meaning for the dynamics, each with its parent element.
-const WITHOUT_DYNAMICS: [(&str, &str); 28] = [
+const WITHOUT_DYNAMICS: [(&str, &str); 27] = [
     ("robot", "material"),
     ("robot", "transmission"),
     ("robot", "gazebo"),
@@ -26,7 +27,6 @@ const WITHOUT_DYNAMICS: [(&str, &str); 28] = [
     ("robot", "sensor"),
     ("link", "visual"),
     ("link", "collision"),
-    ("joint", "mimic"),
     ("joint", "safety_controller"),
     ("joint", "calibration"),
     ("mujoco", "asset"),
@@ -52,13 +52,15 @@ const WITHOUT_DYNAMICS: [(&str, &str); 28] = [
 pub(super) struct Reader<'r, 's, 'd> {
     pub(super) readings: &'r mut Readings<'s>,
     pub(super) diagnostics: &'d mut Diagnostics,
+    /// Joints by the gear ratios of their motors that are not one, with the place of the first one.
+    gears: BTreeMap<Rational, (Span, Vec<String>)>,
     /// Ignored elements: by name and parent, the place of the first one and their number.
     ignored: BTreeMap<(String, &'static str), (Span, usize)>,
 }
 
 impl<'r, 's, 'd> Reader<'r, 's, 'd> {
     pub(super) fn new(readings: &'r mut Readings<'s>, diagnostics: &'d mut Diagnostics) -> Self {
-        Self { readings, diagnostics, ignored: BTreeMap::new() }
+        Self { readings, diagnostics, gears: BTreeMap::new(), ignored: BTreeMap::new() }
     }
 
     pub(super) fn ignore(&mut self, node: Node<'_, '_>, inside: &'static str) {
@@ -66,7 +68,23 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
         slot.1 += 1;
     }
 
-    pub(super) fn report_ignored(&mut self) {
+    /// Notes that the motor of a joint turns so many times as far.
+    pub(super) fn geared(&mut self, node: Node<'_, '_>, joint: &str, ratio: Rational) {
+        if !ratio.is_zero() && !ratio.is_one() {
+            self.gears.entry(ratio).or_insert_with(|| (span(node), Vec::new())).1.push(format!("`{joint}`"));
+        }
+    }
+
+    pub(super) fn report_left_out(&mut self) {
+        for (ratio, (place, joints)) in std::mem::take(&mut self.gears) {
+            let (ratio, joints) = (rational::to_f64(&ratio), joints.join(", "));
+            let message = format!(
+                "motors turn {ratio} times as far as their joints {joints}; the model has positions and torques of the joints"
+            );
+            let help =
+                format!("in a log of such a motor, divide its position by {ratio} and multiply its torque by {ratio}");
+            self.diagnostics.push(Diagnostic::warning(place, message).help(help));
+        }
         for ((name, inside), (place, count)) in std::mem::take(&mut self.ignored) {
             let known = WITHOUT_DYNAMICS.contains(&(inside, name.as_str()));
             let times = if count == 1 { String::new() } else { format!(", {count} times in all") };
@@ -75,10 +93,10 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
             } else {
                 format!("`{name}` is no element of a `{inside}` that is known here; it is left out{times}")
             };
-            let help = match name.as_str() {
-                "mimic" => "the joint has a coordinate of its own here; lock it, or couple it in the model by hand",
-                _ if known => "a model of the dynamics has no use for it",
-                _ => "check its spelling, and that it stands in the right place",
+            let help = if known {
+                "a model of the dynamics has no use for it"
+            } else {
+                "check its spelling, and that it stands in the right place"
             };
             self.diagnostics.push(Diagnostic::warning(place, message).help(help));
         }

@@ -20,16 +20,18 @@ type Square = [[f64; 4]; 4];
 pub(super) struct Felt {
     /// Force over acceleration while all other joints are free, kg m^2 or kg; the diagonal of the mass matrix where it is singular.
     pub(super) inertia: f64,
-    /// Largest change of the weight's moment with the joint's angle, N m/rad; zero on a sliding joint.
+    /// Largest change of the weight's moment with the joint's angle, N m/rad; zero where nothing turns.
     pub(super) weight: f64,
 }
 
-/// What the joints of all bodies feel at these positions; `None` for a body on a fixed joint.
+/// What the joints of all bodies feel at these positions, of each with the joints that follow it; `None` for a body on a fixed joint, and on
+/// one that follows another joint.
 pub(super) fn felt(robot: &Robot, positions: &[f64]) -> Vec<Option<Felt>> {
     let bodies = &robot.bodies;
     let mut places: Vec<Square> = Vec::with_capacity(bodies.len());
-    for (body, position) in bodies.iter().zip(positions) {
-        let own = place(body, *position);
+    for (index, body) in bodies.iter().enumerate() {
+        let (leader, factor) = leads(bodies, index);
+        let own = place(body, factor * positions[leader]);
         places.push(body.parent.map_or(own, |parent| product(&places[parent], &own)));
     }
     let mut carried: Vec<Square> = bodies.iter().zip(&places).map(|(body, place)| moved(place, &own(body))).collect();
@@ -45,17 +47,53 @@ pub(super) fn felt(robot: &Robot, positions: &[f64]) -> Vec<Option<Felt>> {
     let entry = |i: usize, j: usize| if carries(bodies, j, i) { entry(&rates[i], &carried[i], &rates[j]) } else { 0.0 };
     let rotor = |i: usize| bodies[i].moving.as_ref().map_or(0.0, |moving| to_f64(&moving.armature));
     let both = |i: usize, j: usize| entry(i.max(j), i.min(j)) + if i == j { rotor(i) } else { 0.0 };
-    let mass: Vec<Vec<f64>> = moving.iter().map(|&i| moving.iter().map(|&j| both(i, j)).collect()).collect();
+    let leading: Vec<usize> = moving.iter().copied().filter(|&index| leads(bodies, index).0 == index).collect();
+    let mut mass = vec![vec![0.0; leading.len()]; leading.len()];
+    let row = |index: usize| leading.iter().position(|&leader| leader == index);
+    for &i in &moving {
+        for &j in &moving {
+            let [(of_i, factor_i), (of_j, factor_j)] = [i, j].map(|index| leads(bodies, index));
+            if let (Some(row), Some(column)) = (row(of_i), row(of_j)) {
+                mass[row][column] += factor_i * factor_j * both(i, j);
+            }
+        }
+    }
     let gravity = robot.gravity.each_ref().map(|component| to_f64(&component.value));
     let gravity = gravity.iter().map(|component| component * component).sum::<f64>().sqrt();
     let inertias = apparent(&mass);
+    let turns = |index: usize| bodies[index].moving.as_ref().is_some_and(|moving| moving.turns);
     let mut found = vec![None; bodies.len()];
-    for (&index, inertia) in moving.iter().zip(inertias) {
-        let turns = bodies[index].moving.as_ref().is_some_and(|moving| moving.turns);
-        let weight = if turns { gravity * first_moment(&carried[index], &places[index]) } else { 0.0 };
-        found[index] = Some(Felt { inertia, weight });
+    for (&leader, inertia) in leading.iter().zip(inertias) {
+        let own: Vec<usize> = moving.iter().copied().filter(|&index| leads(bodies, index).0 == leader).collect();
+        let mut bends = 0.0;
+        for &i in &own {
+            for &j in &own {
+                let (inner, outer) = (i.min(j), i.max(j));
+                if carries(bodies, inner, outer) {
+                    let size = (leads(bodies, i).1 * leads(bodies, j).1).abs();
+                    bends += size * bend([inner, outer].map(turns), &carried[outer], &places[outer]);
+                }
+            }
+        }
+        found[leader] = Some(Felt { inertia, weight: gravity * bends });
     }
     found
+}
+
+/// The largest change of the outer joint's weight with the inner joint's position, over gravity: a joint that turns swings the centre of what
+/// the outer one carries, or the direction in which that slides.
+fn bend([inner_turns, outer_turns]: [bool; 2], carried: &Square, place: &Square) -> f64 {
+    match (inner_turns, outer_turns) {
+        (true, true) => first_moment(carried, place),
+        (true, false) => carried[3][3],
+        (false, _) => 0.0,
+    }
+}
+
+/// The body whose joint moves the joint of a body, and the factor.
+fn leads(bodies: &[Body], index: usize) -> (usize, f64) {
+    let follows = bodies[index].moving.as_ref().and_then(|moving| moving.follows.as_ref());
+    follows.map_or((index, 1.0), |(leader, factor)| (*leader, to_f64(factor)))
 }
 
 /// Whether a body is another one or carries it.

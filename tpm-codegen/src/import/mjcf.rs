@@ -32,7 +32,7 @@ pub fn mjcf(
         }
     }
     out.push_str("  </worldbody>\n  <actuator>\n");
-    for (_, moving) in described.moving() {
+    for (_, moving) in described.moving().filter(|(_, moving)| moving.follows.is_none()) {
         let (coordinate, input) = (&moving.coordinate, &moving.input);
         let range = moving.limits.effort.as_ref().filter(|effort| to_f64(effort) > 0.0);
         let range = range.map_or_else(String::new, |effort| {
@@ -41,7 +41,20 @@ pub fn mjcf(
         });
         let _ = writeln!(out, "    <motor name=\"{input}\" joint=\"{coordinate}\"{range}/>");
     }
-    out.push_str("  </actuator>\n</mujoco>\n");
+    out.push_str("  </actuator>\n");
+    let followers = described.moving().filter_map(|(_, moving)| {
+        let (leader, factor) = moving.follows.as_ref()?;
+        Some((&moving.coordinate, &robot.bodies[*leader].moving.as_ref()?.coordinate, to_f64(factor)))
+    });
+    let equalities: String = followers
+        .map(|(own, leader, factor)| {
+            format!("    <joint joint1=\"{own}\" joint2=\"{leader}\" polycoef=\"0 {factor} 0 0 0\"/>\n")
+        })
+        .collect();
+    if !equalities.is_empty() {
+        out += &format!("  <equality>\n{equalities}  </equality>\n");
+    }
+    out.push_str("</mujoco>\n");
     Ok(out)
 }
 

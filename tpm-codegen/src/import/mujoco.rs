@@ -14,12 +14,12 @@ use roxmltree::Node;
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::Diagnostic;
-use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
+use crate::import::description::{Description, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
 use crate::import::elements::{Reader, span};
 use crate::import::mujoco::defaults::Defaults;
 use crate::import::mujoco::frame::{NONE, Turn, product, turned};
 use crate::import::options::Options;
-use crate::import::reading::Exact;
+use crate::import::reading::{Exact, ROUNDING};
 use crate::source::Span;
 
 /// Help for what only a compiled model says.
@@ -65,17 +65,19 @@ pub(super) fn read(model: Node<'_, '_>, options: &Options, reader: &mut Reader<'
         defaults: Defaults::of(model),
         efforts: BTreeMap::new(),
         locked: options.locked.iter().map(|(name, _)| name.as_str()).collect(),
+        starts: BTreeMap::new(),
         description: &mut description,
         unnamed: 0,
     };
     walk.options(model);
     walk.actuators(model);
-    walk.equalities(model);
+    let couplings = walk.equalities(model);
     walk.tendons(model);
     for world in model.children().filter(|child| child.has_tag_name("worldbody")) {
         let class = world.attribute("childclass");
         walk.bodies(world, "world", &std::array::from_fn(|_| Rational::zero()), class);
     }
+    walk.couple(couplings);
     description
 }
 
@@ -152,6 +154,15 @@ impl Compiler {
     }
 }
 
+/// A joint whose position is a constant and a multiple of another joint's position.
+struct Coupling<'a, 'i> {
+    node: Node<'a, 'i>,
+    follower: &'a str,
+    leader: &'a str,
+    constant: f64,
+    factor: Rational,
+}
+
 struct Walk<'w, 'r, 's, 'd, 'a, 'i> {
     reader: &'w mut Reader<'r, 's, 'd>,
     compiler: Compiler,
@@ -159,6 +170,8 @@ struct Walk<'w, 'r, 's, 'd, 'a, 'i> {
     /// The largest force that actuators have, by joint.
     efforts: BTreeMap<&'a str, Rational>,
     locked: BTreeSet<&'w str>,
+    /// Positions of joints where bodies stand as they are written (`ref`), rad or m, where these are not zero.
+    starts: BTreeMap<String, f64>,
     description: &'w mut Description,
     unnamed: usize,
 }
@@ -225,7 +238,9 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
                 let Some(joint) = element.attribute("joint").or(element.attribute("jointinparent")) else { continue };
                 let gear = element.attribute("gear").or_else(|| self.attribute(element, None, "gear"));
                 let gear = gear.and_then(|text| rational::parse(text.split_whitespace().next()?));
-                let gear = gear.map_or_else(|| rational::integer(1), |gear| rational::abs(&gear));
+                let gear = gear.unwrap_or_else(|| rational::integer(1));
+                self.reader.geared(element, joint, gear.clone());
+                let gear = rational::abs(&gear);
                 let range = self.range(element, None, "forcerange", "forcelimited");
                 let range = match range {
                     None if element.has_tag_name("motor") => self.range(element, None, "ctrlrange", "ctrllimited"),
@@ -255,26 +270,57 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         (counts && low < high).then_some((low, high))
     }
 
-    fn equalities(&mut self, model: Node<'a, 'i>) {
+    /// The joints that follow others; every other equality is a fault, unless the joint that it holds is locked.
+    fn equalities(&mut self, model: Node<'a, 'i>) -> Vec<Coupling<'a, 'i>> {
+        let mut found = Vec::new();
         for section in model.children().filter(|child| child.has_tag_name("equality")) {
-            for element in section.children().filter(Node::is_element) {
-                let kind = element.tag_name().name();
-                let joints = [element.attribute("joint1"), element.attribute("joint2")];
-                let held = kind == "joint" && joints.iter().flatten().any(|joint| self.locked.contains(joint));
-                if element.attribute("active") == Some("false") || held {
+            for node in section.children().filter(Node::is_element) {
+                let (kind, joint) = (node.tag_name().name(), node.attribute("joint1"));
+                let held = kind == "joint" && joint.is_some_and(|joint| self.locked.contains(joint));
+                if node.attribute("active") == Some("false") || held {
                     continue;
                 }
-                let (message, help) = match (kind, joints[0]) {
-                    ("joint", Some(joint)) => (
-                        format!("the joint `{joint}` is coupled to another one, which is not read here"),
-                        "lock the joint, or couple it in the model by hand",
-                    ),
-                    _ => (
-                        format!("`{kind}` closes a loop, and a mechanism is a tree"),
-                        "remove the loop, or write its equations by hand",
-                    ),
+                let Some(follower) = joint.filter(|_| kind == "joint") else {
+                    let help = "remove the loop, or write its equations by hand";
+                    self.error(node, format!("`{kind}` closes a loop, and a mechanism is a tree"), help);
+                    continue;
                 };
-                self.error(element, message, help);
+                let written = self.attribute(node, None, "polycoef").unwrap_or("0 1 0 0 0");
+                let numbers: Option<Vec<Rational>> = written.split_whitespace().map(rational::parse).collect();
+                match (node.attribute("joint2"), numbers.as_deref()) {
+                    (Some(leader), Some([constant, factor, more @ ..])) if more.iter().all(Zero::is_zero) => {
+                        let constant = rational::to_f64(constant);
+                        found.push(Coupling { node, follower, leader, constant, factor: factor.clone() });
+                    }
+                    _ => {
+                        let message =
+                            format!("`{follower}` is coupled by more than a multiple of another joint's position");
+                        self.error(node, message, "lock the joint, or couple it in the model by hand");
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    /// Lets joints follow others.
+    fn couple(&mut self, couplings: Vec<Coupling<'a, 'i>>) {
+        for Coupling { node, follower, leader, constant, factor } in couplings {
+            let start = |joint: &str| self.starts.get(joint).copied().unwrap_or(0.0);
+            // Equalities hold between the distances from `ref`.
+            let offset = constant + start(follower) - rational::to_f64(&factor) * start(leader);
+            if offset.abs() > ROUNDING {
+                let message = format!("`{follower}` follows `{leader}` with an offset, which has no model here");
+                self.error(node, message, "set `ref` of both joints and the first of `polycoef` so that there is none");
+            }
+            match self.description.joints.iter_mut().find(|joint| joint.name == follower) {
+                Some(joint) => {
+                    joint.follows = Some(Follows { leader: leader.to_owned(), factor, span: span(node) });
+                }
+                None => {
+                    let message = format!("`{follower}` follows `{leader}` and is no joint");
+                    self.error(node, message, "correct its name, or remove the equality");
+                }
             }
         }
     }
@@ -404,6 +450,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
             damping: Rational::zero(),
             friction: Rational::zero(),
             armature: Rational::zero(),
+            follows: None,
         });
     }
 
@@ -442,6 +489,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         let mut limits = Limits::default();
         let unit = if turns { self.compiler.unit } else { 1.0 };
         if start != 0.0 {
+            self.starts.insert(name.clone(), start * unit);
             // At this coordinate the joint stands as the bodies are written.
             self.begin(&mut origin, direction, -start * unit, turns, span(node));
         }
@@ -467,6 +515,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
             damping: self.number(node, class, "damping"),
             friction: self.number(node, class, "frictionloss"),
             armature: self.number(node, class, "armature"),
+            follows: None,
             name,
         };
         self.description.joints.push(joint);

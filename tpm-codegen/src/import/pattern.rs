@@ -65,14 +65,15 @@ pub(super) struct Motion {
     series: Series,
 }
 
-/// The motions of all bodies; `None` for a body on a fixed joint.
+/// The motions of all bodies; `None` for a body on a fixed joint, and on one that follows another joint.
 pub(super) fn motions(robot: &Robot) -> Vec<Option<Motion>> {
     let mut places: Vec<u32> = Vec::with_capacity(robot.bodies.len());
     let mut motions = Vec::with_capacity(robot.bodies.len());
     for body in &robot.bodies {
         let before = body.parent.map_or(0, |parent| places[parent]);
         places.push(before + u32::from(body.moving.is_some()));
-        motions.push(body.moving.as_ref().map(|moving| motion(moving, before + 1)));
+        let leading = body.moving.as_ref().filter(|moving| moving.follows.is_none());
+        motions.push(leading.map(|moving| motion(moving, before + 1)));
     }
     motions
 }
@@ -117,7 +118,7 @@ fn decimal(value: f64) -> f64 {
     format!("{value:.6e}").parse().unwrap_or(value)
 }
 
-/// The joints that move, with their motions.
+/// The joints that have a coordinate, with their motions.
 fn moving(robot: &Robot) -> impl Iterator<Item = (&Moving, Motion)> {
     robot.bodies.iter().zip(motions(robot)).filter_map(|(body, motion)| Some((body.moving.as_ref()?, motion?)))
 }

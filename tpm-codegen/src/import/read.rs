@@ -87,6 +87,6 @@ fn described(
             return None;
         }
     };
-    reader.report_ignored();
+    reader.report_left_out();
     Some(description)
 }

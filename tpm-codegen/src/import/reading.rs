@@ -18,7 +18,7 @@ pub(super) const NO_LENGTH: f64 = 1e-12;
 /// Largest angle, rad: of larger ones too few digits are left once whole turns are subtracted.
 const LARGEST_ANGLE: i64 = 1_000_000;
 /// Rounding of an angle that was computed, rad.
-const ROUNDING: f64 = 1e-12;
+pub(super) const ROUNDING: f64 = 1e-12;
 /// Half a turn, rad.
 const PI: f64 = std::f64::consts::PI;
 

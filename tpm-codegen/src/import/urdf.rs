@@ -1,10 +1,11 @@
 //! Links and joints of a URDF.
 
+use num_traits::Zero;
 use roxmltree::Node;
 use tpm_symbolic::number::rational;
 
 use crate::diagnostic::Diagnostic;
-use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
+use crate::import::description::{Description, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
 use crate::import::elements::{Reader, span};
 use crate::import::reading::{Exact, is_angle};
 use crate::source::Span;
@@ -22,6 +23,7 @@ pub(super) fn read(robot: Node<'_, '_>, reader: &mut Reader<'_, '_, '_>) -> Desc
         match element.tag_name().name() {
             "link" => description.links.extend(reader.link(element)),
             "joint" => description.joints.extend(reader.joint(element)),
+            "transmission" => reader.transmission(element),
             _ => reader.ignore(element, "robot"),
         }
     }
@@ -76,7 +78,7 @@ impl Reader<'_, '_, '_> {
                 return None;
             }
         };
-        let (mut parent, mut child, mut axis, mut limits) = (None, None, None, None);
+        let (mut parent, mut child, mut axis, mut limits, mut follows) = (None, None, None, None, None);
         let mut origin = Origin::none();
         let (mut damping, mut friction) = (rational::integer(0), rational::integer(0));
         for element in node.children().filter(Node::is_element) {
@@ -86,6 +88,7 @@ impl Reader<'_, '_, '_> {
                 "origin" => origin = self.origin(element),
                 "axis" => axis = self.axis(element),
                 "limit" => limits = Some(self.limits(element)),
+                "mimic" => follows = self.mimic(element, &name),
                 "dynamics" => {
                     damping = self.optional(element, "damping").unwrap_or(damping);
                     friction = self.optional(element, "friction").unwrap_or(friction);
@@ -123,7 +126,29 @@ impl Reader<'_, '_, '_> {
             damping,
             friction,
             armature: rational::integer(0),
+            follows,
         })
+    }
+
+    /// The reduction between a motor and its joint, in either place where it is written.
+    fn transmission(&mut self, node: Node<'_, '_>) {
+        self.ignore(node, "robot");
+        let joint = node.children().find(|child| child.has_tag_name("joint")).and_then(|joint| joint.attribute("name"));
+        let reduction = node.descendants().find(|child| child.has_tag_name("mechanicalReduction"));
+        let ratio = reduction.and_then(|reduction| rational::parse(reduction.text()?.trim()));
+        if let (Some(joint), Some(ratio)) = (joint, ratio) {
+            self.geared(node, joint, ratio);
+        }
+    }
+
+    fn mimic(&mut self, node: Node<'_, '_>, joint: &str) -> Option<Follows> {
+        let leader = self.named(node, "joint")?;
+        let factor = self.optional(node, "multiplier").unwrap_or_else(|| rational::integer(1));
+        if self.optional(node, "offset").is_some_and(|offset| !offset.is_zero()) {
+            let message = format!("`{joint}` follows `{leader}` with an offset, which has no model here");
+            self.error(span(node), message, "turn or move the origin of the joint by the offset, and remove it");
+        }
+        Some(Follows { leader, factor, span: span(node) })
     }
 
     fn limits(&mut self, node: Node<'_, '_>) -> Limits {

@@ -42,6 +42,11 @@ fn moving(robot: &Robot) -> impl Iterator<Item = (&Body, &Moving)> {
     robot.bodies.iter().filter_map(|body| Some((body, body.moving.as_ref()?)))
 }
 
+/// The joints that have coordinates of their own.
+fn leading(robot: &Robot) -> impl Iterator<Item = &Moving> {
+    moving(robot).map(|(_, moving)| moving).filter(|moving| moving.follows.is_none())
+}
+
 /// The unknown torques of a drive.
 fn losses(moving: &Moving, options: &Options) -> Vec<Loss> {
     match &options.losses {
@@ -58,12 +63,11 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
     let mut text =
         format!("// Imported from {from}. Lengths in m, angles in rad, parameters about the frames of the bodies.\n");
     let _ = writeln!(text, "model {} {{", robot.name);
-    let coordinates: Vec<String> = moving(robot)
-        .map(|(_, moving)| format!("{} [{}]", moving.coordinate, if moving.turns { "rad" } else { "m" }))
+    let coordinates: Vec<String> = leading(robot)
+        .map(|moving| format!("{} [{}]", moving.coordinate, if moving.turns { "rad" } else { "m" }))
         .collect();
-    let inputs: Vec<String> = moving(robot)
-        .map(|(_, moving)| format!("{} [{}]", moving.input, if moving.turns { "N*m" } else { "N" }))
-        .collect();
+    let inputs: Vec<String> =
+        leading(robot).map(|moving| format!("{} [{}]", moving.input, if moving.turns { "N*m" } else { "N" })).collect();
     let _ = writeln!(text, "    coordinate {};\n    input {};", coordinates.join(", "), inputs.join(", "));
     text += &constants(robot);
     text.push('\n');
@@ -74,8 +78,10 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
         let _ = writeln!(text, "        body {} {parent}{{", body.name);
         let joint = match &body.moving {
             None => "fixed".to_owned(),
-            Some(moving) if moving.turns => format!("revolute {} about {}", moving.coordinate, moving.axis),
-            Some(moving) => format!("prismatic {} along {}", moving.coordinate, moving.axis),
+            Some(moving) => {
+                let words = if moving.turns { ["revolute", "about"] } else { ["prismatic", "along"] };
+                format!("{} {} {} {}", words[0], moved(robot, moving), words[1], moving.axis)
+            }
         };
         let _ = writeln!(text, "            {joint}{};", placement(&body.origin));
         if body.moving.is_some() {
@@ -83,7 +89,7 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
         }
         text.push_str("        }\n");
     }
-    for (_, moving) in moving(robot) {
+    for moving in leading(robot) {
         let _ = write!(text, "        drive {} by {}", moving.coordinate, moving.input);
         let losses = losses(moving, options);
         if !losses.is_empty() {
@@ -96,6 +102,16 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
     text += &pattern(robot);
     text.push_str("}\n");
     text
+}
+
+/// The position of a joint in the language.
+fn moved(robot: &Robot, moving: &Moving) -> String {
+    let leader =
+        moving.follows.as_ref().and_then(|(leader, factor)| Some((robot.bodies[*leader].moving.as_ref()?, factor)));
+    match leader {
+        Some((leader, factor)) => format!("{factor}*{}", leader.coordinate),
+        None => moving.coordinate.clone(),
+    }
 }
 
 fn placement(origin: &Origin) -> String {
@@ -125,7 +141,7 @@ fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
             line(parameter_name(name, &body.name), value);
         }
     }
-    for (_, moving) in moving(robot) {
+    for moving in leading(robot) {
         for loss in losses(moving, options) {
             let value = match loss {
                 Loss::Viscous => &moving.damping,

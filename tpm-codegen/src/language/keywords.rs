@@ -86,8 +86,16 @@ pub const KEYWORDS: [(&str, &str, &str); 48] = [
     ("gravity", "gravity (0, 0, -9.81);", "the acceleration of gravity in the frame of the base, m/s^2"),
     ("body", "body NAME on PARENT { ... }", "a rigid body; without `on` it stands on the base"),
     ("on", "body NAME on PARENT { ... }", "the body that this one stands on"),
-    ("revolute", "revolute q about z at (x, y, z) turned (roll, pitch, yaw);", "the body turns by the coordinate q"),
-    ("prismatic", "prismatic q along z at (x, y, z) turned (roll, pitch, yaw);", "the body slides by the coordinate q"),
+    (
+        "revolute",
+        "revolute q about z at (x, y, z) turned (roll, pitch, yaw);",
+        "the body turns by the coordinate q, or by a multiple of it, `1/2*q`",
+    ),
+    (
+        "prismatic",
+        "prismatic q along z at (x, y, z) turned (roll, pitch, yaw);",
+        "the body slides by the coordinate q, or by a multiple of it, `-1*q`",
+    ),
     ("fixed", "fixed at (x, y, z) turned (roll, pitch, yaw);", "the body moves with its parent"),
     ("inertia", "inertia parameters;", "what the body weighs: ten parameters, or known values"),
     ("parameters", "inertia parameters;", "the ten inertia parameters of the body are to be identified"),

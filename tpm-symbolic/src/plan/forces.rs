@@ -152,6 +152,7 @@ impl<'a> Recursion<'a> {
         let mut coordinates: Vec<Coordinate> =
             self.mechanism.tree.bodies().iter().filter_map(|body| body.joint.coordinate()).collect();
         coordinates.sort_unstable();
+        coordinates.dedup();
         // Forces of the model may depend on further coordinates, which no joint moves.
         let mut orders: BTreeMap<Coordinate, u32> = BTreeMap::new();
         for leaf in form.leaves(&model.graph) {

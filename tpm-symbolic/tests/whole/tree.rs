@@ -19,6 +19,8 @@ type Vector = [ExprId; 3];
 struct Spec {
     parent: Option<usize>,
     joint: char,
+    /// The body whose joint's coordinate moves this joint too, and the factor of it.
+    follows: Option<(usize, Rational)>,
     axis: [i64; 3],
     origin: [i64; 3],
     turned: [Angle; 3],
@@ -30,7 +32,7 @@ fn quarters(turns: [i64; 3]) -> [Angle; 3] {
 }
 
 fn unknown(parent: Option<usize>, joint: char, axis: [i64; 3], origin: [i64; 3], turned: [Angle; 3]) -> Spec {
-    Spec { parent, joint, axis, origin, turned, known: false }
+    Spec { parent, joint, follows: None, axis, origin, turned, known: false }
 }
 
 /// The model of a mechanism, with its equations, and the mechanism.
@@ -39,9 +41,14 @@ fn mechanism(specs: &[Spec], drives: bool) -> (ExactModel, Mechanism) {
     let mut bodies = Vec::new();
     for (index, spec) in specs.iter().enumerate() {
         let axis = unit_vector(&spec.axis.map(integer)).unwrap_or_else(|| [0, 0, 1].map(integer));
-        let joint = match spec.joint {
-            'r' => Joint::Revolute { coordinate: model.declare_coordinate(&format!("q{index}"), None), axis },
-            'p' => Joint::Prismatic { coordinate: model.declare_coordinate(&format!("q{index}"), None), axis },
+        let (leader, factor) = spec.follows.clone().unwrap_or((index, integer(1)));
+        let name = format!("q{leader}");
+        let known = |model: &ExactModel| model.coordinates.iter().position(|quantity| quantity.name.as_str() == name);
+        let joint = match (spec.joint, known(&model)) {
+            ('r', Some(known)) => Joint::Revolute { coordinate: Coordinate(known as u32), factor, axis },
+            ('p', Some(known)) => Joint::Prismatic { coordinate: Coordinate(known as u32), factor, axis },
+            ('r', None) => Joint::Revolute { coordinate: model.declare_coordinate(&name, None), factor, axis },
+            ('p', None) => Joint::Prismatic { coordinate: model.declare_coordinate(&name, None), factor, axis },
             _ => Joint::Fixed,
         };
         let graph = &mut model.graph;
@@ -120,10 +127,12 @@ fn lagrangian(model: &mut ExactModel, mechanism: &Mechanism) -> Lagrangian {
         let mut spin = spin;
         match &body.joint {
             Joint::Fixed => {}
-            Joint::Revolute { coordinate, axis } => {
+            Joint::Revolute { coordinate, factor, axis } => {
                 let axis = [0, 1, 2].map(|i| graph.number(axis[i].clone()));
-                let angle = graph.derivative_of(*coordinate, 0);
-                let rate = graph.derivative_of(*coordinate, 1);
+                let [angle, rate] = [0, 1].map(|order| {
+                    let derivative = graph.derivative_of(*coordinate, order);
+                    graph.scale(derivative, factor.clone())
+                });
                 let (c, s) = (graph.function(Function::Cos, angle), graph.function(Function::Sin, angle));
                 let versine = graph.sub(one, c);
                 // Rodrigues: column j is e_j cos q + (a x e_j) sin q + a a_j (1 - cos q).
@@ -143,9 +152,10 @@ fn lagrangian(model: &mut ExactModel, mechanism: &Mechanism) -> Lagrangian {
                 spin = add(graph, &spin, &own);
                 frame = product(graph, &frame, &turn);
             }
-            Joint::Prismatic { coordinate, axis } => {
+            Joint::Prismatic { coordinate, factor, axis } => {
                 let axis = [0, 1, 2].map(|i| graph.number(axis[i].clone()));
                 let position = graph.derivative_of(*coordinate, 0);
+                let position = graph.scale(position, factor.clone());
                 let own = times(graph, &frame, &axis).map(|component| graph.mul(component, position));
                 place = add(graph, &place, &own);
             }
@@ -192,7 +202,10 @@ fn lagrangian(model: &mut ExactModel, mechanism: &Mechanism) -> Lagrangian {
     lagrangian
 }
 
-/// A random rational state: cosines and sines on the circle, everything else drawn.
+/// The largest multiple of half a coordinate by which a joint turns here.
+const MOST_HALVES: i64 = 4;
+
+/// A random rational state: cosines and sines of half the coordinates on the circle, everything else drawn.
 struct Point {
     circle: HashMap<Coordinate, (Rational, Rational)>,
     leaves: BTreeMap<(u32, u32), Rational>,
@@ -214,9 +227,15 @@ impl Point {
                 let divisor = integer(1) + &t * &t;
                 ((integer(1) - &t * &t) / &divisor, integer(2) * t / divisor)
             });
-            let (cosine, sine) = (graph.number(cosine.clone()), graph.number(sine.clone()));
-            replaced.insert(graph.function(Function::Cos, leaf), cosine);
-            replaced.insert(graph.function(Function::Sin, leaf), sine);
+            // Joints that follow others turn by multiples of half a coordinate.
+            let (mut c, mut s) = (integer(1), integer(0));
+            for halves in 1..=MOST_HALVES {
+                (c, s) = (&c * &*cosine - &s * &*sine, &s * &*cosine + &c * &*sine);
+                let angle = graph.scale(leaf, ratio(halves, 2));
+                let (cosine, sine) = (graph.number(c.clone()), graph.number(s.clone()));
+                replaced.insert(graph.function(Function::Cos, angle), cosine);
+                replaced.insert(graph.function(Function::Sin, angle), sine);
+            }
         }
         let expr = graph.substitute(expr, &replaced);
         let value = graph.evaluate_exact(expr, |node| {
@@ -369,6 +388,34 @@ fn branches_and_fixed_bodies_are_lagranges_equations() {
     check(&specs, false);
 }
 
+/// Two fingers on a turning wrist that share a coordinate, a link that turns half as far back as its carrier, a slide on it that moves
+/// with the angle, and a link at twice the angle of the first on an axis of both frames.
+#[test]
+fn joints_that_share_a_coordinate_have_the_equations_of_lagrange() {
+    let follows = |spec: Spec, leader, factor| Spec { follows: Some((leader, factor)), ..spec };
+    let none = quarters([0, 0, 0]);
+    let skew = [Angle::half_tangent(&ratio(1, 3)), Angle::quarter_turns(1), Angle::quarter_turns(0)];
+    let finger = |axis| unknown(Some(0), 'p', axis, [20, 10, 100], quarters([0, 1, 0]));
+    let specs = [
+        unknown(None, 'r', [0, 0, 1], [0, 0, 100], none.clone()),
+        finger([0, 1, 0]),
+        follows(finger([0, 1, 0]), 1, integer(-1)),
+    ];
+    check(&specs, false);
+    let specs = [
+        unknown(None, 'r', [0, 3, 4], [0, 0, 100], skew.clone()),
+        follows(unknown(Some(0), 'r', [0, 0, 1], [30, 20, 0], skew), 0, ratio(-1, 2)),
+        follows(unknown(Some(1), 'p', [1, 0, 0], [0, 10, 0], none.clone()), 0, ratio(3, 2)),
+    ];
+    check(&specs, false);
+    let specs = [
+        unknown(None, 'r', [0, 0, 1], [0, 0, 100], none.clone()),
+        unknown(Some(0), 'r', [0, 1, 0], [10, 0, 200], none.clone()),
+        follows(unknown(Some(1), 'r', [0, -1, 0], [0, 0, 300], none), 1, integer(2)),
+    ];
+    check(&specs, false);
+}
+
 #[test]
 fn a_parameter_that_enters_no_equation_is_not_declared() {
     let (model, _) = mechanism(&[unknown(None, 'r', [0, 0, 1], [0, 0, 300], quarters([0, 0, 0]))], true);
@@ -408,13 +455,11 @@ fn what_is_no_tree_is_refused() {
     let zero = [graph.integer(0); 3];
     let body =
         |parent, joint| Body { parent, origin: zero, rotation: Rotation::identity(), joint, inertia: Inertia::None };
-    let axis = [0, 0, 1].map(integer);
-    let turning = |axis: &[Rational; 3]| Joint::Revolute { coordinate: Coordinate(0), axis: axis.clone() };
+    let turning =
+        |axis: &[Rational; 3]| Joint::Revolute { coordinate: Coordinate(0), factor: integer(1), axis: axis.clone() };
     let error = |bodies| Tree::new(zero, bodies).expect_err("no tree");
     assert_eq!(error(vec![body(Some(0), Joint::Fixed)]), TreeError::Order { body: 0, parent: 0 });
     assert_eq!(error(vec![body(None, turning(&[0, 0, 0].map(integer)))]), TreeError::Axis { body: 0 });
-    let twice = vec![body(None, turning(&axis)), body(Some(0), turning(&axis))];
-    assert_eq!(error(twice), TreeError::Coordinate { body: 1 });
 }
 
 /// Operations on the UR10's geometry. The recursion that is written by hand in CasADi has 405 multiplications and 317 additions for

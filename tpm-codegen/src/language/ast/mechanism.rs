@@ -74,6 +74,8 @@ pub struct JointDeclaration {
     pub keyword: Span,
     /// What moves.
     pub motion: JointMotion,
+    /// The joint's position over its coordinate, `1/2` in `revolute 1/2*q about z`; one when not given.
+    pub factor: Option<Expr>,
     /// Position and orientation of the joint in the frame of the parent.
     pub placement: Placement,
 }
@@ -181,6 +183,7 @@ impl BodyDeclaration {
     fn geometry<'a>(&'a self, found: &mut Vec<&'a Expr>) {
         if let Some(joint) = &self.joint {
             found.extend(joint.motion.moving().into_iter().flat_map(|(_, axis)| &axis.components));
+            found.extend(&joint.factor);
             found.extend(joint.placement.expressions());
         }
         if let Some(InertiaDeclaration::Known(known)) = &self.inertia {
@@ -195,6 +198,7 @@ impl BodyDeclaration {
         self.parent.iter_mut().for_each(|name| name.span = Span::default());
         if let Some(joint) = &mut self.joint {
             joint.keyword = Span::default();
+            joint.factor.iter_mut().for_each(Expr::forget_spans);
             joint.placement.forget_spans();
             if let JointMotion::Revolute(coordinate, axis) | JointMotion::Prismatic(coordinate, axis) =
                 &mut joint.motion

@@ -128,7 +128,7 @@ impl Checker<'_, '_> {
         }
     }
 
-    /// Requires a joint for every body, and exactly one joint for every coordinate.
+    /// Requires a joint for every body, and for every coordinate exactly one joint that moves by it without a factor.
     fn joints(&mut self, model: &ModelDeclaration, mechanism: &MechanismDeclaration) {
         let mut moved: HashMap<&str, Span> = HashMap::new();
         for body in mechanism.bodies() {
@@ -144,12 +144,15 @@ impl Checker<'_, '_> {
             };
             let Some((coordinate, _)) = joint.motion.moving() else { continue };
             self.coordinate(coordinate);
+            if joint.factor.is_some() {
+                continue;
+            }
             match moved.get(coordinate.name.as_str()) {
                 Some(&first) => self.twice(
                     coordinate.span,
                     first,
                     format!("`{}` moves two joints", coordinate.name),
-                    "give each joint a coordinate of its own",
+                    "give each joint a coordinate of its own, or write a joint that follows with a factor, `-1*q`",
                 ),
                 None => {
                     moved.insert(&coordinate.name, coordinate.span);
@@ -170,7 +173,7 @@ impl Checker<'_, '_> {
                     self.error(
                         quantity.name.span,
                         format!("no joint moves the coordinate `{}`", quantity.name.name),
-                        "remove it, or give it a joint in the mechanism",
+                        "remove it, or give it a joint in the mechanism, one that moves by it without a factor",
                     );
                 }
             }

@@ -25,7 +25,7 @@ pub(super) fn parameters(mechanism: &MechanismDeclaration) -> Vec<(&Ident, Optio
     all.filter(|(name, _)| seen.insert(name.name.as_str())).collect()
 }
 
-/// Whether the joints that a drive moves turn.
+/// Whether the joints that a drive moves turn: those that move by its coordinates without a factor.
 pub(super) fn turns(mechanism: &MechanismDeclaration, drive: &DriveDeclaration) -> bool {
     let mut names = vec![drive.name.name.as_str()];
     if let Some(moves) = &drive.moves {
@@ -36,6 +36,9 @@ pub(super) fn turns(mechanism: &MechanismDeclaration, drive: &DriveDeclaration) 
         });
     }
     !mechanism.bodies().filter_map(|body| body.joint.as_ref()).any(
-        |joint| matches!(&joint.motion, JointMotion::Prismatic(coordinate, _) if names.contains(&coordinate.name.as_str())),
+        |joint| {
+            joint.factor.is_none()
+                && matches!(&joint.motion, JointMotion::Prismatic(coordinate, _) if names.contains(&coordinate.name.as_str()))
+        },
     )
 }

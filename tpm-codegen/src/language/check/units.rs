@@ -12,7 +12,7 @@ use num_traits::{CheckedAdd, CheckedMul, Zero};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::mechanism::{
-    InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem, Placement,
+    InertiaDeclaration, JointDeclaration, JointMotion, MechanismDeclaration, MechanismItem, Placement,
 };
 use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem, Role};
 use crate::language::check::parameters::turns;
@@ -261,15 +261,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                 MechanismItem::Body(body) => {
                     if let Some(joint) = &body.joint {
                         self.placement(&joint.placement);
-                        let (coordinate, unit, what) = match &joint.motion {
-                            JointMotion::Fixed => continue,
-                            JointMotion::Revolute(name, _) => (name, "rad", "the coordinate of a joint that turns"),
-                            JointMotion::Prismatic(name, _) => (name, "m", "the coordinate of a joint that slides"),
-                        };
-                        let found = self.quantity(coordinate);
-                        let reference =
-                            Reference { dimension: known(unit), span: joint.keyword, what: what.to_owned() };
-                        self.compare(coordinate.span, &found, &reference);
+                        self.joint(joint);
                     }
                     if let Some(InertiaDeclaration::Known(inertia)) = &body.inertia {
                         self.placement(&inertia.placement);
@@ -294,6 +286,25 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
+    fn joint(&mut self, joint: &JointDeclaration) {
+        let (coordinate, unit, what) = match &joint.motion {
+            JointMotion::Fixed => return,
+            JointMotion::Revolute(name, _) => (name, "rad", "the coordinate of a joint that turns"),
+            JointMotion::Prismatic(name, _) => (name, "m", "the coordinate of a joint that slides"),
+        };
+        let found = self.quantity(coordinate);
+        match &joint.factor {
+            Some(factor) => {
+                let ratio = self.combine(&known(unit), &found, -1, factor.span);
+                self.with_names(factor, ratio, joint.keyword, "the position of the joint per coordinate");
+            }
+            None => {
+                let reference = Reference { dimension: known(unit), span: joint.keyword, what: what.to_owned() };
+                self.compare(coordinate.span, &found, &reference);
+            }
+        }
+    }
+
     fn placement(&mut self, placement: &'a Placement) {
         if let Some(at) = &placement.at {
             self.geometry(&at.components, "m", at.span, "a length");
@@ -303,11 +314,16 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     /// Compares named quantities with a unit; a plain number has that unit.
     fn geometry<'e>(&mut self, exprs: impl IntoIterator<Item = &'e Expr>, unit: &str, span: Span, what: &str) {
         for expr in exprs {
-            let mut names = false;
-            expr.walk(&mut |part| names |= matches!(part.kind, ExprKind::Name(_)));
-            if names {
-                self.expect(expr, known(unit), span, what);
-            }
+            self.with_names(expr, known(unit), span, what);
+        }
+    }
+
+    /// Compares an expression in which names occur with a dimension.
+    fn with_names(&mut self, expr: &Expr, dimension: Dimension, span: Span, what: &str) {
+        let mut names = false;
+        expr.walk(&mut |part| names |= matches!(part.kind, ExprKind::Name(_)));
+        if names {
+            self.expect(expr, dimension, span, what);
         }
     }
 
@@ -587,9 +603,10 @@ fn torque(turns: bool) -> Dimension {
     known(if turns { "N*m" } else { "N" })
 }
 
-/// The span of the joint of a coordinate, and whether it rotates.
+/// The span of the joint that a coordinate moves as it is, and whether it rotates.
 fn joint_of(mechanism: &MechanismDeclaration, coordinate: &Ident) -> Option<(Span, bool)> {
-    mechanism.bodies().filter_map(|body| body.joint.as_ref()).find_map(|joint| match &joint.motion {
+    let mut joints = mechanism.bodies().filter_map(|body| body.joint.as_ref()).filter(|joint| joint.factor.is_none());
+    joints.find_map(|joint| match &joint.motion {
         JointMotion::Revolute(name, _) if name.name == coordinate.name => Some((joint.keyword, true)),
         JointMotion::Prismatic(name, _) if name.name == coordinate.name => Some((joint.keyword, false)),
         _ => None,

@@ -107,9 +107,17 @@ impl<'a> Lowering<'a, '_, '_> {
         let Some(coordinate) = self.coordinate(&name.name) else {
             return Err(Diagnostic::error(name.span, format!("`{}` is no coordinate", name.name)).help("declare it"));
         };
+        let factor = match &declaration.factor {
+            Some(factor) => expression::exact(factor, &self.values)?,
+            None => Rational::one(),
+        };
+        if let Some(factor) = declaration.factor.as_ref().filter(|_| factor.is_zero()) {
+            return Err(Diagnostic::error(factor.span, "with this factor, which is zero, the joint does not move")
+                .help("write `fixed` for a joint that does not move"));
+        }
         Ok(match declaration.motion {
-            JointMotion::Prismatic(..) => Joint::Prismatic { coordinate, axis },
-            _ => Joint::Revolute { coordinate, axis },
+            JointMotion::Prismatic(..) => Joint::Prismatic { coordinate, factor, axis },
+            _ => Joint::Revolute { coordinate, factor, axis },
         })
     }
 

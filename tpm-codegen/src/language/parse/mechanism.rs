@@ -10,7 +10,7 @@ use crate::language::ast::mechanism::{
     BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointDeclaration, JointMotion, KnownInertia,
     MechanismDeclaration, MechanismItem, Placement, VectorExpr, loss_word,
 };
-use crate::language::ast::{Expr, ExprKind, Ident, Item};
+use crate::language::ast::{Expr, ExprKind, Ident, Item, Operation};
 use crate::language::keywords::{BODY_STATEMENTS, MECHANISM_STATEMENTS};
 use crate::language::lex::shorten;
 use crate::language::suggest::nearest;
@@ -153,25 +153,43 @@ impl Parser<'_, '_> {
 
     fn joint(&mut self) -> Parse<JointDeclaration> {
         let keyword = self.peek().span;
-        let motion = if self.is_word(0, "fixed") {
+        let (motion, factor) = if self.is_word(0, "fixed") {
             self.bump();
-            JointMotion::Fixed
+            (JointMotion::Fixed, None)
         } else if self.is_word(0, "revolute") {
             self.bump();
-            let coordinate = self.name("a coordinate")?;
+            let (factor, coordinate) = self.moved("revolute 1/2*q about z")?;
             self.before_axis("about", "revolute q about z")?;
-            JointMotion::Revolute(coordinate, self.axis()?)
+            (JointMotion::Revolute(coordinate, self.axis()?), factor)
         } else if self.is_word(0, "prismatic") {
             self.bump();
-            let coordinate = self.name("a coordinate")?;
+            let (factor, coordinate) = self.moved("prismatic -1*q along z")?;
             self.before_axis("along", "prismatic q along z")?;
-            JointMotion::Prismatic(coordinate, self.axis()?)
+            (JointMotion::Prismatic(coordinate, self.axis()?), factor)
         } else {
             return Err(self.no_statement("a body", &BODY_STATEMENTS));
         };
         let placement = self.placement()?;
         self.end_of_statement()?;
-        Ok(JointDeclaration { keyword, motion, placement })
+        Ok(JointDeclaration { keyword, motion, factor, placement })
+    }
+
+    /// A coordinate, or a factor times a coordinate.
+    fn moved(&mut self, example: &str) -> Parse<(Option<Expr>, Ident)> {
+        let begins_factor = matches!(self.kind(), TokenKind::Number | TokenKind::Minus | TokenKind::OpenParen)
+            || matches!(self.nth(1).kind, TokenKind::Star | TokenKind::Slash);
+        if !begins_factor {
+            return Ok((None, self.name("a coordinate")?));
+        }
+        let product = self.expr()?;
+        let span = product.span;
+        match multiple(product) {
+            Some((factor, coordinate)) => Ok((Some(factor), coordinate)),
+            None => {
+                let error = Diagnostic::error(span, "a joint moves by a number times a coordinate");
+                Err(self.report(error.help(format!("write the coordinate last, such as `{example}`"))))
+            }
+        }
     }
 
     fn placement(&mut self) -> Parse<Placement> {
@@ -301,5 +319,28 @@ impl Parser<'_, '_> {
             return Err(self.report(error.help(rule)));
         }
         Ok((list, span))
+    }
+}
+
+/// A product as its last factor, a name, and what stands before it; `-q` is -1 times q.
+fn multiple(product: Expr) -> Option<(Expr, Ident)> {
+    let span = product.span;
+    match product.kind {
+        ExprKind::Negative(inner) => {
+            let ExprKind::Name(name) = inner.kind else { return None };
+            let one = Expr { kind: ExprKind::Number(rational::integer(1)), span };
+            Some((Expr { kind: ExprKind::Negative(Box::new(one)), span }, Ident { name, span: inner.span }))
+        }
+        ExprKind::Product(mut factors) => {
+            let (Operation::Times, Expr { kind: ExprKind::Name(name), span: place }) = factors.pop()? else {
+                return None;
+            };
+            let factor = match factors.len() {
+                1 => factors.pop()?.1,
+                _ => Expr { kind: ExprKind::Product(factors), span },
+            };
+            Some((factor, Ident { name, span: place }))
+        }
+        _ => None,
     }
 }

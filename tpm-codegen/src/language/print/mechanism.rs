@@ -7,7 +7,7 @@ use crate::language::ast::mechanism::{
     BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointDeclaration, JointMotion, KnownInertia,
     MechanismDeclaration, MechanismItem, Placement, VectorExpr, loss_word,
 };
-use crate::language::ast::{Expr, ExprKind};
+use crate::language::ast::{Expr, ExprKind, Ident, Operation};
 use num_traits::{One, Zero};
 
 impl Display for MechanismDeclaration {
@@ -45,11 +45,23 @@ impl Display for BodyDeclaration {
 
 impl Display for JointDeclaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let moved = |coordinate: &Ident| {
+            let name = Expr { kind: ExprKind::Name(coordinate.name.clone()), span: coordinate.span };
+            let Some(factor) = &self.factor else { return name };
+            let mut factors = match &factor.kind {
+                ExprKind::Product(factors) => factors.clone(),
+                _ => vec![(Operation::Times, factor.clone())],
+            };
+            factors.push((Operation::Times, name));
+            Expr { kind: ExprKind::Product(factors), span: factor.span }
+        };
         match &self.motion {
             JointMotion::Fixed => f.write_str("fixed")?,
-            JointMotion::Revolute(coordinate, axis) => write!(f, "revolute {} about {}", coordinate.name, Axis(axis))?,
+            JointMotion::Revolute(coordinate, axis) => {
+                write!(f, "revolute {} about {}", moved(coordinate), Axis(axis))?;
+            }
             JointMotion::Prismatic(coordinate, axis) => {
-                write!(f, "prismatic {} along {}", coordinate.name, Axis(axis))?;
+                write!(f, "prismatic {} along {}", moved(coordinate), Axis(axis))?;
             }
         }
         write!(f, "{};", self.placement)

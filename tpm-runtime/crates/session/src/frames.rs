@@ -5,7 +5,7 @@ use tpm_report::number;
 use tpm_symbolic::expr::graph::Coordinate;
 use tpm_symbolic::mechanics::tree::mechanism::{Drive, Loss};
 use tpm_symbolic::mechanics::tree::{Body, Joint};
-use tpm_symbolic::number::rational::{Rational, to_f64};
+use tpm_symbolic::number::rational::{Rational, integer, to_f64};
 
 /// How a body moves against the one on which it stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub struct Frame {
     pub on: Option<String>,
     /// How it moves.
     pub movement: Movement,
-    /// The coordinate of its joint; empty where it does not move.
+    /// What moves its joint: a coordinate, or a multiple of one, such as `-1*q1`; empty where it does not move.
     pub coordinate: String,
     /// The axis of its joint in its own frame, a unit vector; zeros where it does not move.
     pub axis: [f64; 3],
@@ -56,12 +56,19 @@ impl DeclaredModel {
         let Some(mechanism) = &parsed.mechanism else { return Vec::new() };
         let label = |body: usize| mechanism.labels[body].name.to_string();
         let of = |(index, body): (usize, &Body)| {
-            let name = |coordinate: &Coordinate| parsed.model.coordinates[coordinate.0 as usize].name.to_string();
+            let moved = |coordinate: &Coordinate, factor: &Rational| {
+                let name = &parsed.model.coordinates[coordinate.0 as usize].name;
+                if *factor == integer(1) { name.to_string() } else { format!("{factor}*{name}") }
+            };
             let along = |axis: &[Rational; 3]| axis.each_ref().map(to_f64);
             let (movement, coordinate, axis) = match &body.joint {
                 Joint::Fixed => (Movement::Fixed, String::new(), [0.0; 3]),
-                Joint::Revolute { coordinate, axis } => (Movement::Turns, name(coordinate), along(axis)),
-                Joint::Prismatic { coordinate, axis } => (Movement::Slides, name(coordinate), along(axis)),
+                Joint::Revolute { coordinate, factor, axis } => {
+                    (Movement::Turns, moved(coordinate, factor), along(axis))
+                }
+                Joint::Prismatic { coordinate, factor, axis } => {
+                    (Movement::Slides, moved(coordinate, factor), along(axis))
+                }
             };
             let entry = |row: usize, column: usize| to_f64(body.rotation.entry(row, column));
             let pitch = (0.0 - entry(2, 0)).clamp(-1.0, 1.0).asin();

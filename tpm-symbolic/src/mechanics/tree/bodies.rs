@@ -6,7 +6,6 @@ use crate::mechanics::tree::rotation::Rotation;
 use crate::mechanics::tree::vector::Vector;
 use crate::number::rational::{Rational, integer};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
 use thiserror::Error;
 
 /// Motion of a body relative to its parent.
@@ -16,15 +15,19 @@ pub enum Joint {
     Fixed,
     /// Rotation about an axis.
     Revolute {
-        /// The angle, rad.
+        /// The coordinate, of which the angle (rad) is a multiple.
         coordinate: Coordinate,
+        /// The angle over the coordinate: one unless the joint follows another one.
+        factor: Rational,
         /// The axis, a unit vector in the joint's frame.
         axis: [Rational; 3],
     },
     /// Translation along an axis.
     Prismatic {
-        /// The displacement, m.
+        /// The coordinate, of which the displacement (m) is a multiple.
         coordinate: Coordinate,
+        /// The displacement over the coordinate: one unless the joint follows another one.
+        factor: Rational,
         /// The axis, a unit vector in the joint's frame.
         axis: [Rational; 3],
     },
@@ -37,6 +40,17 @@ impl Joint {
         match self {
             Self::Fixed => None,
             Self::Revolute { coordinate, .. } | Self::Prismatic { coordinate, .. } => Some(*coordinate),
+        }
+    }
+
+    /// The axis times the factor: what a unit rate of the coordinate turns or moves the body by. Zero on a fixed joint.
+    #[must_use]
+    pub fn direction(&self) -> [Rational; 3] {
+        match self {
+            Self::Fixed => std::array::from_fn(|_| integer(0)),
+            Self::Revolute { axis, factor, .. } | Self::Prismatic { axis, factor, .. } => {
+                axis.each_ref().map(|component| component * factor)
+            }
         }
     }
 }
@@ -81,34 +95,24 @@ pub enum TreeError {
         /// The index of the body.
         body: usize,
     },
-    /// Two joints have one coordinate.
-    #[error("the coordinate of the joint of body {body} is the coordinate of another joint too")]
-    Coordinate {
-        /// The index of the second body.
-        body: usize,
-    },
 }
 
 impl Tree {
     /// A tree of bodies; `gravity` is the acceleration of gravity in the frame of the base, m/s^2.
     ///
     /// # Errors
-    /// When a body does not come after its parent, an axis is no unit vector, or two joints share a coordinate.
+    /// When a body does not come after its parent, or an axis is no unit vector.
     pub fn new(gravity: Vector, bodies: Vec<Body>) -> Result<Self, TreeError> {
-        let mut coordinates = BTreeSet::new();
         for (index, body) in bodies.iter().enumerate() {
             if let Some(parent) = body.parent.filter(|&parent| parent >= index) {
                 return Err(TreeError::Order { body: index, parent });
             }
             match &body.joint {
                 Joint::Fixed => {}
-                Joint::Revolute { coordinate, axis } | Joint::Prismatic { coordinate, axis } => {
+                Joint::Revolute { axis, .. } | Joint::Prismatic { axis, .. } => {
                     let square: Rational = axis.iter().map(|component| component * component).sum();
                     if square != integer(1) {
                         return Err(TreeError::Axis { body: index });
-                    }
-                    if !coordinates.insert(*coordinate) {
-                        return Err(TreeError::Coordinate { body: index });
                     }
                 }
             }

@@ -7,7 +7,7 @@ use crate::mechanics::tree::inertia::{Inertia, NAMES};
 use crate::mechanics::tree::regressor::JointRow;
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
-use num_traits::Zero;
+use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -214,10 +214,15 @@ impl Mechanism {
         }
     }
 
-    /// Whether the joint of a coordinate rotates.
+    /// Whether a coordinate is an angle: where joints share it, the one that it moves as it is says so.
     fn turns(&self, coordinate: Coordinate) -> bool {
-        let joint =
-            self.tree.bodies().iter().map(|body| &body.joint).find(|joint| joint.coordinate() == Some(coordinate));
+        let mut joints =
+            self.tree.bodies().iter().map(|body| &body.joint).filter(|joint| joint.coordinate() == Some(coordinate));
+        let leads = |joint: &&Joint| match joint {
+            Joint::Fixed => false,
+            Joint::Revolute { factor, .. } | Joint::Prismatic { factor, .. } => factor.is_one(),
+        };
+        let joint = joints.clone().find(leads).or_else(|| joints.next());
         !matches!(joint, Some(Joint::Prismatic { .. }))
     }
 }

@@ -7,6 +7,7 @@ use crate::mechanics::tree::vector::{
     Turn, Vector, add, constant, cross, difference, negated, outward_in, scale, sum_of_products, times, zero,
 };
 use crate::number::rational::integer;
+use num_traits::One;
 
 /// Motion of a link.
 #[derive(Clone, Debug)]
@@ -139,8 +140,9 @@ pub(super) struct Step {
 impl Step {
     fn new(graph: &mut Graph, link: &Link) -> Self {
         let turn = match &link.joint {
-            Joint::Revolute { coordinate, axis } => {
-                let angle = graph.derivative_of(*coordinate, 0);
+            Joint::Revolute { coordinate, axis, factor } => {
+                let coordinate = graph.derivative_of(*coordinate, 0);
+                let angle = if factor.is_one() { coordinate } else { graph.scale(coordinate, factor.clone()) };
                 Some(Turn::new(graph, axis, angle))
             }
             _ => None,
@@ -214,31 +216,32 @@ fn carried(graph: &mut Graph, link: &Link, step: &Step, parent: &Motion) -> Moti
             let turning = step.outward(graph, link, &parent.turning);
             Motion::new(graph, velocity, turning, acceleration)
         }
-        Joint::Revolute { coordinate, axis } => {
+        Joint::Revolute { coordinate, .. } => {
+            let direction = link.joint.direction();
             let [_, rate, second] = rates(graph, *coordinate);
             let turning = step.outward(graph, link, &parent.turning);
             if let Some(k) = link.shared_axis() {
-                let sign = graph.number(axis[k].clone());
-                let [own, own_turning] = [rate, second].map(|rate| graph.product_of_wholes(&[sign, rate]));
-                let direction = constant(graph, &[0, 1, 2].map(|row| link.rotation.entry(row, k).clone()));
-                let along = times(graph, &parent.field, &direction);
+                let per_rate = graph.number(direction[k].clone());
+                let [own, own_turning] = [rate, second].map(|rate| graph.product_of_wholes(&[per_rate, rate]));
+                let shared = constant(graph, &[0, 1, 2].map(|row| link.rotation.entry(row, k).clone()));
+                let along = times(graph, &parent.field, &shared);
                 let along = step.outward(graph, link, &along);
                 let turning = graph.sum_of_wholes(&[turning[k], own_turning]);
                 let mut velocity = velocity;
                 velocity[k] = graph.sum_of_wholes(&[velocity[k], own]);
                 return Motion::about(graph, k, velocity, turning, &along, acceleration);
             }
-            let axis = constant(graph, axis);
-            let [own, own_turning] = [rate, second].map(|rate| scale(graph, &axis, rate));
+            let direction = constant(graph, &direction);
+            let [own, own_turning] = [rate, second].map(|rate| scale(graph, &direction, rate));
             let gyration = cross(graph, &velocity, &own);
             let turning = std::array::from_fn(|i| graph.sum_of_wholes(&[turning[i], own_turning[i], gyration[i]]));
             let velocity = add(graph, &velocity, &own);
             Motion::new(graph, velocity, turning, acceleration)
         }
-        Joint::Prismatic { coordinate, axis } => {
+        Joint::Prismatic { coordinate, .. } => {
             let [position, rate, second] = rates(graph, *coordinate);
             let turning = step.outward(graph, link, &parent.turning);
-            let axis = constant(graph, axis);
+            let axis = constant(graph, &link.joint.direction());
             let mut motion = Motion::new(graph, velocity, turning, acceleration);
             let lever = times(graph, &motion.field, &axis);
             let swept = cross(graph, &velocity, &axis);

@@ -7,7 +7,7 @@ use crate::mechanics::tree::motion::{Motion, Step, motions};
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, sum_of_products, zero};
 use num_traits::Zero;
 
-/// The torque of a joint per unit of an inertia parameter.
+/// The torque of a coordinate per unit of an inertia parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// The index of the body.
@@ -18,10 +18,10 @@ pub struct Entry {
     pub expr: ExprId,
 }
 
-/// The torque of a joint: the sum of its entries times their parameters, plus the torque of the known inertias.
+/// The torque of a coordinate: the sum of its entries times their parameters, plus the torque of the known inertias.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JointRow {
-    /// The coordinate of the joint; the torque is a force where the joint is prismatic.
+    /// The coordinate; the torque is a force where it moves a prismatic joint.
     pub coordinate: Coordinate,
     /// The entries of the unknown parameters, by body and parameter.
     pub entries: Vec<Entry>,
@@ -29,7 +29,7 @@ pub struct JointRow {
     pub known: ExprId,
 }
 
-/// The velocity of a link's frame when one joint alone moves at a unit rate.
+/// The velocity of a link's frame when one joint alone moves, at the rate that a unit rate of its coordinate gives it.
 #[derive(Clone, Debug)]
 struct Screw {
     /// The index of the link whose joint moves.
@@ -39,7 +39,7 @@ struct Screw {
 }
 
 impl Tree {
-    /// The rows of the moving joints, in the order of the bodies.
+    /// The rows of the coordinates that move joints, in the order of the bodies. Rows of joints that share a coordinate are added.
     pub fn regressor(&self, graph: &mut Graph) -> Vec<JointRow> {
         let links = links(graph, self);
         let (steps, motions) = motions(graph, self, &links);
@@ -71,7 +71,29 @@ impl Tree {
                 }
             }
         }
-        rows.into_iter().flatten().collect()
+        let mut found: Vec<JointRow> = Vec::new();
+        for row in rows.into_iter().flatten() {
+            match found.iter_mut().find(|known| known.coordinate == row.coordinate) {
+                Some(sum) => sum.add(graph, row),
+                None => found.push(row),
+            }
+        }
+        found
+    }
+}
+
+impl JointRow {
+    /// Adds the row of another joint.
+    fn add(&mut self, graph: &mut Graph, other: Self) {
+        self.known = graph.sum_of_wholes(&[self.known, other.known]);
+        for entry in other.entries {
+            match self.entries.iter_mut().find(|own| (own.body, own.parameter) == (entry.body, entry.parameter)) {
+                Some(own) => own.expr = graph.sum_of_wholes(&[own.expr, entry.expr]),
+                None => self.entries.push(entry),
+            }
+        }
+        self.entries.retain(|entry| !graph.as_number(entry.expr).is_some_and(Zero::is_zero));
+        self.entries.sort_by_key(|entry| (entry.body, entry.parameter));
     }
 }
 
@@ -81,14 +103,11 @@ fn screws(graph: &mut Graph, links: &[Link], steps: &[Step]) -> Vec<Vec<Screw>> 
     for (index, (link, step)) in links.iter().zip(steps).enumerate() {
         let mut screws = Vec::new();
         let still = zero(graph);
+        let direction = constant(graph, &link.joint.direction());
         match &link.joint {
             Joint::Fixed => {}
-            Joint::Revolute { axis, .. } => {
-                screws.push(Screw { joint: index, angular: constant(graph, axis), linear: still });
-            }
-            Joint::Prismatic { axis, .. } => {
-                screws.push(Screw { joint: index, angular: still, linear: constant(graph, axis) });
-            }
+            Joint::Revolute { .. } => screws.push(Screw { joint: index, angular: direction, linear: still }),
+            Joint::Prismatic { .. } => screws.push(Screw { joint: index, angular: still, linear: direction }),
         }
         let inward = link.parent.map_or(&[][..], |parent| &all[parent]);
         for screw in inward {
@@ -96,10 +115,9 @@ fn screws(graph: &mut Graph, links: &[Link], steps: &[Step]) -> Vec<Vec<Screw>> 
             let linear = add(graph, &screw.linear, &swept);
             let angular = step.outward(graph, link, &screw.angular);
             let mut linear = step.outward(graph, link, &linear);
-            if let Joint::Prismatic { coordinate, axis } = &link.joint {
+            if let Joint::Prismatic { coordinate, .. } = &link.joint {
                 let position = graph.derivative_of(*coordinate, 0);
-                let axis = constant(graph, axis);
-                let swept = cross(graph, &angular, &axis);
+                let swept = cross(graph, &angular, &direction);
                 let swept = scale(graph, &swept, position);
                 linear = add(graph, &linear, &swept);
             }

@@ -8,8 +8,8 @@ use crate::mechanics::tree::motion::{Motion, motions};
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, times, zero};
 
 impl Tree {
-    /// The torques of the moving joints (forces, where they are prismatic), in the order of the bodies, when `parameters` gives the
-    /// ten parameters of every body of unknown inertia by its index. If some derivatives of coordinates are replaced by
+    /// The torques of the coordinates that move joints (forces, where these are prismatic), in the order of the bodies, when `parameters`
+    /// gives the ten parameters of every body of unknown inertia by its index. Torques of joints that share a coordinate are added. If some derivatives of coordinates are replaced by
     /// numbers, the result is the torque of gravity, or a column of the mass matrix.
     pub fn torques(&self, graph: &mut Graph, parameters: impl Fn(usize) -> [ExprId; 10]) -> Vec<(Coordinate, ExprId)> {
         let links = links(graph, self);
@@ -17,7 +17,7 @@ impl Tree {
         let inertias = passed_inward(graph, &links, parameters);
         let none = zero(graph);
         let mut wrenches = vec![(none, none); links.len()];
-        let mut torques = Vec::new();
+        let mut torques: Vec<(Coordinate, ExprId)> = Vec::new();
         for index in (0..links.len()).rev() {
             let link = &links[index];
             let (mut force, mut moment) = wrenches[index];
@@ -26,14 +26,11 @@ impl Tree {
                 force = add(graph, &force, &own.0);
                 moment = add(graph, &moment, &own.1);
             }
+            let axis = constant(graph, &link.joint.direction());
             match &link.joint {
                 Joint::Fixed => {}
-                Joint::Revolute { coordinate, axis } => {
-                    let axis = constant(graph, axis);
-                    torques.push((*coordinate, dot(graph, &axis, &moment)));
-                }
-                Joint::Prismatic { coordinate, axis } => {
-                    let axis = constant(graph, axis);
+                Joint::Revolute { coordinate, .. } => torques.push((*coordinate, dot(graph, &axis, &moment))),
+                Joint::Prismatic { coordinate, .. } => {
                     torques.push((*coordinate, dot(graph, &axis, &force)));
                     let position = graph.derivative_of(*coordinate, 0);
                     let arm = scale(graph, &axis, position);
@@ -51,8 +48,14 @@ impl Tree {
                 wrenches[parent] = (carried_force, add(graph, &carried_moment, &moment));
             }
         }
-        torques.reverse();
-        torques
+        let mut found: Vec<(Coordinate, ExprId)> = Vec::with_capacity(torques.len());
+        for (coordinate, torque) in torques.into_iter().rev() {
+            match found.iter_mut().find(|(known, _)| *known == coordinate) {
+                Some((_, sum)) => *sum = graph.sum_of_wholes(&[*sum, torque]),
+                None => found.push((coordinate, torque)),
+            }
+        }
+        found
     }
 }
 
