@@ -7,8 +7,11 @@
 //! M_p = (E(theta' + step_p) - E(theta')) / step_p .
 //! ```
 //!
-//! Every line has the noise that stands halfway between the harmonics of all runs. With the ratios r of the update to the steps, what is
-//! solved has `(1 - sum r)^2 + sum r^2` times the variance of one run, since all runs are compared with the same one.
+//! Over a long step E bends, and the quotient errs by the bend. A second run with the opposite step makes the column the slope, at theta',
+//! of the parabola through all three errors.
+//!
+//! Every line has the noise that stands halfway between the harmonics of all runs. A column is a sum of errors with weights w, so that an
+//! update u leaves `(1 + sum u w_base)^2 + sum u^2 w^2` times the variance of one run, since all runs are compared with the same one.
 //!
 //! Invariant: nothing allocates, and every loop has a length that is fixed.
 
@@ -23,9 +26,10 @@ const ROUNDINGS: f64 = 16.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunNumerical<T, const Q: usize, const P: usize, const L: usize> {
     base: [[Phasor<T>; L]; Q],
-    changed: [[[Phasor<T>; L]; Q]; P],
-    /// The change of each parameter; zero where its run has not been played.
-    steps: [T; P],
+    /// How the tracking error changes with each parameter.
+    slopes: [[[Phasor<T>; L]; Q]; P],
+    /// The runs behind each of them.
+    differences: [RunDifference<T>; P],
     /// Sums of squares of the lines halfway between the harmonics, and of how many runs.
     noise: [T; Q],
     runs: T,
@@ -37,12 +41,60 @@ pub struct RunNumerical<T, const Q: usize, const P: usize, const L: usize> {
     peak: [T; Q],
 }
 
+/// By how much a parameter was changed in the first and in the second of its runs; zero where the run has not been played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunDifference<T> {
+    first: T,
+    second: T,
+}
+
+impl<T: Real> RunDifference<T> {
+    /// Before any run.
+    pub const NONE: Self = Self { first: T::ZERO, second: T::ZERO };
+
+    /// With another run: with the opposite direction it completes the first one, otherwise it takes its place.
+    #[must_use]
+    pub fn with(self, step: T) -> Self {
+        let opposite = self.is_any() && (self.first < T::ZERO) != (step < T::ZERO);
+        if opposite && !self.is_both() { Self { second: step, ..self } } else { Self { first: step, second: T::ZERO } }
+    }
+
+    /// Whether any run has been played.
+    #[must_use]
+    pub fn is_any(self) -> bool {
+        self.first.abs() > T::ZERO
+    }
+
+    /// Whether runs in both directions have been played.
+    #[must_use]
+    pub fn is_both(self) -> bool {
+        self.second.abs() > T::ZERO
+    }
+
+    /// The weights of the base run and of the two others in the slope at the base: of the line through two errors, or of the parabola
+    /// through three. Their sum is zero.
+    #[must_use]
+    pub fn weights(self) -> [T; 3] {
+        let Self { first, second } = self;
+        if !self.is_any() {
+            return [T::ZERO; 3];
+        }
+        if !self.is_both() {
+            let weight = T::ONE / first;
+            return [-weight, weight, T::ZERO];
+        }
+        let of = |own: T, other: T| other / (own * (other - own));
+        let (first, second) = (of(first, second), of(second, first));
+        [-(first + second), first, second]
+    }
+}
+
 impl<T: Real, const Q: usize, const P: usize, const L: usize> Default for RunNumerical<T, Q, P, L> {
     fn default() -> Self {
         Self {
             base: [[Phasor::ZERO; L]; Q],
-            changed: [[[Phasor::ZERO; L]; Q]; P],
-            steps: [T::ZERO; P],
+            slopes: [[[Phasor::ZERO; L]; Q]; P],
+            differences: [RunDifference::NONE; P],
             noise: [T::ZERO; Q],
             runs: T::ZERO,
             samples: [0; 2],
@@ -70,7 +122,8 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
         Ok(())
     }
 
-    /// Takes in a run in whose feed-forward one parameter is larger by a step, all else as in the first run.
+    /// Takes in a run in whose feed-forward one parameter is larger by a step, all else as in the first run. A second run with the
+    /// opposite step takes the bend of the response out of the first one's difference; any other takes the place of what was there.
     ///
     /// # Errors
     /// [`RunFault::Perturbation`] when there is no such parameter, the step is zero or not finite, or there is no first run;
@@ -90,9 +143,18 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
             return Err(RunFault::Samples);
         }
         let changed = self.take(&lines, reference);
-        for ((slot, own), number) in self.changed.iter_mut().zip(&mut self.steps).zip(0..) {
-            if parameter == number {
-                (*slot, *own) = (changed, step);
+        for ((slope, runs), number) in self.slopes.iter_mut().zip(&mut self.differences).zip(0..) {
+            if parameter != number {
+                continue;
+            }
+            *runs = runs.with(step);
+            // The slope of the first run alone is that of a line through it.
+            let [_, first, second] = runs.weights();
+            let (kept, own) = if runs.is_both() { (first * runs.first, second) } else { (T::ZERO, first) };
+            for (slope, (changed, base)) in
+                slope.iter_mut().flatten().zip(changed.iter().zip(&self.base).flat_map(pairs))
+            {
+                *slope = slope.times(kept) + (*changed - *base).times(own);
             }
         }
         Ok(())
@@ -123,21 +185,22 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
     /// [`RunFault::Unfinished`] before any parameter was changed, [`RunFault::Still`] when nothing stands out of the noise,
     /// [`RunFault::Equations`] when a number is not finite.
     pub fn estimate(&self, played: &[T; P]) -> Result<RunEstimate<T, Q, P>, RunFault> {
-        if self.steps.iter().all(|step| step.abs() <= T::ZERO) {
+        if !self.differences.iter().any(|runs| runs.is_any()) {
             return Err(RunFault::Unfinished { samples: self.samples[0] });
         }
         if !played.iter().all(|value| value.is_finite()) {
             return Err(RunFault::Equations);
         }
         let first = self.equations(T::ONE)?.solution();
-        let (mut sum, mut squares) = (T::ZERO, T::ZERO);
-        for (update, step) in first.solution.iter().zip(self.steps) {
-            let ratio = update.map_or(T::ZERO, |update| update / step);
-            sum += ratio;
-            squares += ratio * ratio;
+        let (mut base, mut squares) = (T::ONE, T::ZERO);
+        for (update, runs) in first.solution.iter().zip(self.differences) {
+            let update = update.unwrap_or(T::ZERO);
+            let [own, first, second] = runs.weights().map(|weight| update * weight);
+            base += own;
+            squares += first * first + second * second;
         }
         // An update by the whole step needs the changed run alone.
-        let factor = (T::ONE - sum) * (T::ONE - sum) + squares;
+        let factor = base * base + squares;
         let equations = self.equations(factor)?;
         let found = equations.solution();
         if found.rank == 0 {
@@ -188,12 +251,14 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
             for (line, own) in base.iter().enumerate().skip(2).step_by(2) {
                 let mut columns = [Phasor::ZERO; P];
                 let mut shown = own.square() > visible * variance;
-                for ((column, changed), step) in columns.iter_mut().zip(&self.changed).zip(self.steps) {
-                    if step.abs() > T::ZERO {
-                        let there = changed.get(coordinate).and_then(|lines| lines.get(line)).copied();
-                        let apart = there.unwrap_or(*own) - *own;
-                        shown |= apart.square() > visible * (variance + variance);
-                        *column = apart.times(-(T::ONE / (step * deviation)));
+                for ((column, slopes), runs) in columns.iter_mut().zip(&self.slopes).zip(self.differences) {
+                    if runs.is_any() {
+                        let slope = slopes.get(coordinate).and_then(|lines| lines.get(line)).copied();
+                        let slope = slope.unwrap_or(Phasor::ZERO);
+                        let [base, first, second] = runs.weights();
+                        let noise = variance * (base * base + first * first + second * second);
+                        shown |= slope.square() > visible * noise;
+                        *column = slope.times(-(T::ONE / deviation));
                     }
                 }
                 if shown {
@@ -208,4 +273,11 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
         }
         Ok(equations)
     }
+}
+
+/// The lines of one coordinate in two runs, side by side.
+fn pairs<'l, T, const L: usize>(
+    (a, b): (&'l [Phasor<T>; L], &'l [Phasor<T>; L]),
+) -> impl Iterator<Item = (&'l Phasor<T>, &'l Phasor<T>)> {
+    a.iter().zip(b)
 }

@@ -222,6 +222,11 @@ fn physical_parameters_follow_with_deviations_by_gauss_newton() {
 
 /// A run whose tracking error is linear in the parameters of the feed-forward, less those of the machine, with its reference.
 fn tracked(parameters: [f64; 2], noise: f64) -> (RunLines<f64, 1, 26>, RunReference<f64, 1, 26>) {
+    bent(parameters, parameters, noise)
+}
+
+/// The same where the error bends away from those parameters by a parabola: as much as it changes when the first is larger by half.
+fn bent(parameters: [f64; 2], about: [f64; 2], noise: f64) -> (RunLines<f64, 1, 26>, RunReference<f64, 1, 26>) {
     let (samples, periods, step) = SHAPE;
     let apart = [parameters[0] - 2.0, parameters[1] - 30.0];
     let mut lines = RunLines::new(samples, periods).expect("a shape");
@@ -231,7 +236,8 @@ fn tracked(parameters: [f64; 2], noise: f64) -> (RunLines<f64, 1, 26>, RunRefere
         let turn = W * f64::from(number) * step;
         let planned = 0.3 * libm::cos(turn);
         let error = apart[0] * (2e-2 * libm::cos(turn) + 1e-2 * libm::sin(3.0 * turn))
-            + apart[1] * (1e-3 * libm::sin(turn) - 2e-3 * libm::cos(5.0 * turn));
+            + apart[1] * (1e-3 * libm::sin(turn) - 2e-3 * libm::cos(5.0 * turn))
+            + (parameters[0] - about[0]).powi(2) * 4e-2 * libm::cos(turn);
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let random = (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
         let _ = reference.push(number, &[planned]).expect("finite");
@@ -276,6 +282,35 @@ fn differences_of_runs_give_the_parameters() {
         }
     }
     assert!((0.4..1.6).contains(&squares), "{squares}");
+}
+
+/// A parabola through three runs has the slope of a response that bends, in whatever steps; the difference of two runs has not.
+#[test]
+fn runs_in_opposite_directions_take_out_the_bend() {
+    let played = [1.0, 45.0];
+    let found = |steps: &[f64]| {
+        let mut numerical = RunNumerical::<f64, 1, 2, 26>::default();
+        let (run, reference) = tracked(played, 0.0);
+        numerical.begin(&run, &reference).expect("a run");
+        for (parameter, step) in steps.iter().map(|step| (0, *step)).chain([(1, -2.0)]) {
+            let mut moved = played;
+            moved[parameter] += step;
+            let (run, reference) = bent(moved, played, 0.0);
+            numerical.change(parameter, step, &run, &reference).expect("a run");
+        }
+        let estimate = numerical.estimate(&played).expect("runs");
+        [2.0, 30.0]
+            .iter()
+            .zip(estimate.values)
+            .map(|(truth, value)| (value.expect("shown") - truth).abs())
+            .fold(0.0, f64::max)
+    };
+    for steps in [&[0.2, -0.2][..], &[-0.2, 0.3], &[0.4, 0.2, -0.1]] {
+        assert!(found(steps) < 1e-9, "{steps:?}: {}", found(steps));
+    }
+    for steps in [&[0.2][..], &[0.2, -0.2, 0.2]] {
+        assert!(found(steps) > 0.1, "{steps:?}: {}", found(steps));
+    }
 }
 
 #[test]

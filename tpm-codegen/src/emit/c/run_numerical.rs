@@ -13,9 +13,10 @@ const HEADER: &str = "
 /* The tracking errors of a run, and of those with one parameter changed; begin it before it is read. */
 typedef struct NUMERICAL {
     PHASOR base[COORDINATES][LINES];
-    PHASOR changed[COLUMNS][COORDINATES][LINES];
-    /* The change of each parameter; zero where its run has not been played. */
-    REAL steps[COLUMNS];
+    /* How the tracking error changes with each parameter. */
+    PHASOR slopes[COLUMNS][COORDINATES][LINES];
+    /* By how much each was changed in the first and in the second of its runs; zero where the run has not been played. */
+    REAL steps[COLUMNS][2];
     /* Sums of squares of the lines halfway between the harmonics, of how many runs, and the square of the largest line. */
     REAL noise[COORDINATES];
     REAL runs;
@@ -42,40 +43,69 @@ static STATUS numerical_check(const RUN *run, const REFERENCE *reference)
     return run_check_reference(run, reference);
 }
 
-/* The tracking error of a run, whose noise counts with that of the others. */
-static void numerical_take(NUMERICAL *numerical, const RUN *run, const REFERENCE *reference,
-        PHASOR error[COORDINATES][LINES])
+/* A line of a run, or between two. */
+static PHASOR numerical_line(const RUN *run, size_t coordinate, size_t line)
 {
     const REAL mean = ONE / (REAL)(run->samples - 2 * run->samples_per_period);
+
+    return run_scaled(run->total[coordinate][line], line == 0 ? mean : mean + mean);
+}
+
+/* A line of a run's tracking error, which has none between the harmonics. */
+static PHASOR numerical_error(const RUN *run, const REFERENCE *reference, size_t coordinate, size_t line)
+{
+    PHASOR error = run_phasor(ZERO, ZERO);
+
+    if (line % 2 == 0) {
+        error = numerical_line(run, coordinate, line);
+        run_subtract(&error, reference->lines[coordinate][line]);
+    }
+    return error;
+}
+
+/* Takes in the noise of a run, which counts with that of the others. */
+static void numerical_noise(NUMERICAL *numerical, const RUN *run)
+{
     size_t coordinate, line;
 
     numerical->runs += ONE;
     for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
         for (line = 0; line < LINES; ++line) {
-            const PHASOR found = run_scaled(run->total[coordinate][line], line == 0 ? mean : mean + mean);
-            const REAL square = run_square(found);
+            const REAL square = run_square(numerical_line(run, coordinate, line));
             numerical->peak[coordinate] = square > numerical->peak[coordinate] ? square : numerical->peak[coordinate];
-            error[coordinate][line] = run_phasor(ZERO, ZERO);
-            if (line % 2 == 0) {
-                error[coordinate][line] = found;
-                run_subtract(&error[coordinate][line], reference->lines[coordinate][line]);
-            } else {
+            if (line % 2 != 0) {
                 numerical->noise[coordinate] += square / (REAL)(LINES / 2);
             }
         }
     }
 }
 
+/* The weights of the base run and of the two others in the slope at the base: of the line through two errors, or of the parabola through
+   three. Their sum is zero. */
+static void numerical_weights(const REAL steps[2], REAL weights[3])
+{
+    const REAL first = steps[0];
+    const REAL second = steps[1];
+
+    weights[1] = FABS(first) > ZERO ? ONE / first : ZERO;
+    weights[2] = ZERO;
+    if (FABS(second) > ZERO) {
+        weights[1] = second / (first * (second - first));
+        weights[2] = first / (second * (first - second));
+    }
+    weights[0] = -(weights[1] + weights[2]);
+}
+
 STATUS NUMERICAL_BEGIN(NUMERICAL *numerical, const RUN *run, const REFERENCE *reference)
 {
     const STATUS status = numerical_check(run, reference);
-    size_t coordinate, column;
+    size_t coordinate, column, line;
 
     if (status != OK) {
         return status;
     }
     for (column = 0; column < COLUMNS; ++column) {
-        numerical->steps[column] = ZERO;
+        numerical->steps[column][0] = numerical->steps[column][1] = ZERO;
     }
     for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
         numerical->noise[coordinate] = numerical->peak[coordinate] = ZERO;
@@ -84,13 +114,21 @@ STATUS NUMERICAL_BEGIN(NUMERICAL *numerical, const RUN *run, const REFERENCE *re
     numerical->samples = run->samples;
     numerical->samples_per_period = run->samples_per_period;
     numerical->behind = run_samples_behind_line(run);
-    numerical_take(numerical, run, reference, numerical->base);
+    numerical_noise(numerical, run);
+    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+        for (line = 0; line < LINES; ++line) {
+            numerical->base[coordinate][line] = numerical_error(run, reference, coordinate, line);
+        }
+    }
     return OK;
 }
 
 STATUS NUMERICAL_CHANGE(NUMERICAL *numerical, size_t parameter, REAL step, const RUN *run, const REFERENCE *reference)
 {
     const STATUS status = numerical_check(run, reference);
+    REAL weights[3];
+    REAL *steps;
+    size_t coordinate, line;
 
     if (status != OK) {
         return status;
@@ -101,8 +139,29 @@ STATUS NUMERICAL_CHANGE(NUMERICAL *numerical, size_t parameter, REAL step, const
     if (numerical->samples != run->samples || numerical->samples_per_period != run->samples_per_period) {
         return SAMPLES;
     }
-    numerical_take(numerical, run, reference, numerical->changed[parameter]);
-    numerical->steps[parameter] = step;
+    numerical_noise(numerical, run);
+    steps = numerical->steps[parameter];
+    if (FABS(steps[0]) > ZERO && !(FABS(steps[1]) > ZERO) && (steps[0] < ZERO) != (step < ZERO)) {
+        steps[1] = step;
+    } else {
+        steps[0] = step;
+        steps[1] = ZERO;
+    }
+    numerical_weights(steps, weights);
+    for (coordinate = 0; coordinate < COORDINATES; ++coordinate) {
+        for (line = 0; line < LINES; ++line) {
+            PHASOR *const slope = &numerical->slopes[parameter][coordinate][line];
+            PHASOR changed = numerical_error(run, reference, coordinate, line);
+            run_subtract(&changed, numerical->base[coordinate][line]);
+            if (FABS(steps[1]) > ZERO) {
+                /* The slope of the first run alone is that of a line through it. */
+                *slope = run_scaled(*slope, weights[1] * steps[0]);
+                run_add(slope, run_scaled(changed, weights[2]));
+            } else {
+                *slope = run_scaled(changed, weights[1]);
+            }
+        }
+    }
     return OK;
 }
 
@@ -137,15 +196,17 @@ static STATUS numerical_equations(const NUMERICAL *numerical, WORKSPACE *workspa
             REAL rows[2][COLUMNS];
             int shown = run_square(own) > VISIBLE * variance;
             for (column = 0; column < COLUMNS; ++column) {
-                PHASOR apart = run_phasor(ZERO, ZERO);
-                if (FABS(numerical->steps[column]) > ZERO) {
-                    apart = numerical->changed[column][coordinate][line];
-                    run_subtract(&apart, own);
-                    shown = shown || run_square(apart) > VISIBLE * (variance + variance);
-                    apart = run_scaled(apart, -(ONE / (numerical->steps[column] * deviation)));
+                PHASOR slope = run_phasor(ZERO, ZERO);
+                if (FABS(numerical->steps[column][0]) > ZERO) {
+                    REAL weights[3];
+                    numerical_weights(numerical->steps[column], weights);
+                    slope = numerical->slopes[column][coordinate][line];
+                    shown = shown || run_square(slope) > VISIBLE * variance
+                            * (weights[0] * weights[0] + weights[1] * weights[1] + weights[2] * weights[2]);
+                    slope = run_scaled(slope, -(ONE / deviation));
                 }
-                rows[0][column] = apart.re;
-                rows[1][column] = apart.im;
+                rows[0][column] = slope.re;
+                rows[1][column] = slope.im;
             }
             for (part = 0; part < 2 && shown; ++part) {
                 if (!run_push_row(equations, rows[part], (part == 0 ? own.re : own.im) / deviation)) {
@@ -161,14 +222,15 @@ static STATUS numerical_equations(const NUMERICAL *numerical, WORKSPACE *workspa
 /* The equations and their solution in the workspace, whose prior was played. */
 static STATUS numerical_update(const NUMERICAL *numerical, WORKSPACE *workspace)
 {
-    REAL sum = ZERO;
+    REAL base = ONE;
     REAL squares = ZERO;
+    REAL weights[3];
     STATUS status;
     size_t column;
     int changed = 0;
 
     for (column = 0; column < COLUMNS; ++column) {
-        changed = changed || FABS(numerical->steps[column]) > ZERO;
+        changed = changed || FABS(numerical->steps[column][0]) > ZERO;
         if (!(FABS(workspace->prior[column]) <= MAX)) {
             return NOT_EVALUATED;
         }
@@ -180,14 +242,15 @@ static STATUS numerical_update(const NUMERICAL *numerical, WORKSPACE *workspace)
     status = numerical_equations(numerical, workspace, ONE);
     for (column = 0; column < COLUMNS && status == OK; ++column) {
         if (workspace->shown.shown[column]) {
-            const REAL ratio = workspace->solution.column[column] / numerical->steps[column];
-            sum += ratio;
-            squares += ratio * ratio;
+            const REAL update = workspace->solution.column[column];
+            numerical_weights(numerical->steps[column], weights);
+            base += update * weights[0];
+            squares += update * weights[1] * (update * weights[1]) + update * weights[2] * (update * weights[2]);
         }
     }
     /* An update by the whole step needs the changed run alone. */
     if (status == OK) {
-        status = numerical_equations(numerical, workspace, (ONE - sum) * (ONE - sum) + squares);
+        status = numerical_equations(numerical, workspace, base * base + squares);
     }
     return status == OK && workspace->shown.rank == 0 ? STILL : status;
 }
@@ -221,8 +284,9 @@ pub(super) fn write(context: &mut Context<'_>, names: &Names<String>, run: &[(&'
     let about = doc(
         0,
         "Takes in a run in whose feed-forward one parameter, by its place among the names of the parameters, is larger by a step; all else \
-         is as in the first run. The tracking error must differ from that of the first run by far more than noise, and yet in proportion \
-         to the step.",
+         is as in the first run. A second run with the opposite step takes the bend of the response out of the first one's difference; any \
+         other takes the place of what was there. The tracking error must differ from that of the first run by far more than noise, and yet \
+         in proportion to the step, or by a parabola where both directions are played.",
     );
     context.header.push_str(&format!("\n{about}{change};\n"));
     identify(context, names);

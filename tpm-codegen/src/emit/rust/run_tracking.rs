@@ -108,8 +108,9 @@ fn numerical(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             }
 
             /// Takes in a run in whose feed-forward one parameter, by its place in [`PARAMETERS`], is larger by a step; all else is as in
-            /// the first run. The tracking error must differ from that of the first run by far more than noise, and yet in proportion to
-            /// the step.
+            /// the first run. A second run with the opposite step takes the bend of the response out of the first one's difference; any
+            /// other takes the place of what was there. The tracking error must differ from that of the first run by far more than
+            /// noise, and yet in proportion to the step, or by a parabola where both directions are played.
             ///
             /// # Errors
             /// [`RunFault::Perturbation`] when there is no such parameter, the step is zero or not finite, or there is no first run;
