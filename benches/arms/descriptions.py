@@ -2,7 +2,8 @@
 
 Every file is imported; the base parameters are counted by `tpm identifiability --any-motion` and by singular values of Pinocchio's regressor
 of the description (URDF), and the torques of the generated C, with the parameters of the written prior, are compared at 100 random states
-with Pinocchio (URDF) or MuJoCo (MJCF: the inverse dynamics with its constraints left out, dry friction added). Ranks are those of right
+with Pinocchio (URDF) or MuJoCo (MJCF: the inverse dynamics with its constraints left out, dry friction added), moved and asked through
+the matrix from the joints that lead to those that follow them. Ranks are those of right
 angles as they are recognised, beside singular values above 1e-5 of the largest; torques are those of the angles as they are written.
 Needs gcc and the packages pin, mujoco and numpy. One line for each file, and what failed.
 """
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import xml.etree.ElementTree as xml
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +86,11 @@ class OfPinocchio:
         self.model = pin.buildReducedModel(whole, ids, rest) if ids else whole
         self.data = self.model.createData()
         self.names = list(self.model.names[1:])
+        joints = xml.parse(path).getroot().iter("joint")
+        self.follows = {
+            joint.get("name"): (float(mimic.get("multiplier", "1")), mimic.get("joint"))
+            for joint in joints for mimic in joint.iter("mimic") if joint.get("name") in self.names
+        }
 
     def configuration(self, q):
         out = self.pin.neutral(self.model)
@@ -99,12 +106,13 @@ class OfPinocchio:
         # Pinocchio reads friction of a URDF into fields that its recursion leaves out.
         return np.zeros(self.model.nv)
 
-    def rank(self):
+    def rank(self, coupling):
         random = np.random.default_rng(1)
         rows = []
         for _ in range(max(300, 40 * self.model.nv) // 3):
-            q, v, a = random.normal(size=(3, self.model.nv))
-            rows.append(self.pin.computeJointTorqueRegressor(self.model, self.data, self.configuration(q), v, a))
+            q, v, a = random.normal(size=(3, coupling.shape[1])) @ coupling.T
+            regressor = self.pin.computeJointTorqueRegressor(self.model, self.data, self.configuration(q), v, a)
+            rows.append(coupling.T @ regressor)
         stacked = np.vstack(rows)
         values = np.linalg.svd(stacked, compute_uv=False)
         return int((values > 1e-5 * values[0]).sum())
@@ -123,6 +131,11 @@ class OfMuJoCo:
         self.names = [mujoco.mj_id2name(self.model, joint, at) or f"#{at}" for at in range(self.model.njnt)]
         if self.model.nv != self.model.njnt:
             raise RuntimeError("free or ball joints: compare such a model with its base held")
+        self.follows = {
+            self.names[own]: (data[1], self.names[other])
+            for kind, own, other, data in zip(self.model.eq_type, self.model.eq_obj1id, self.model.eq_obj2id, self.model.eq_data)
+            if kind == mujoco.mjtEq.mjEQ_JOINT
+        }
 
     def torques(self, q, v, a):
         self.data.qpos, self.data.qvel, self.data.qacc = q, v, a
@@ -132,8 +145,18 @@ class OfMuJoCo:
     def losses(self, v):
         return self.model.dof_frictionloss * np.sign(v)
 
-    def rank(self):
+    def rank(self, coupling):
         return None
+
+
+def coupling_of(peer):
+    """The joints that lead, and the matrix from their positions to those of all joints: others follow by a factor."""
+    leading = [name for name in peer.names if name not in peer.follows]
+    matrix = np.zeros((len(peer.names), len(leading)))
+    for row, name in enumerate(peer.names):
+        factor, leader = peer.follows.get(name, (1.0, name))
+        matrix[row, leading.index(leader)] = factor
+    return leading, matrix
 
 
 def judge(tpm, path, options):
@@ -144,14 +167,15 @@ def judge(tpm, path, options):
     of_urdf = path.suffix == ".urdf"
     peer = (OfPinocchio if of_urdf else OfMuJoCo)(path, options)
     own = joints_of(model)
-    plain = [re.sub(r"\W", "_", name) for name in peer.names]
+    leading, coupling = coupling_of(peer)
+    plain = [re.sub(r"\W", "_", name) for name in leading]
     # A name that means something else here has `_` behind it.
     order = [plain.index(name if name in plain else name.rstrip("_")) if name.rstrip("_") in plain or name in plain else at
              for at, name in enumerate(own)]
     bare = folder / "bare.tpm"
     call(tpm, "import", path, "-o", bare, *options, "--losses", "none")
     counted = json.loads(call(tpm, "identifiability", bare, "--any-motion", "--json"))["rank"]
-    expected = peer.rank()
+    expected = peer.rank(coupling)
     prior = numbers(folder / "robot.prior.toml")
     if of_urdf:
         prior = {name: value for name, value in prior.items() if not name.startswith(("fv_", "fc_"))}
@@ -162,7 +186,8 @@ def judge(tpm, path, options):
         q, v, a = random.normal(size=(3, len(own)))
         there = np.empty((3, len(own)))
         there[:, order] = np.stack([q, v, a])
-        wanted = (peer.torques(*there) + peer.losses(there[1]))[order]
+        there = there @ coupling.T
+        wanted = (coupling.T @ (peer.torques(*there) + peer.losses(there[1])))[order]
         worst = max(worst, np.abs(code.torques(q, v, a) - wanted).max() / max(1.0, np.abs(wanted).max()))
     ranks = f"{counted}" if expected is None else f"{counted} beside {expected}"
     right = worst < 1e-8 and expected in (None, counted)
