@@ -50,9 +50,12 @@ fn shown(path: &str, source: &str) -> String {
 #[test]
 fn faults_are_shown_on_the_users_tokens() {
     for name in [
+        "free_coordinate",
         "impossible_part",
         "many_harmonics",
         "no_chain",
+        "no_dynamics",
+        "no_feed_forward",
         "no_path",
         "no_run",
         "no_strokes",

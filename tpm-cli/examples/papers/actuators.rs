@@ -5,6 +5,7 @@ use super::Chapter;
 use super::failure::Failure;
 use super::input::Input;
 use super::markdown::table;
+use super::page::formula;
 use std::f64::consts::TAU;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::physical::MotorizedMachine;
@@ -75,7 +76,12 @@ pub(super) fn chapter() -> Result<Chapter, Failure> {
             [("independent", &input.independent), ("dependent", &input.dependent)].into_iter().zip(printed)
         {
             let expr = parts.expression(part);
-            rows.push(vec![name.clone(), format!("motion-{label}"), parts.model.display(expr), printed.to_owned()]);
+            rows.push(vec![
+                name.clone(),
+                format!("motion-{label}"),
+                formula(&parts.model.display(expr)),
+                formula(printed),
+            ]);
         }
     }
     let both = table(&["input", "part", "computed", "printed"], &rows);

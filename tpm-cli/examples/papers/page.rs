@@ -11,6 +11,11 @@ th{color:#57606a}code{font:.92em \"DejaVu Sans Mono\",monospace}figure{margin:1.
 figcaption{color:#57606a;font-size:.9rem}nav a{margin-right:.9rem}\n\
 @media print{body{max-width:none;font-size:10.5pt}tr,figure{break-inside:avoid}}\n</style></head><body>\n";
 
+/// A formula in the text, whose products are no emphasis.
+pub(super) fn formula(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!("`{text}`") }
+}
+
 /// The page; `figures` are the files that the text names, with their content.
 pub(super) fn html(markdown: &str, figures: &[(String, String)]) -> String {
     let mut out = String::from(HEAD);

@@ -4,6 +4,7 @@ use super::Chapter;
 use super::failure::Failure;
 use super::input::Input;
 use super::markdown::table;
+use super::page::formula;
 use std::collections::BTreeMap;
 use tpm_codegen::diagnostic;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
@@ -86,7 +87,7 @@ fn beside(wanted: &str, table_: &HarmonicTable, unexplained: &mut Vec<String>) -
             equation.to_owned(),
             harmonic,
             parameter.to_owned(),
-            entry_formula(table_, &entry),
+            formula(&entry_formula(table_, &entry)),
             found.to_owned(),
             reason.to_owned(),
         ]);
@@ -204,7 +205,7 @@ fn carts(unexplained: &mut Vec<String>) -> Result<Chapter, Failure> {
         .map(|((column, printed), equation)| {
             let definition = graph.from_polynomial(&column.definition);
             let text = graph.display(definition, &carts.model);
-            vec![format!("4.{equation}"), column.name.to_string(), text, printed.to_owned()]
+            vec![format!("4.{equation}"), column.name.to_string(), formula(&text), formula(printed)]
         })
         .collect();
     let text = format!(

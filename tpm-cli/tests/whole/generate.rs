@@ -206,10 +206,13 @@ fn parts_are_made_on_request() {
 #[test]
 fn what_a_model_does_not_allow_is_refused_in_the_words_of_the_macros() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let asked: [(&str, &[&str]); 6] = [
+    let asked: [(&str, &[&str]); 9] = [
+        ("free_coordinate", &["--with", "campaign"]),
         ("impossible_part", &["--with", "run,campaign"]),
         ("many_harmonics", &["--with", "run"]),
         ("no_chain", &["--with", "campaign"]),
+        ("no_dynamics", &["--with", "forward_dynamics"]),
+        ("no_feed_forward", &["--with", "campaign"]),
         ("no_run", &["--with", "linearised"]),
         ("no_strokes", &["--strokes"]),
         ("nothing_forgets", &["--forgetting"]),

@@ -24,6 +24,12 @@ fn the_page_holds_every_table_and_figure_and_the_reasons() {
     for said in ["37393/60000", "determinant -40/81", "a lost digit", "Table 5.1", "not here", "Eqns 28 and 29"] {
         assert!(page.contains(said) && text.contains(said), "{said}");
     }
+    // Products stand in code: elsewhere a star may be emphasis.
+    for row in page.lines().filter(|line| line.starts_with("<tr>")) {
+        let prose: String =
+            row.split("<code>").map(|part| part.split_once("</code>").map_or(part, |(_, after)| after)).collect();
+        assert!(!prose.contains('*') && !prose.contains("<em>"), "{row}");
+    }
     let figures = ["patterns", "linkage", "tracking", "torque", "figure_6_5", "input", "bode", "bode500", "eqn29"];
     for figure in figures {
         assert!(read(&format!("{figure}.svg")).starts_with("<svg"), "{figure}");

@@ -272,7 +272,11 @@ impl EstimatorSource {
             }
         };
         if declared.form.columns.is_empty() {
-            return Err(PartError::NoRun("the equations have no parameter to be estimated".to_owned()).into());
+            return Err(PartError::NoRun(
+                "the equations have no parameter to be estimated; declare with `parameter` what is to be identified"
+                    .to_owned(),
+            )
+            .into());
         }
         declared.slopes = lumping_slopes(&declared.model, &declared.form);
         declared.in_range()
@@ -282,13 +286,20 @@ impl EstimatorSource {
     fn reconstructions(&self, declared: &Self) -> Result<Vec<(Coordinate, Plan)>, EmitError> {
         let none = |why: String| Err(EmitError::from(PartError::NoCampaign(why)));
         if self.plan.feed_forward.is_none() {
-            return none("an input does not follow from one equation, so that there is no feed-forward".to_owned());
+            return none(
+                "an input does not follow from one equation, so that there is no feed-forward; write equations that each have one input, or \
+                 ask for the part `run`, and plan motion and feed-forward yourself"
+                    .to_owned(),
+            );
         }
         match self.plan.patterns.first() {
             None => return none("the model has no pattern; declare one".to_owned()),
             Some(pattern) => {
                 if let Err(gap) = &pattern.reference {
-                    return none(format!("there is no reference motion: {}", reason(gap)));
+                    return none(format!(
+                        "there is no reference motion: {}; state it in the pattern, or ask for the part `run`, and plan the motion yourself",
+                        reason(gap)
+                    ));
                 }
             }
         }
@@ -296,9 +307,13 @@ impl EstimatorSource {
             return Ok(Vec::new());
         }
         if declared.plan.lumping.is_some() {
-            return none(
-                "products of parameters are estimated, from which the eliminated coordinates do not follow".to_owned(),
-            );
+            let columns = declared.form.columns.iter().filter(|column| column.parameter.is_none());
+            let products = columns.map(|column| format!("`{}`", canonical(&declared.model, &column.definition)));
+            return none(format!(
+                "{} is estimated as one number, from which the eliminated coordinates do not follow; declare it as one parameter, or ask for \
+                 the part `run`, and plan the motion yourself",
+                products.collect::<Vec<String>>().join(", ")
+            ));
         }
         let prepared = prepare(self.model.clone())?;
         let plan = |one: &Reconstruction| (one.coordinate, Plan::new(&prepared.model.graph, &[one.expr]));

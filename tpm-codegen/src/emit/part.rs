@@ -92,7 +92,7 @@ pub enum PartError {
     TooLong(#[from] TooLong),
     /// The equations do not determine the accelerations.
     #[error(
-        "there is no mass matrix: the equations must be as many as the coordinates in them, and affine in the highest derivatives"
+        "there is no mass matrix: the equations must be as many as the coordinates in them, and affine in the highest derivatives; write an equation for every coordinate, its highest derivative outside of functions"
     )]
     NoDynamics,
     /// No run shows the parameters.
@@ -109,7 +109,7 @@ pub enum PartError {
         most: usize,
     },
     /// No pattern has strokes.
-    #[error("there are no strokes: no pattern of the model gives the motion of its coordinates")]
+    #[error("there are no strokes: no pattern of the model gives the motion of its coordinates; declare one that does")]
     NoStrokes,
     /// Nothing is accumulated that could be forgotten.
     #[error(
