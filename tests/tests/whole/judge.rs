@@ -68,6 +68,7 @@ fn findings() -> Vec<Warning> {
             left_by_exchange: 0.01,
         },
         Warning::Astray { coordinate: x(), unit: Some("rad".into()), missed: 0.3, last_reading: 0.1 },
+        Warning::BeyondNoise { signal: x(), left: 0.3, noise: 0.01 },
         Warning::ScaleUnknown { inputs: vec!["u".into(), "w".into()] },
         Warning::UnseenFaults {
             faults: vec![UnseenFaultReport {
@@ -130,6 +131,7 @@ fn findings() -> Vec<Warning> {
             Warning::OtherHold { .. }
             | Warning::Exchanged { .. }
             | Warning::Astray { .. }
+            | Warning::BeyondNoise { .. }
             | Warning::ScaleUnknown { .. }
             | Warning::UnseenFaults { .. }
             | Warning::LongSimulation(_)

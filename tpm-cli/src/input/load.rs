@@ -78,7 +78,13 @@ impl Loaded {
 
     /// The estimator from which source code is generated.
     pub(crate) fn estimator(&self) -> Result<EstimatorSource, Failure> {
-        EstimatorSource::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
+        let in_functions = self.prepared().is_ok_and(|own| own.form.driven(&own.model).is_some());
+        let source = if in_functions {
+            EstimatorSource::of_inputs_in_functions(&self.parsed)
+        } else {
+            EstimatorSource::of(&self.parsed)
+        };
+        source.map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
     }
 
     /// What the parser found.

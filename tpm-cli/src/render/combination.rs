@@ -1,6 +1,7 @@
 //! Combinations of parameters, as people read them.
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 
 /// `factor name`, without the factor when it is one.
 fn multiple(name: &str, factor: &str) -> String {
@@ -20,6 +21,21 @@ pub(crate) fn not_counted(nonlinear: &[String]) -> String {
     format!(
         "\nnot counted: {names}, in which the equations are not linear; `tpm identify` says whether a log shows them\n"
     )
+}
+
+/// What is said of parameters that equations without anything known in them alone show; nothing where there are none.
+pub(crate) fn common_factors(sets: &[Vec<String>]) -> String {
+    let mut text = String::new();
+    for set in sets {
+        let names = set.join(", ");
+        let _ = writeln!(
+            text,
+            "known up to a common factor: {names}; no input or known term stands in the equations that show them. Hold one of them (`tpm \
+             identify --freeze {}=VALUE`)",
+            set.first().map_or("", String::as_str)
+        );
+    }
+    text
 }
 
 /// A sum of named terms with their factors.

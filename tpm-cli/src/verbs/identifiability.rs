@@ -6,7 +6,7 @@ mod sensors;
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
-use crate::render::combination::{not_counted, sum};
+use crate::render::combination::{common_factors, not_counted, sum};
 use crate::render::showing::showing_harmonics;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -181,6 +181,7 @@ fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Stri
         }
         None => text.push_str("\nthe unobservable directions are too long to print\n"),
     }
+    text.push_str(&common_factors(&report.common_factors));
     if let Some(base) = report.base.as_ref().filter(|base| base.iter().any(|b| !b.plus.is_empty())) {
         text.push_str("\nbase parameters\n");
         for one in base {

@@ -235,3 +235,81 @@ fn what_a_model_does_not_allow_is_refused_in_the_words_of_the_macros() {
         }
     }
 }
+
+/// A machine in which inputs stand in these terms, written to a folder.
+fn driven(folder: &std::path::Path, terms: &str) -> String {
+    let file = folder.join("t.tpm");
+    let declared = |name: &str, text: &'static str| if terms.contains(name) { text } else { "" };
+    let model = format!(
+        "model T {{ coordinate x [1]; input u [1]{}; parameter m [N*s^2], d [N*s], k [N]{}; constant w = 0.3 [N];
+        m*ddot(x) + d*dot(x) + w = {terms}; }}",
+        declared("v", ", v [1]"),
+        declared("e*", ", e [N]"),
+    );
+    std::fs::write(&file, model).expect("writable");
+    file.to_str().expect("a readable path").to_owned()
+}
+
+#[test]
+fn a_feed_forward_solves_for_inputs_in_functions() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let compiler = ["cc", "gcc", "clang"]
+        .into_iter()
+        .find(|name| std::process::Command::new(name).arg("--version").output().is_ok());
+    // The force is 1.5*2 + 0.8*0.5 + 0.3 where x is 0.4.
+    let force = 3.7_f64;
+    let main = "#include \"t.h\"\n#include <stdio.h>\nint main(void) {\n    t_motion motion = { { 0.4, 0.5, 2.0 } };\n    \
+                t_parameters parameters = { .m = 1.5, .d = 0.8, .k = K };\n    t_inputs inputs;\n    \
+                t_feed_forward(&motion, &parameters, &inputs);\n    printf(\"%.17g\\n\", inputs.u);\n    return 0;\n}\n";
+    for (term, k, expected) in [
+        ("k*u^2", 0.2, (force / 0.2).sqrt()),
+        ("k*u*abs(u)", -0.2, -(force / 0.2).sqrt()),
+        ("k*abs(u)", 0.2, force / 0.2),
+        ("k*u*x", 0.2, force / 0.2 / 0.4),
+        ("k*x/u", 0.2, 0.2 * 0.4 / force),
+        ("k*sqrt(u)", 0.2, (force / 0.2).powi(2)),
+        ("2*k*exp(u)", 0.2, (force / 0.4).ln()),
+        ("k*sin(u)", 7.4, 0.5_f64.asin()),
+        // A thrust that cannot pull.
+        ("k*u^2", -0.2, f64::NAN),
+    ] {
+        let model = driven(folder.path(), term);
+        let out = folder.path().join("out");
+        let arguments = ["generate", &model, "--lang", "c", "--prefix", "t", "-o", out.to_str().expect("readable")];
+        let output = tpm(&arguments);
+        assert!(output.status.success(), "{term}: {}", text(&output.stderr));
+        let header = std::fs::read_to_string(out.join("t.h")).expect("written");
+        assert!(header.contains("`u` stands in"), "{term}: {header}");
+        let Some(compiler) = compiler else { continue };
+        std::fs::write(out.join("main.c"), main.replace('K', &k.to_string())).expect("writable");
+        let flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "t.c", "main.c", "-o", "run", "-lm"];
+        let built = std::process::Command::new(compiler).current_dir(&out).args(flags).output().expect("it runs");
+        assert!(built.status.success(), "{term}: {}", text(&built.stderr));
+        let run = std::process::Command::new(out.join("run")).output().expect("it runs");
+        let found: f64 = text(&run.stdout).trim().parse().expect("a number");
+        let right = (found - expected).abs() <= 1e-14 * expected.abs() || (found.is_nan() && expected.is_nan());
+        assert!(right, "{term}: {found}, not {expected}");
+    }
+    let model = driven(folder.path(), "k*u^2");
+    fails(
+        &["generate", &model, "--lang", "c", "--with", "mass_matrix"],
+        2,
+        &["`mass_matrix` takes inputs that stand alone"],
+    );
+}
+
+#[test]
+fn inputs_that_cannot_be_solved_for_are_named_with_the_reason() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (term, why) in [
+        ("k*u^2 + e*u^2*x", "stands in several terms"),
+        ("k*u^2 + u*w", "`u` cannot be solved for: it stands alone and in"),
+        ("k*sin(u + x)", "stands in a function beside `x`"),
+        ("k*u^3", "has no inverse that is known here"),
+        ("k*u*v", "cannot be solved for"),
+        ("k*u^2 + w*v", "another input acts in the equation"),
+    ] {
+        let model = driven(folder.path(), term);
+        fails(&["generate", &model, "--lang", "c", "-o", "never"], 2, &[why]);
+    }
+}

@@ -124,3 +124,47 @@ fn what_sensors_show_of_unmeasured_coordinates_is_said_without_a_log() {
     );
     fails(&["identifiability", shown], 1, &["sensors show 3 combinations of 5 parameters"]);
 }
+
+#[test]
+fn a_row_without_an_input_shows_its_parameters_up_to_a_common_factor() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("motor.tpm");
+    let motor = |row: &str, pattern: &str| {
+        let text = format!(
+            "model Motor {{
+                coordinate w [rad/s], i [A];
+                input u [V];
+                parameter J [kg*m^2], b [N*m*s/rad], Kt [N*m/A], R [ohm], L [H], Ke [V*s/rad];
+                {row}
+                L*dot(i) + R*i + Ke*w = u;
+                {pattern}
+            }}"
+        );
+        std::fs::write(&file, text).expect("written");
+        file.to_str().expect("plain").to_owned()
+    };
+    let patterned = "pattern {
+        amplitude A [rad/s], B [A]; frequency f [rad/s];
+        w = rest_to_rest(A, f, 3); i = B*sin(f*t) + B*cos(3*f*t);
+    }";
+    let apart = "J*dot(w) + b*w - Kt*i = 0;";
+    for (pattern, options) in [("", &[][..]), (patterned, &[]), (patterned, &["--any-motion"])] {
+        let model = motor(apart, pattern);
+        let text = printed_in(&root(), &[&["identifiability", &model], options].concat(), 1);
+        assert!(text.starts_with("rank 5 of 6 parameters"), "{text}");
+        assert!(text.contains("known up to a common factor: J, b, Kt;"), "{text}");
+        let text = printed_in(&root(), &[&["identifiability", &model, "--json"], options].concat(), 1);
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(json["common_factors"], serde_json::json!([["J", "b", "Kt"]]), "{json}");
+    }
+    // A parameter that the driven row shows too fixes the factor, and so does a term that is known.
+    for row in ["J*dot(w) + b*w - Ke*i = 0;", "constant load = 0.03 [N*m]; J*dot(w) + b*w - Kt*i + load = 0;"] {
+        let model = motor(row, "");
+        let text = std::fs::read_to_string(&model).expect("readable");
+        if !row.contains("Kt") {
+            std::fs::write(&model, text.replace("Kt [N*m/A], ", "")).expect("written");
+        }
+        let text = printed_in(&root(), &["identifiability", &model], 0);
+        assert!(!text.contains("common factor"), "{text}");
+    }
+}

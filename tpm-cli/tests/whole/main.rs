@@ -33,6 +33,7 @@ mod physical;
 mod printed;
 mod project;
 mod readme;
+mod recordings;
 mod regression;
 mod regulate;
 mod report;

@@ -17,7 +17,8 @@ use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::plan::table::TablePlan;
 use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical, structured_form_with};
-use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, Reconstruction, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, Reconstruction, prepare, prepare_any};
+use tpm_symbolic::regressor::solved::solved;
 
 use super::filter::{FilterError, Filters};
 use super::formulas::Formulas;
@@ -188,6 +189,19 @@ impl EstimatorSource {
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
 
+    /// Plans of a model whose inputs stand in functions: its rows without them, and a feed-forward that solves for them.
+    ///
+    /// # Errors
+    /// As of [`Self::of`], and where an input cannot be solved for; the place in the text is named.
+    pub fn of_inputs_in_functions(parsed: &Parsed) -> Result<Self, Diagnostic> {
+        let Prepared { model, form, .. } = prepare_any(parsed.model.clone()).map_err(|error| parsed.locate(&error))?;
+        let (form, solved) = solved(&model, &form).map_err(|error| parsed.locate(&error))?;
+        let plan = EstimatorPlan::with_solved(&model, &form, solved);
+        Self::assembled(model, form, plan, Vec::new(), None)
+            .in_range()
+            .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
+    }
+
     /// All plans of a model whose regressor form was computed elsewhere.
     ///
     /// # Errors
@@ -237,6 +251,10 @@ impl EstimatorSource {
     /// [`EmitError::Part`] when the equations would have too many terms, the accelerations do not follow from them, or they have no base
     /// parameters.
     pub fn with(mut self, parts: &[Part]) -> Result<Self, EmitError> {
+        if let (Some(part), Some(own)) = (parts.first(), self.plan.solved.first()) {
+            let input = self.model.quantity(own.input).name.to_string();
+            return Err(PartError::InputInFunction { part: part.name(), input }.into());
+        }
         for part in parts {
             match part {
                 Part::Run => self.run = Some(Box::new(self.declared()?)),

@@ -41,12 +41,26 @@ pub(super) fn header(estimator: &EstimatorSource, command: &str, function_name: 
              there is `inverse_dynamics` but no `feed_forward`.\n",
         );
     }
-    if plan.feed_forward.is_some() && plan.feed_forward_parts.is_none() && !form.is_expanded(&model.graph) {
+    for own in &plan.solved {
+        let (input, term) = (&model.quantity(own.input).name, model.display_source(own.term));
+        let branch = if own.is_a_branch() {
+            " Where several values would do, it gives the one that is not negative, or the principal one, and no number where there is none."
+        } else {
+            ""
+        };
+        text.push_str(&format!(
+            "\n`{input}` stands in `{term}` of the model, and `f({input})` above for that term on the other side; `{}` solves for \
+             `{input}` itself.{branch}\n",
+            function_name(Role::FeedForward)
+        ));
+    }
+    let unparted = plan.feed_forward.is_some() && plan.feed_forward_parts.is_none() && plan.solved.is_empty();
+    if unparted && !form.is_expanded(&model.graph) {
         text.push_str(
             "\nThe feed-forward is not parted into what holds the driven coordinates still and what moves them: that multiplies the \
              equations out, which was not asked for.\n",
         );
-    } else if plan.feed_forward.is_some() && plan.feed_forward_parts.is_none() {
+    } else if unparted {
         text.push_str(
             "\nThe feed-forward is not parted into what holds the driven coordinates still and what moves them: such a \
              coordinate is eliminated or does not follow from the equations, or a term has a share in both.\n",

@@ -90,6 +90,16 @@ pub enum PartError {
     /// The equations are too long for the feed-forward to be split.
     #[error(transparent)]
     TooLong(#[from] TooLong),
+    /// Parts take inputs that stand alone.
+    #[error(
+        "the part `{part}` takes inputs that stand alone, and `{input}` stands in a function; without parts there is a feed-forward that solves for it"
+    )]
+    InputInFunction {
+        /// The part.
+        part: &'static str,
+        /// The input.
+        input: String,
+    },
     /// The equations do not determine the accelerations.
     #[error(
         "there is no mass matrix: the equations must be as many as the coordinates in them, and affine in the highest derivatives; write an equation for every coordinate, its highest derivative outside of functions"

@@ -119,6 +119,9 @@ pub(super) fn equations(estimator: &EstimatorSource) -> String {
         }
         let inputs = row.inputs.iter().map(|(symbol, _)| {
             let name = &estimator.model.quantity(*symbol).name;
+            if is_solved(estimator, *symbol) {
+                return format!("f({name})");
+            }
             let input = estimator.plan.evaluation.inputs.iter().position(|input| input == symbol);
             match input_factor(estimator, r, input.expect("invariant: the plans know every input")) {
                 "1" => name.to_string(),
@@ -267,9 +270,16 @@ pub(super) fn harmonic(harmonic: usize, function: Trig) -> String {
 /// The unit of an equation whose right-hand side is one input.
 pub(super) fn row_unit(estimator: &EstimatorSource, row: usize) -> Option<&Unit> {
     match estimator.form.rows[row].inputs.as_slice() {
-        [(symbol, factor)] if factor.as_constant().is_some() => estimator.model.quantity(*symbol).unit.as_ref(),
+        [(symbol, factor)] if factor.as_constant().is_some() && !is_solved(estimator, *symbol) => {
+            estimator.model.quantity(*symbol).unit.as_ref()
+        }
         _ => None,
     }
+}
+
+/// Whether an input stands in a function that the feed-forward inverts.
+fn is_solved(estimator: &EstimatorSource, input: Symbol) -> bool {
+    estimator.plan.solved.iter().any(|own| own.input == input)
 }
 
 /// The parts left out for a pattern, and the differences between its matrix and the exact equations.

@@ -34,6 +34,7 @@ use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::form::RegressorError;
 use tpm_symbolic::regressor::prepare::PrepareError;
+use tpm_symbolic::regressor::solved::Unsolved;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::stream::TokenSource;
@@ -81,6 +82,12 @@ pub trait AtTerm: std::error::Error {
 impl AtTerm for RegressorError {
     fn at_term(&self) -> Option<TermId> {
         self.term()
+    }
+}
+
+impl AtTerm for Unsolved {
+    fn at_term(&self) -> Option<TermId> {
+        Some(self.term)
     }
 }
 

@@ -19,6 +19,7 @@
 //! coefficients without a common divisor), each with its own column that is zero in all others; base parameters and
 //! these free columns are complementary.
 
+use crate::algebra::field::{Field, Rationals};
 use crate::algebra::fraction::Fraction;
 use crate::algebra::generic_point;
 use crate::algebra::linear;
@@ -26,6 +27,7 @@ use crate::algebra::null_space::{null_space_of_fractions, primitive_vector};
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::harmonic::stacked::Matrix;
 use crate::number::rational::Rational;
+use crate::regressor::homogeneous::common_factors;
 use crate::regressor::parameter_map::ParameterMap;
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
@@ -315,6 +317,28 @@ pub struct PhysicalIdentifiability {
 }
 
 impl Identifiability {
+    /// Sets of columns that the experiments show only up to a common factor, since rows of `homogeneous` equations alone show them. Each
+    /// takes one from the rank: patterns are prescribed, but motions obey these equations.
+    #[must_use]
+    pub fn common_factors(&self, homogeneous: &[usize]) -> Vec<Vec<usize>> {
+        if homogeneous.is_empty() {
+            return Vec::new();
+        }
+        let of = |keep: &dyn Fn(usize) -> bool| -> Vec<Vec<Rational>> {
+            let rows = self.point.iter().zip(&self.rows).filter(|(_, label)| keep(label.equation));
+            rows.map(|(row, _)| row.clone()).collect()
+        };
+        let columns = self.parameters.len();
+        let order: Vec<usize> = (0..columns).collect();
+        let leading = Rationals.reduce(&mut self.point.clone(), &order);
+        // Numbers beyond those of symbols, so that parameters are independent of them.
+        let theta: Vec<Rational> =
+            (0..columns).map(|column| generic_point::value(generic_point::POINTS, column)).collect();
+        let driven = of(&|equation| !homogeneous.contains(&equation));
+        let free = homogeneous.iter().map(|&own| of(&|equation| equation == own)).collect();
+        common_factors(&Rationals, driven, free, &theta, &leading)
+    }
+
     /// Identifiability of the physical parameters from the experiments; `None` when a function of parameters has no
     /// exact value at rational points.
     #[must_use]

@@ -48,6 +48,10 @@ pub struct Report {
     pub unobservable: Option<Vec<BTreeMap<String, String>>>,
     /// A maximal observable set.
     pub base: Option<Vec<ReportedBase>>,
+    /// Sets of parameters that are shown only up to a common factor: equations without an input or a known term alone show them. Each takes
+    /// one from the rank.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub common_factors: Vec<Vec<String>>,
     /// Every parameter.
     pub parameters: Vec<ReportedParameter>,
 }
@@ -173,7 +177,24 @@ impl Identifiability {
             at: BTreeMap::new(),
             unobservable,
             base,
+            common_factors: Vec::new(),
             parameters: parameters.collect(),
         }
+    }
+}
+
+impl Report {
+    /// The report where these sets of parameters are shown only up to a common factor each.
+    #[must_use]
+    pub fn with_common_factors(mut self, sets: Vec<Vec<String>>) -> Self {
+        self.rank -= sets.len().min(self.rank);
+        for parameter in self.parameters.iter_mut().filter(|own| sets.iter().flatten().any(|name| *name == own.name)) {
+            parameter.observable = false;
+            parameter.harmonics_up_to = None;
+            parameter.by_itself_in.clear();
+            parameter.unchecked_in.clear();
+        }
+        self.common_factors = sets;
+        self
     }
 }

@@ -3,6 +3,7 @@
 //! Invariant of [`EstimatorPlan`]: every operation of a plan is needed by one of its outputs. Emitters print these
 //! plans and decide no mathematics.
 
+use crate::expr::graph::Function;
 use crate::expr::size::Sizes;
 use crate::harmonic::expand::expand;
 use crate::harmonic::table::HarmonicTable;
@@ -18,6 +19,7 @@ use crate::plan::split::split_form;
 use crate::plan::straight_line::{Merger, Plan};
 use crate::plan::written;
 use crate::regressor::form::RegressorForm;
+use crate::regressor::solved::{Solved, Step};
 use num_traits::{One, Zero};
 use thiserror::Error;
 
@@ -54,6 +56,8 @@ pub struct EstimatorPlan {
     pub unlumping: Option<Result<Unlumping, UnlumpGap>>,
     /// The plans of every pattern of the model.
     pub patterns: Vec<PatternPlan>,
+    /// Inputs that stand in functions. In the form's place for them is what their equation makes of them; the feed-forward solves for them.
+    pub solved: Vec<Solved>,
 }
 
 impl EstimatorPlan {
@@ -93,7 +97,21 @@ impl EstimatorPlan {
                 .map(|(pattern, table)| PatternPlan::new(model, &evaluation, pattern, table))
                 .collect(),
             evaluation,
+            solved: Vec::new(),
         }
+    }
+
+    /// The plans of a form in which something else takes the place of these inputs, which the feed-forward solves for. Harmonics would be
+    /// those of what takes their place, so that there are none.
+    #[must_use]
+    pub fn with_solved(model: &ExactModel, form: &RegressorForm, solved: Vec<Solved>) -> Self {
+        let gap = |input: &Solved| PatternGap::Solved(model.quantity(input.input).name.to_string());
+        let tables = model.patterns.iter().flat_map(|_| solved.first().map(|input| Err(gap(input))));
+        let mut plan = Self::with_tables(model, form, tables);
+        plan.feed_forward_parts = None;
+        plan.feed_forward = plan.feed_forward.map(|own| solve(&own, &plan.evaluation, &solved));
+        plan.solved = solved;
+        plan
     }
 }
 
@@ -185,6 +203,42 @@ fn feed_forward(mut merger: Merger, forces: &[Slot], evaluation: &Evaluation, fo
         });
     }
     Some(merger.finish(outputs))
+}
+
+/// The inputs from what takes their place.
+fn solve(plan: &Plan, evaluation: &Evaluation, solved: &[Solved]) -> Plan {
+    let mut merger = Merger::default();
+    let mut outputs = merger.append(plan);
+    for own in solved {
+        let Some(place) = evaluation.inputs.iter().position(|input| *input == own.input) else { continue };
+        let mut value = outputs[place];
+        if let Some(column) = own.column {
+            let parameter = merger.load(Leaf::Column(column));
+            value = merger.emit(Op::Div(value, parameter));
+        }
+        for step in &own.steps {
+            value = match step {
+                Step::Reciprocal => {
+                    let one = merger.emit(Op::Constant(One::one()));
+                    merger.emit(Op::Div(one, value))
+                }
+                Step::Function(function) => merger.emit(Op::Function(*function, value)),
+                Step::Square => merger.emit(Op::Mul(value, value)),
+                Step::NotNegative => {
+                    let root = merger.emit(Op::Function(Function::Sqrt, value));
+                    merger.emit(Op::Mul(root, root))
+                }
+                Step::SignedRoot => {
+                    let size = merger.emit(Op::Function(Function::Abs, value));
+                    let root = merger.emit(Op::Function(Function::Sqrt, size));
+                    let sign = merger.emit(Op::Function(Function::Sign, value));
+                    merger.emit(Op::Mul(sign, root))
+                }
+            };
+        }
+        outputs[place] = value;
+    }
+    merger.finish(outputs)
 }
 
 /// The feed-forward of each part of the split rows.

@@ -36,6 +36,9 @@ pub enum PatternGap {
     /// The harmonic table does not exist.
     #[error(transparent)]
     Expand(#[from] ExpandError),
+    /// An input stands in a function, and something else is in its place.
+    #[error("the input `{0}` stands in a function, so that its harmonics are not those of a row")]
+    Solved(String),
     /// The declared Taylor polynomials lead to other lumped parameters than the equations.
     #[error("with the declared Taylor polynomials the parameters are {table}, not {exact}")]
     Columns {

@@ -22,6 +22,7 @@ use crate::expr::point::{Drawn, Draws, Points};
 use crate::mechanics::model::{ExactModel, Kind};
 use crate::number::rational::Rational;
 use crate::regressor::entries::RegressorForm;
+use crate::regressor::homogeneous::{common_factors, homogeneous};
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{One, Signed, Zero};
@@ -99,6 +100,9 @@ pub struct BaseParameters {
     pub rank: usize,
     /// A maximal set of combinations that can be estimated; `None` where they depend on constants without a value.
     pub base: Option<Vec<BaseParameter>>,
+    /// Sets of leading columns that motions show only up to a common factor, since rows without anything known in them alone
+    /// show them. Each takes one from the rank of what a record of a motion that obeys the equations can show.
+    pub common_factors: Vec<Vec<usize>>,
     /// The certificate of the result.
     pub certificate: Certificate,
 }
@@ -339,14 +343,18 @@ impl Echelon<'_> {
     }
 }
 
-/// A basis of the row space modulo a prime, and the numbers of the points that gave it.
-fn basis(rows: &Rows<'_>, field: &Residues) -> Result<(Vec<Vec<u64>>, Vec<u64>), BaseParameterError> {
+/// A basis of the space of some equations' rows modulo a prime, and the numbers of the points that gave it.
+fn basis(
+    rows: &Rows<'_>,
+    field: &Residues,
+    equations: &[usize],
+) -> Result<(Vec<Vec<u64>>, Vec<u64>), BaseParameterError> {
     let mut echelon = Echelon { field, rows: Vec::new() };
     let (mut points, mut failures, mut nothing_new, mut number) = (Vec::new(), 0, 0, 0);
     while nothing_new < NOTHING_NEW && echelon.rows.len() < rows.columns {
         let matrix = rows.at(field, number);
         number += 1;
-        let Some(matrix) = matrix else {
+        let Some(mut matrix) = matrix else {
             failures += 1;
             if failures > FAILURES {
                 return Err(BaseParameterError::NoValue);
@@ -354,9 +362,9 @@ fn basis(rows: &Rows<'_>, field: &Residues) -> Result<(Vec<Vec<u64>>, Vec<u64>),
             continue;
         };
         let before = echelon.rows.len();
-        matrix.into_iter().for_each(|row| {
-            echelon.add(row);
-        });
+        for &equation in equations {
+            echelon.add(std::mem::take(&mut matrix[equation]));
+        }
         if echelon.rows.len() > before {
             points.push(number - 1);
             nothing_new = 0;
@@ -398,7 +406,8 @@ pub fn base_parameters(
     let rows = Rows::new(model, form, motions);
     let columns = rows.columns;
     let [field, .., checking] = Residues::PRIMES.map(Residues::new);
-    let (first, points) = basis(&rows, &field)?;
+    let all: Vec<usize> = (0..rows.rows).collect();
+    let (first, points) = basis(&rows, &field, &all)?;
     let rank = first.len();
     let (mut fields, mut bases) = (Vec::new(), Vec::new());
     let most = if rows.has_unknown_constants() { Residues::PRIMES.len() } else { MOST_PRIMES };
@@ -406,7 +415,7 @@ pub fn base_parameters(
     let backward: Vec<usize> = forward.iter().rev().copied().collect();
     let (mut base, mut fresh) = (None, None);
     for (index, field) in Residues::all().take(most).enumerate() {
-        let next = if index == 0 { first.clone() } else { basis(&rows, &field)?.0 };
+        let next = if index == 0 { first.clone() } else { basis(&rows, &field, &all)?.0 };
         // A different rank would mean that the prime divides a determinant or denominator.
         if next.len() != rank {
             continue;
@@ -427,20 +436,41 @@ pub fn base_parameters(
         }
     }
     let directions = base.as_ref().map(|vectors| vectors.iter().map(direction).collect());
+    let leading: Vec<usize> = match &base {
+        Some(vectors) => (0..columns).filter(|column| vectors.iter().all(|(free, _)| free != column)).collect(),
+        None => field.reduce(&mut first.clone(), &forward),
+    };
+    let common_factors = up_to_factors(&rows, &field, &homogeneous(form), &leading)?;
     let base = base.map(|vectors| {
-        let free: Vec<usize> = vectors.iter().map(|(free, _)| *free).collect();
-        let leading = (0..columns).filter(|column| !free.contains(column));
         let lumped = |column: usize| {
             let others = vectors.iter().filter_map(|(free, factors)| {
                 factors.iter().find(|(pivot, _)| *pivot == column).map(|(_, factor)| (*free, factor.clone()))
             });
             BaseParameter { column, others: others.collect() }
         };
-        leading.map(lumped).collect()
+        leading.iter().copied().map(lumped).collect()
     });
     let certificate = Certificate { rank, prime: field.prime(), points, directions };
     let parameters = form.columns.iter().map(|column| column.name.to_string()).collect();
-    Ok(BaseParameters { parameters, rank, base, certificate })
+    Ok(BaseParameters { parameters, rank, base, common_factors, certificate })
+}
+
+/// Sets of leading columns that rows without anything known in them show only up to a common factor.
+fn up_to_factors(
+    rows: &Rows<'_>,
+    field: &Residues,
+    homogeneous: &[usize],
+    leading: &[usize],
+) -> Result<Vec<Vec<usize>>, BaseParameterError> {
+    if homogeneous.is_empty() {
+        return Ok(Vec::new());
+    }
+    let driven: Vec<usize> = (0..rows.rows).filter(|row| !homogeneous.contains(row)).collect();
+    let driven = basis(rows, field, &driven)?.0;
+    let free = homogeneous.iter().map(|&row| Ok(basis(rows, field, &[row])?.0)).collect::<Result<_, _>>()?;
+    let mut draws = Draws::new(u64::MAX);
+    let theta: Vec<u64> = (0..rows.columns).map(|_| field.element(draws.word())).collect();
+    Ok(common_factors(field, driven, free, &theta, leading))
 }
 
 /// The columns in the order in which their first parameters were declared; a lumped one has the place of its first

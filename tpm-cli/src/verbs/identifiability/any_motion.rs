@@ -4,7 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
 use crate::output::file;
-use crate::render::combination::{not_counted, sum};
+use crate::render::combination::{common_factors, not_counted, sum};
 use std::fmt::Write as _;
 use std::path::Path;
 use tpm_runtime::study::{AnyMotion, ShownError, any_motion};
@@ -46,6 +46,7 @@ fn describe(found: &AnyMotion) -> String {
     if !found.unobservable.is_empty() {
         let _ = writeln!(text, "no motion shows {}", found.unobservable.join(", "));
     }
+    text.push_str(&common_factors(&found.common_factors));
     match &found.base {
         Some(base) => {
             text.push_str("\nbase parameters\n");

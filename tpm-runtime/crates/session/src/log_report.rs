@@ -78,6 +78,12 @@ pub struct SensorReport {
     pub left: f64,
     /// The same as a share of the signal's own deviation.
     pub share: f64,
+    /// By how much its stamps are late against those of the inputs, s, where it has stamps of its own; estimated with the parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub late: Option<f64>,
+    /// Standard deviation of that, s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub late_std: Option<f64>,
 }
 
 /// What was found about a log sample by sample.

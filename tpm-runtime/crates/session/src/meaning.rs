@@ -87,6 +87,7 @@ impl Warning {
             Warning::OtherHold { .. } => (Remark, Record, Nothing),
             Warning::Exchanged { .. } => (Distrust, Record, All),
             Warning::Astray { .. } => (Distrust, Record, All),
+            Warning::BeyondNoise { .. } => (Distrust, Record, All),
             Warning::ScaleUnknown { .. } => (Distrust, Record, All),
             Warning::UnseenFaults { .. } => (Remark, Record, Nothing),
             Warning::RateDiffers { .. } => (Remark, Record, Nothing),

@@ -46,6 +46,17 @@ pub(super) fn identify(
     let fit = fit_recorded(model, &options.constants, &signals, unshown, &options.estimation)
         .map_err(|source| LogFault::Recorded { path: path(), source })?;
     let mut warnings = summary::doubts(model, &fit.estimate, Data::Log);
+    let beyond = (0..signals.sensors.len())
+        .filter(|&s| !fit.explained[s])
+        .max_by(|&a, &b| fit.shares[a].total_cmp(&fit.shares[b]));
+    warnings.extend(beyond.map(|s| {
+        let Sensed { coordinate, derivative, .. } = signals.sensors[s];
+        Warning::BeyondNoise {
+            signal: signal_name(model, coordinate, derivative),
+            left: fit.noise[s],
+            noise: fit.own_noise[s],
+        }
+    }));
     warnings.extend(summary::lone_readings(model, &recorded.lone));
     warnings.extend(recorded.report.repeated.iter().cloned().map(|repeated| Warning::RepeatedReadings { repeated }));
     let hold = options.reading.hold;
@@ -89,18 +100,20 @@ pub(super) fn signal_name(model: &dyn Model<f64>, coordinate: usize, derivative:
 }
 
 fn report(model: &dyn Model<f64>, signals: &SignalsAsRecorded, fit: &RecordedFit) -> RecordedReport {
-    let sensor = |((sensed, noise), share): ((&Sensed, &f64), &f64)| SensorReport {
+    let sensor = |(s, sensed): (usize, &Sensed)| SensorReport {
         signal: signal_name(model, sensed.coordinate, sensed.derivative),
         readings: sensed.channel.time.len(),
-        left: *noise,
-        share: *share,
+        left: fit.noise[s],
+        share: fit.shares[s],
+        late: fit.late[s].map(|[late, _]| late),
+        late_std: fit.late[s].map(|[_, std]| std),
     };
     RecordedReport {
         readings: fit.readings,
         of: fit.of,
         blocks: fit.blocks,
         duration: fit.duration,
-        sensors: signals.sensors.iter().zip(&fit.noise).zip(&fit.shares).map(sensor).collect(),
+        sensors: signals.sensors.iter().enumerate().map(sensor).collect(),
         unmeasured: (0..model.dims().coordinates)
             .filter(|&c| !model.is_measured(c))
             .map(|c| model.coordinate(c).name.to_string())

@@ -217,7 +217,15 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
                     format!("in {blocks} blocks of up to {} s, each from a state of its own", number(found.duration))
                 }
             };
-            let left = |own: &SensorReport| format!("{:.3} % of `{}`", 100.0 * own.share, own.signal);
+            let left = |own: &SensorReport| {
+                let late = match (own.late, own.late_std) {
+                    (Some(late), Some(std)) => {
+                        format!(", whose stamps are {} +- {} ms late", number(1e3 * late), number(1e3 * std))
+                    }
+                    _ => String::new(),
+                };
+                format!("{:.3} % of `{}`{late}", 100.0 * own.share, own.signal)
+            };
             let left = found.sensors.iter().map(left).collect::<Vec<_>>().join(", ");
             let unmeasured = match found.unmeasured.as_slice() {
                 [] => String::new(),

@@ -97,6 +97,15 @@ pub enum Warning {
         /// Root mean square of a reading less the one before, unit of the coordinate.
         last_reading: f64,
     },
+    /// What a simulation between the stamps leaves is far more than the noise that the readings show by themselves.
+    BeyondNoise {
+        /// What is read.
+        signal: String,
+        /// Deviation of what is left, unit of the signal.
+        left: f64,
+        /// Deviation of the noise that the readings show, unit of the signal.
+        noise: f64,
+    },
     /// Inputs are multiples of what is recorded, and nothing says which of them are right.
     ScaleUnknown {
         /// The inputs of the model.
@@ -457,6 +466,13 @@ impl fmt::Display for Warning {
                     number(*last_reading)
                 )
             }
+            Warning::BeyondNoise { signal, left, noise } => write!(
+                f,
+                "the simulation leaves {} of {signal}, {} times the noise that its readings show: another minimum, which a prior near the \
+                 values avoids, or something that is not in the model",
+                number(*left),
+                number(left / noise)
+            ),
             Warning::ScaleUnknown { inputs } => write!(
                 f,
                 "of {} some are multiples of what is recorded, and the log does not say which of them are right: \

@@ -597,6 +597,7 @@ impl Setting {
             at: self.at(patterns),
             unobservable: Some(unobservable.collect()),
             base: Some(base.collect()),
+            common_factors: Vec::new(),
             parameters: parameters.collect(),
         }
     }

@@ -16,6 +16,7 @@ use tpm_symbolic::harmonic::report::Report;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{BaseParameters, Certificate, Motions, Rest, base_parameters, verify};
+use tpm_symbolic::regressor::homogeneous::homogeneous;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
@@ -84,7 +85,7 @@ pub fn shown(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<Shown, Shown
                 }
                 (_, error) => error,
             })?;
-            (report, Some(physical), Some(refused))
+            (report, physical, Some(refused))
         }
     };
     Ok(Shown { report, physical, nonlinear: nonlinear(parsed), replaced, refused })
@@ -116,11 +117,14 @@ fn exact(
         experiments.push(experiment);
     }
     let found = identifiability(&experiments).map_err(|error| ShownError::Asked(error.to_string()))?;
-    Ok(Ok((found.report(), found.physical(&ParameterMap::new(prepared)))))
+    let common = found.common_factors(&homogeneous(&prepared.form));
+    // What is known of physical parameters beyond a common factor is not said where there is one.
+    let physical = if common.is_empty() { found.physical(&ParameterMap::new(prepared)) } else { None };
+    Ok(Ok((found.report().with_common_factors(sets(&found.parameters, &common)), physical)))
 }
 
 /// The answer in floating point, from the rows along the patterns.
-fn along(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<(Report, PhysicalIdentifiability), ShownError> {
+fn along(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<Exact, ShownError> {
     let prepared = prepare(parsed.model.clone()).map_err(|error| located(parsed, &error))?;
     let mut played: Vec<PlayedPattern<'_>> = Vec::with_capacity(asked.len());
     for asked in asked {
@@ -131,7 +135,25 @@ fn along(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<(Report, Physica
             harmonics: highest(parsed, asked).unwrap_or(DEFAULT_HARMONICS),
         });
     }
-    numerical_identifiability(&prepared, &played).map_err(|error| ShownError::Asked(error.to_string()))
+    let found = numerical_identifiability(&prepared, &played);
+    let (report, physical) = found.map_err(|error| ShownError::Asked(error.to_string()))?;
+    let form = &prepared.form;
+    if homogeneous(form).is_empty() {
+        return Ok((report, Some(physical)));
+    }
+    // A motion that was completed obeys the rows, and its rank lacks the factor already; a prescribed one seems to show every member.
+    let whole = base_parameters(&prepared.model, form, &Motions::default())
+        .map_err(|error| ShownError::Asked(error.to_string()))?;
+    let observable = |name: &String| report.parameters.iter().any(|own| own.name == *name && own.observable);
+    let mut common = sets(&whole.parameters, &whole.common_factors);
+    common.retain(|set| set.iter().all(observable));
+    let physical = common.is_empty().then_some(physical);
+    Ok((report.with_common_factors(common), physical))
+}
+
+/// Sets of columns by their names.
+fn sets(names: &[String], columns: &[Vec<usize>]) -> Vec<Vec<String>> {
+    columns.iter().map(|set| set.iter().map(|&column| names[column].clone()).collect()).collect()
 }
 
 /// The highest harmonic that is used, where one is stated.
@@ -172,12 +194,16 @@ pub struct AnyMotion {
     pub rank: usize,
     /// The base parameters; nothing where their factors depend on constants without a value.
     pub base: Option<Vec<Base>>,
+    /// Sets of leading parameters that any motion shows only up to a common factor: equations without an input or a known term alone show
+    /// them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub common_factors: Vec<Vec<String>>,
     /// Parameters that no motion shows, in any combination.
     pub unobservable: Vec<String>,
     /// Nonlinear parameters, which count as constants here.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub nonlinear: Vec<String>,
-    /// The proof of the rank.
+    /// The proof of the rank of the equations, which is larger by one for every common factor.
     pub certificate: Certificate,
 }
 
@@ -201,8 +227,9 @@ pub fn any_motion(parsed: &Parsed, rests: &[(String, Rational)]) -> Result<AnyMo
     Ok(AnyMotion {
         schema: "tpm.base/1",
         model: model.name.to_string(),
-        rank: found.rank,
+        rank: found.rank - found.common_factors.len(),
         base: named(&found),
+        common_factors: sets(&found.parameters, &found.common_factors),
         unobservable: unobservable(&found),
         nonlinear: nonlinear(parsed),
         parameters: found.parameters,

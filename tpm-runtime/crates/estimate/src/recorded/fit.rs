@@ -5,8 +5,8 @@ use crate::information::Information;
 use crate::recorded::colour::Colour;
 use crate::recorded::flow::Flow;
 use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
-use crate::recorded::starts::{Pace, Scales, first_state, start};
-use crate::recorded::steps::{Course, Point, Settled, beside_states};
+use crate::recorded::starts::{Pace, Scales, Unmeasured, first_state, start};
+use crate::recorded::steps::{Course, Point, Settled, beside_others, beside_states};
 use crate::result::{Estimate, LeastSquares, ResidualOf};
 use crate::sensor::Sensor;
 use crate::settings::Settings;
@@ -74,6 +74,12 @@ pub struct RecordedFit {
     pub noise: Vec<f64>,
     /// What is left of every sensor, as a share of its deviation.
     pub shares: Vec<f64>,
+    /// By how much the stamps of every sensor are late against those of the inputs, s, with the deviation; nothing where it has their stamps.
+    pub late: Vec<Option<[f64; 2]>>,
+    /// Noise that the readings of every sensor show by themselves, unit of what it reads.
+    pub own_noise: Vec<f64>,
+    /// Whether what is left of every sensor may be the noise that its readings show by themselves.
+    pub explained: Vec<bool>,
     /// Steps at the end.
     pub steps: usize,
     /// Residual with the inputs taken otherwise between their stamps; nothing where the simulation does not settle so.
@@ -124,6 +130,8 @@ pub(super) struct Work<'a, 'f> {
     pub(super) scales: Scales,
     pub(super) stretches: Vec<Vec<Reading>>,
     free: Vec<usize>,
+    /// What steps move: the free parameters, and behind them by how much every clock is late.
+    unknowns: Vec<usize>,
     bounds: Vec<[f64; 2]>,
     /// How much shorter the first blocks are than the motion suggests.
     shorter: usize,
@@ -142,51 +150,62 @@ pub fn fit_recorded(
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
-    let at = |pace: Pace, shorter: usize| fit_at_pace((model, constants), signals, (pace, shorter), unshown, settings);
-    let first = at(Pace::Crossings, 1);
-    let settled = match &first {
-        Ok(found) => found.is_explained(signals),
-        Err(fault) => !matches!(fault, RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }),
-    };
-    if settled {
-        return first;
-    }
+    let at = |begins: Begins| fit_beginning((model, constants), signals, begins, unshown, settings);
+    let plain = Begins { pace: Pace::Crossings, unmeasured: Unmeasured::Alike, shorter: 1 };
+    let mut best = at(plain);
     let left =
         |fit: &Result<RecordedFit, RecordedFault>| fit.as_ref().map_or(f64::INFINITY, |own| own.estimate.residual);
-    let better = |one, other| if left(&other) < left(&one) { other } else { one };
-    let frequency = |pace: Pace| Scales::of(model, signals, pace).frequency;
+    let scales = |pace: Pace| Scales::of(model, signals, (pace, Unmeasured::Alike));
     // Steps that settled on another minimum leave much more than the sensors' noise, however small a share of the motion that is.
-    let mut best = first;
-    if frequency(Pace::Turns) >= LEAST_FASTER * frequency(Pace::Crossings) {
-        best = better(best, at(Pace::Turns, 1));
+    let is_faster = scales(Pace::Turns).frequency >= LEAST_FASTER * scales(Pace::Crossings).frequency;
+    let has_alike = scales(Pace::Crossings).has_alike();
+    let others = [
+        Begins { pace: Pace::Turns, ..plain },
+        Begins { unmeasured: Unmeasured::Deflection, ..plain },
+        // A machine that only its loop holds leaves every start before a cycle of its motion is over.
+        Begins { pace: Pace::Turns, shorter: SHORTER, ..plain },
+    ];
+    let mut tried = [is_faster, has_alike, true].into_iter().zip(others);
+    loop {
+        let settled = match &best {
+            Ok(found) => found.explained.iter().all(|own| *own),
+            Err(fault) => !matches!(fault, RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }),
+        };
+        let may_help =
+            |(helps, begins): &(bool, Begins)| *helps && (begins.shorter == 1 || left(&best) > LARGE_RESIDUAL);
+        match tried.find(may_help) {
+            Some((_, begins)) if !settled => {
+                let other = at(begins);
+                if left(&other) < left(&best) {
+                    best = other;
+                }
+            }
+            _ => return best,
+        }
     }
-    // A machine that only its loop holds leaves every start before a cycle of its motion is over.
-    if left(&best) > LARGE_RESIDUAL {
-        best = better(best, at(Pace::Turns, SHORTER));
-    }
-    best
 }
 
-impl RecordedFit {
-    /// Whether what is left of every sensor may be its noise.
-    fn is_explained(&self, signals: &SignalsAsRecorded) -> bool {
-        let sensors = self.noise.iter().zip(&signals.sensors);
-        sensors.into_iter().all(|(left, own)| *left <= MOST_OVER_NOISE * Sensor::of(&[&own.channel.value]).noise)
-    }
+/// How starts are made: at which pace, what is not measured, and how much shorter the first blocks are.
+#[derive(Clone, Copy)]
+struct Begins {
+    pace: Pace,
+    unmeasured: Unmeasured,
+    shorter: usize,
 }
 
-/// [`fit_recorded`] with starts of the size that one measure of the motion's frequency suggests, and first blocks so much shorter.
-fn fit_at_pace(
+/// [`fit_recorded`] with starts that are made in one way.
+fn fit_beginning(
     (model, constants): (&dyn Model<f64>, &[f64]),
     signals: &SignalsAsRecorded,
-    (pace, shorter): (Pace, usize),
+    begins: Begins,
     unshown: Option<usize>,
     settings: &Settings,
 ) -> Result<RecordedFit, RecordedFault> {
     let dims = model.dims();
     let free = settings.free(dims.parameters)?;
-    let work = Work::new((model, constants), signals, pace, free.indices.clone(), settings)?;
-    let mut work = Work { shorter, ..work };
+    let begun = (begins.pace, begins.unmeasured);
+    let work = Work::new((model, constants), signals, begun, free.indices.clone(), settings)?;
+    let mut work = Work { shorter: begins.shorter, ..work };
     let of: usize = work.stretches.iter().map(Vec::len).sum();
     let unknowns = free.indices.len() + work.flow.states.len();
     if of <= unknowns {
@@ -198,12 +217,16 @@ fn fit_at_pace(
     let course = work.course(&blocks, &typical);
     let linear =
         course.linearised(&settled.point, &noise).map_err(|_| RecordedFault::NotSettled { steps: settled.steps })?;
+    let (theta, late) = settled.point.theta.split_at(dims.parameters);
+    let steps: Vec<f64> = work.flow.clocks.iter().map(|clock| clock.step).collect();
     let beside = beside_states(&linear, &work.flow.sizes);
+    let late = work.late(late, &beside, &steps);
+    let beside = beside_others(beside, work.free.len(), &steps);
     let left: Vec<&Vec<f64>> = linear.iter().map(|own| &own.left).collect();
     let readings: usize = left.iter().map(|own| own.len()).sum();
     // 1. What is shown, and values that are least squares.
     let p = work.free.len();
-    let values: Vec<f64> = free.of(&settled.point.theta);
+    let values: Vec<f64> = free.of(theta);
     let mut rows = DMatrix::zeros(readings, p + 1);
     let mut at = 0;
     for (own, left) in beside.iter().zip(&left) {
@@ -253,7 +276,7 @@ fn fit_at_pace(
     };
     let felt: Vec<f64> = (0..dims.parameters).map(felt).collect();
     let found = LeastSquares {
-        values: settled.point.theta.clone(),
+        values: theta.to_vec(),
         covariance: free.spread_square(&covariance),
         hidden: &solved.unobservable,
         touched: &scaled.touched(&solved.unobservable),
@@ -264,6 +287,8 @@ fn fit_at_pace(
     };
     let estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
     let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
+    let own_noise: Vec<f64> = signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect();
+    let explained = noise.iter().zip(&own_noise).map(|(left, own)| *left <= MOST_OVER_NOISE * own).collect();
     Ok(RecordedFit {
         other_hold: work.with_other_hold(&blocks, &typical, &settled.point, &noise),
         estimate,
@@ -273,6 +298,9 @@ fn fit_at_pace(
         duration: blocks.iter().map(duration).fold(0.0, f64::max),
         noise,
         shares,
+        late,
+        own_noise,
+        explained,
         steps: settled.steps,
     })
 }
@@ -316,7 +344,7 @@ impl<'a, 'f> Work<'a, 'f> {
     pub(super) fn new(
         (model, constants): (&'f dyn Model<f64>, &'f [f64]),
         signals: &'f SignalsAsRecorded,
-        pace: Pace,
+        begins: (Pace, Unmeasured),
         free: Vec<usize>,
         settings: &'a Settings,
     ) -> Result<Self, RecordedFault> {
@@ -327,19 +355,46 @@ impl<'a, 'f> Work<'a, 'f> {
         }
         let states: Vec<(usize, usize)> =
             orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect();
-        let scales = Scales::of(model, signals, pace);
+        let scales = Scales::of(model, signals, begins);
         let sizes = states.iter().map(|&state| scales.size(state)).collect();
         let longest_step = FIRST_STEP * std::f64::consts::TAU / scales.frequency;
         let jumps = Plant::new(model, &vec![1.0; dims.parameters], constants).map_err(EstimateError::Model)?.rubs();
         let told = signals.sensors.iter().map(|own| own.derivative == orders[own.coordinate]).collect();
-        let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps, told };
+        let clocks = signals.own_clocks();
+        let flow = Flow { model, constants, signals, states, sizes, longest_step, jumps, told, clocks };
         let unbounded = [f64::NEG_INFINITY, f64::INFINITY];
-        let bounds = (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
-        Ok(Self { flow, scales, stretches: signals.stretches(), free, bounds, shorter: 1, settings })
+        let mut bounds: Vec<[f64; 2]> =
+            (0..dims.parameters).map(|j| model.parameter_interval(j).unwrap_or(unbounded)).collect();
+        // A channel that is late by more than a step of its own would have been given the next stamp.
+        bounds.extend(flow.clocks.iter().map(|clock| [-clock.step, clock.step]));
+        let unknowns =
+            free.iter().copied().chain((0..flow.clocks.len()).map(|clock| dims.parameters + clock)).collect();
+        Ok(Self { flow, scales, stretches: signals.stretches(), free, unknowns, bounds, shorter: 1, settings })
     }
 
     pub(super) fn course<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
-        Course { flow: &self.flow, blocks, free: &self.free, typical, bounds: &self.bounds }
+        Course { flow: &self.flow, blocks, free: &self.unknowns, typical, bounds: &self.bounds }
+    }
+
+    /// By how much the stamps of every sensor are late, with the deviation, by the derivatives `beside` what initial states take.
+    fn late(&self, late: &[f64], beside: &[DMatrix<f64>], steps: &[f64]) -> Vec<Option<[f64; 2]>> {
+        let p = self.unknowns.len();
+        let mut normal = DMatrix::zeros(p, p);
+        beside.iter().for_each(|own| normal += own.tr_mul(own));
+        steps
+            .iter()
+            .enumerate()
+            .for_each(|(clock, step)| normal[(self.free.len() + clock, self.free.len() + clock)] += step.powi(-2));
+        let covariance = normal.try_inverse();
+        let deviation = |clock: usize| {
+            let at = self.free.len() + clock;
+            covariance.as_ref().map_or(steps[clock], |own| own[(at, at)].max(0.0).sqrt())
+        };
+        let of = |sensor: usize| {
+            let clock = self.flow.clocks.iter().position(|clock| clock.sensors.contains(&sensor))?;
+            Some([late[clock], deviation(clock)])
+        };
+        (0..self.flow.signals.sensors.len()).map(of).collect()
     }
 
     /// Blocks of about so many readings, of which as many as have `most` readings in all, spread over the record; only those in which the
@@ -398,12 +453,14 @@ impl<'a, 'f> Work<'a, 'f> {
         let states: Vec<Vec<f64>> = blocks.iter().map(|block| first_state(&self.flow, &self.scales, block)).collect();
         let mut tried: Vec<(Vec<f64>, Settled)> = Vec::new();
         for number in 0..STARTS {
-            let (typical, mut theta) = start(&self.flow, &self.scales, number).map_err(EstimateError::Model)?;
+            let (mut typical, mut theta) = start(&self.flow, &self.scales, number).map_err(EstimateError::Model)?;
             if number == 0 && self.settings.prior.iter().any(|value| value.abs() > 0.0) {
                 let stated = self.settings.prior.iter().enumerate().filter(|(_, value)| value.abs() > 0.0);
                 stated.for_each(|(j, value)| theta[j] = *value);
             }
             self.settings.hold(&mut theta);
+            typical.extend(self.flow.clocks.iter().map(|clock| clock.step));
+            theta.extend(self.flow.clocks.iter().map(|_| 0.0));
             let course = self.course(&blocks, &typical);
             if let Some(settled) = course.settle(Point { theta, states: states.clone() }, noise, STEPS_TRIED) {
                 tried.push((typical, settled));
@@ -485,7 +542,7 @@ impl<'a, 'f> Work<'a, 'f> {
     fn noise(&self, blocks: &[Block], point: &Point, noise: &[f64]) -> Vec<f64> {
         let sums = squares(&self.flow, blocks, point, noise);
         let readings: f64 = sums.iter().map(|(_, count)| count).sum();
-        let unknowns = (self.free.len() + blocks.len() * self.flow.states.len()) as f64;
+        let unknowns = (self.unknowns.len() + blocks.len() * self.flow.states.len()) as f64;
         let freedom = readings / (readings - unknowns).max(1.0);
         let of = |(s, &(sum, count)): (usize, &(f64, f64))| {
             let least = LEAST_NOISE * spread(self.flow.signals.sensors[s].channel.spread().1);
@@ -528,9 +585,10 @@ impl<'a, 'f> Work<'a, 'f> {
         let other = if held.hold == Hold::Zoh { Hold::None } else { Hold::Zoh };
         let signals = SignalsAsRecorded { hold: other, ..(*held).clone() };
         let (states, sizes, told) = (self.flow.states.clone(), self.flow.sizes.clone(), self.flow.told.clone());
-        let flow = Flow { signals: &signals, states, sizes, told, ..self.flow };
+        let clocks = self.flow.clocks.clone();
+        let flow = Flow { signals: &signals, states, sizes, told, clocks, ..self.flow };
         let blocks: Vec<Block> = blocks.iter().map(|block| signals.block(&block.readings)).collect();
-        let course = Course { flow: &flow, blocks: &blocks, free: &self.free, typical, bounds: &self.bounds };
+        let course = Course { flow: &flow, blocks: &blocks, free: &self.unknowns, typical, bounds: &self.bounds };
         let settled = course.settle(point.clone(), noise, STEPS_TRIED)?;
         let sums = squares(&flow, &blocks, &settled.point, noise);
         let share = |(s, &(sum, count)): (usize, &(f64, f64))| {

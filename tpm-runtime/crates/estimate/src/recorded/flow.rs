@@ -1,6 +1,6 @@
 //! One block simulated, and how its readings change with parameters and initial state.
 
-use crate::recorded::signals::{Block, SignalsAsRecorded};
+use crate::recorded::signals::{Block, Clock, Reading, SignalsAsRecorded};
 use rayon::prelude::*;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
@@ -27,6 +27,8 @@ pub(super) struct Flow<'a> {
     pub(super) jumps: bool,
     /// Sensors that read a highest derivative, which is no state: the rows tell it.
     pub(super) told: Vec<bool>,
+    /// Sensors with clocks of their own. By how much each is late stands behind the parameters of the model; where it does not, by nothing.
+    pub(super) clocks: Vec<Clock>,
 }
 
 /// A block linearised: readings less simulated ones, and the derivatives of the latter by its initial state and by the free parameters,
@@ -43,6 +45,25 @@ impl Flow<'_> {
     /// # Errors
     /// [`PlantError`] where the model cannot be evaluated, or leaves all bounds.
     pub(super) fn readings(&self, block: &Block, theta: &[f64], state: &[f64]) -> Result<Vec<f64>, PlantError> {
+        let (theta, late) = theta.split_at(self.model.dims().parameters);
+        if late.iter().all(|late| *late == 0.0) {
+            return self.simulated(block, theta, state);
+        }
+        let mut readings: Vec<(usize, Reading)> = block.readings.iter().copied().enumerate().collect();
+        for (_, reading) in &mut readings {
+            let clock = self.clocks.iter().position(|clock| clock.sensors.contains(&reading.sensor));
+            reading.time -= clock.and_then(|clock| late.get(clock)).copied().unwrap_or(0.0);
+        }
+        readings.sort_by(|(_, a), (_, b)| a.time.total_cmp(&b.time));
+        let (places, readings): (Vec<usize>, Vec<Reading>) = readings.into_iter().unzip();
+        let values = self.simulated(&self.signals.block(&readings), theta, state)?;
+        let mut out = vec![0.0; values.len()];
+        places.into_iter().zip(values).for_each(|(place, value)| out[place] = value);
+        Ok(out)
+    }
+
+    /// The simulated readings of a block at their stamps.
+    fn simulated(&self, block: &Block, theta: &[f64], state: &[f64]) -> Result<Vec<f64>, PlantError> {
         let coordinates = self.model.dims().coordinates;
         let mut plant = Plant::new(self.model, theta, self.constants)?;
         let mut motion = vec![0.0; self.model.dims().motion_len()];
@@ -112,8 +133,10 @@ impl Flow<'_> {
             let (mut theta, mut state) = (theta.to_vec(), state.to_vec());
             let size = if at < n {
                 state[at].abs().max(self.sizes[at])
-            } else {
+            } else if free[at - n] < self.model.dims().parameters {
                 theta[free[at - n]].abs().max(1e-3 * typical[free[at - n]])
+            } else {
+                typical[free[at - n]]
             };
             let by = share * size;
             let mut moved = |by: f64| {

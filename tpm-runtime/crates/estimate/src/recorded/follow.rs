@@ -2,7 +2,7 @@
 
 use crate::recorded::fit::{READINGS_SETTLED, RecordedFault, Work, spread};
 use crate::recorded::signals::SignalsAsRecorded;
-use crate::recorded::starts::{Pace, first_state};
+use crate::recorded::starts::{Pace, Unmeasured, first_state};
 use crate::recorded::steps::Point;
 use crate::settings::Settings;
 use tpm_core::model::Model;
@@ -51,7 +51,11 @@ pub fn follow_recorded(
     parameters: &[f64],
 ) -> Result<Followed, RecordedFault> {
     let settings = Settings::default();
-    let mut work = Work::new((model, constants), signals, Pace::Crossings, Vec::new(), &settings)?;
+    let mut work = Work::new((model, constants), signals, (Pace::Crossings, Unmeasured::Alike), Vec::new(), &settings)?;
+    // How late the sensors' stamps are is a matter of the record, as its initial state is.
+    let steps: Vec<f64> = work.flow.clocks.iter().map(|clock| clock.step).collect();
+    let behind = |of: &[f64]| -> Vec<f64> { parameters.iter().chain(of).copied().collect() };
+    let (typical, theta) = (behind(&steps), behind(&vec![0.0; steps.len()]));
     let sizes: Vec<f64> = signals.sensors.iter().map(|own| ALIKE * spread(own.channel.spread().1)).collect();
     let all: Vec<_> = work.stretches.iter().map(|stretch| signals.block(stretch)).collect();
     work.refine_step(&all, parameters, &sizes);
@@ -72,11 +76,10 @@ pub fn follow_recorded(
         found.stretches += 1;
         found.duration = found.duration.max(block.instants.last().map_or(0.0, |last| last - block.start));
         let beginning = [signals.block(&stretch[..stretch.len().min(READINGS_SETTLED)])];
-        let from =
-            Point { theta: parameters.to_vec(), states: vec![first_state(&work.flow, &work.scales, &beginning[0])] };
-        let settled = work.course(&beginning, parameters).settle(from.clone(), &sizes, MOST_STEPS);
-        let state = settled.map_or(from, |settled| settled.point).states.swap_remove(0);
-        let Ok(simulated) = work.flow.readings(block, parameters, &state) else {
+        let from = Point { theta: theta.clone(), states: vec![first_state(&work.flow, &work.scales, &beginning[0])] };
+        let settled = work.course(&beginning, &typical).settle(from.clone(), &sizes, MOST_STEPS);
+        let Point { theta, states: own } = settled.map_or(from, |settled| settled.point);
+        let Ok(simulated) = work.flow.readings(block, &theta, &own[0]) else {
             found.left += 1;
             continue;
         };

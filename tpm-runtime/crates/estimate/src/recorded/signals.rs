@@ -5,6 +5,9 @@ use tpm_core::model::Model;
 
 /// A silence of all channels is a break of the record when it is longer than so many usual steps.
 const LEAST_BREAK: f64 = 20.0;
+/// Channels have one clock where they share this share of the stamps of the one with fewer: stamps of whole milliseconds coincide by chance
+/// in one of ten.
+const SHARED_STAMPS: f64 = 0.25;
 /// Smallest swing, as a share of a channel's deviation, whose turning back counts.
 const LEAST_SWING: f64 = 0.02;
 
@@ -58,7 +61,33 @@ pub(super) struct Block {
     pub(super) instants: Vec<f64>,
 }
 
+/// Sensors whose stamps are their own: those of one clock, with its usual step.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Clock {
+    /// Indices of the sensors.
+    pub(super) sensors: Vec<usize>,
+    /// Usual step between its stamps, s.
+    pub(super) step: f64,
+}
+
 impl Channel {
+    /// Whether two channels are stamped by one clock.
+    fn shares_clock(&self, other: &Channel) -> bool {
+        let (fewer, more) = if self.time.len() < other.time.len() { (self, other) } else { (other, self) };
+        let shared = fewer
+            .time
+            .iter()
+            .filter(|&&stamp| more.time[more.time.partition_point(|own| *own < stamp)..].first() == Some(&stamp));
+        shared.count() as f64 >= SHARED_STAMPS * fewer.time.len() as f64
+    }
+
+    /// The usual step between its stamps.
+    fn usual_step(&self) -> f64 {
+        let mut steps: Vec<f64> = self.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle = steps.len() / 2;
+        if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    }
+
     /// Index of the last stamp that is not after a time; nothing before the first stamp.
     fn before(&self, time: f64) -> Option<usize> {
         self.time.partition_point(|stamp| *stamp <= time).checked_sub(1)
@@ -140,6 +169,32 @@ impl SignalsAsRecorded {
         own.map(|sensor| &sensor.channel)
     }
 
+    /// Clocks of sensors that are not the inputs': by how much one is late, a record of it alone tells. Without an input the first sensor's
+    /// clock is that of the motion.
+    pub(super) fn own_clocks(&self) -> Vec<Clock> {
+        let references: Vec<&Channel> = if self.inputs.is_empty() {
+            self.sensors.iter().take(1).map(|own| &own.channel).collect()
+        } else {
+            self.inputs.iter().collect()
+        };
+        let mut clocks: Vec<Clock> = Vec::new();
+        for (s, own) in self.sensors.iter().enumerate() {
+            if references.iter().any(|reference| reference.shares_clock(&own.channel)) {
+                continue;
+            }
+            let step = own.channel.usual_step();
+            if step <= 0.0 {
+                continue;
+            }
+            let same = |clock: &&mut Clock| self.sensors[clock.sensors[0]].channel.shares_clock(&own.channel);
+            match clocks.iter_mut().find(same) {
+                Some(clock) => clock.sensors.push(s),
+                None => clocks.push(Clock { sensors: vec![s], step }),
+            }
+        }
+        clocks
+    }
+
     /// Readings in all.
     pub(super) fn readings(&self) -> usize {
         self.sensors.iter().map(|sensor| sensor.channel.time.len()).sum()
@@ -193,7 +248,11 @@ impl SignalsAsRecorded {
     }
 
     pub(super) fn block(&self, readings: &[Reading]) -> Block {
-        let (start, end) = (readings.first().map_or(0.0, |r| r.time), readings.last().map_or(0.0, |r| r.time));
+        let times = || readings.iter().map(|reading| reading.time);
+        let (start, end) = match readings {
+            [] => (0.0, 0.0),
+            _ => (times().fold(f64::INFINITY, f64::min), times().fold(f64::NEG_INFINITY, f64::max)),
+        };
         let mut instants: Vec<f64> = readings.iter().map(|reading| reading.time).collect();
         if self.hold == Hold::Zoh {
             for input in &self.inputs {

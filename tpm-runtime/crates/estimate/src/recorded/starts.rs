@@ -19,6 +19,8 @@ const PASSES: usize = 4;
 const OF_PARAMETER: [f64; 2] = [-1.0, 1.2];
 const OF_FREQUENCY: [f64; 2] = [-0.5, 1.0];
 const OF_UNKNOWN_SIZE: [f64; 2] = [-1.0, 1.0];
+/// The same for a deflection, such as that of a bristle: a small part of the travel of what it joins.
+const OF_DEFLECTION: [f64; 2] = [-3.0, -0.5];
 /// Every second start has parameters of either sign; so often they are negative there.
 const NEGATIVE: f64 = 0.25;
 /// Fewest readings through which a parabola is laid for position and rate at the beginning of a block.
@@ -29,8 +31,8 @@ const LEAST_FITTED: usize = 5;
 struct Extent {
     mean: f64,
     size: f64,
-    /// Whether readings tell it.
-    known: bool,
+    /// Powers of ten within which the size is drawn; nothing where readings tell it.
+    drawn: Option<[f64; 2]>,
 }
 
 /// What tells the typical frequency of a motion.
@@ -40,6 +42,15 @@ pub(super) enum Pace {
     Crossings,
     /// How often they turn back: a limit cycle on top of strokes is faster than these.
     Turns,
+}
+
+/// What a coordinate that nobody measured is taken for when starts are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Unmeasured {
+    /// It moves as another coordinate in its unit does: the far side of a spring.
+    Alike,
+    /// It is a small part of that: the deflection of a spring or a bristle.
+    Deflection,
 }
 
 /// What a record says of the size of a model's motion.
@@ -52,7 +63,11 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    pub(super) fn of(model: &dyn Model<f64>, signals: &SignalsAsRecorded, pace: Pace) -> Self {
+    pub(super) fn of(
+        model: &dyn Model<f64>,
+        signals: &SignalsAsRecorded,
+        (pace, unmeasured): (Pace, Unmeasured),
+    ) -> Self {
         let n = model.dims().coordinates;
         let frequency = |channel: &Channel| match pace {
             Pace::Crossings => channel.frequency(),
@@ -66,7 +81,7 @@ impl Scales {
         let frequency = frequencies.get(frequencies.len() / 2).copied().unwrap_or(1.0);
         let extent = |channel: &Channel, factor: f64| {
             let (mean, size) = channel.spread();
-            Extent { mean, size: if size > 0.0 { size * factor } else { 1.0 }, known: true }
+            Extent { mean, size: if size > 0.0 { size * factor } else { 1.0 }, drawn: None }
         };
         let own = |c: usize| {
             let derivative = || signals.sensors.iter().find(|sensor| sensor.coordinate == c);
@@ -85,9 +100,19 @@ impl Scales {
             let i = (0..model.dims().inputs).find(|&i| unit(c).is_some() && model.input(i).unit == unit(c))?;
             Some(Extent { mean: 0.0, ..extent(&signals.inputs[i], 1.0) })
         };
-        let unknown = Extent { mean: 0.0, size: 1.0, known: false };
-        let of = |c: usize| own(c).or_else(|| own(like(c)?)).or_else(|| of_input(c)).unwrap_or(unknown);
-        Self { extents: (0..n).map(of).collect(), like: (0..n).map(like).collect(), frequency }
+        let unknown = Extent { mean: 0.0, size: 1.0, drawn: Some(OF_UNKNOWN_SIZE) };
+        let as_like = |c: usize| match unmeasured {
+            Unmeasured::Alike => own(like(c)?),
+            Unmeasured::Deflection => Some(Extent { mean: 0.0, drawn: Some(OF_DEFLECTION), ..own(like(c)?)? }),
+        };
+        let of = |c: usize| own(c).or_else(|| as_like(c)).or_else(|| of_input(c)).unwrap_or(unknown);
+        let begins_like = |c: usize| like(c).filter(|&other| other == c || unmeasured == Unmeasured::Alike);
+        Self { extents: (0..n).map(of).collect(), like: (0..n).map(begins_like).collect(), frequency }
+    }
+
+    /// Whether a coordinate that nobody measured has its size from another one.
+    pub(super) fn has_alike(&self) -> bool {
+        self.like.iter().enumerate().any(|(c, like)| like.is_some_and(|other| other != c))
     }
 
     /// Size of a derivative of a coordinate.
@@ -104,7 +129,7 @@ pub(super) fn start(flow: &Flow<'_>, scales: &Scales, number: u64) -> Result<(Ve
     let mut ten = |[from, to]: [f64; 2]| 10f64.powf(random.random_range(from..to));
     let frequency = scales.frequency * ten(OF_FREQUENCY);
     let extents: Vec<Extent> = (scales.extents.iter())
-        .map(|own| Extent { size: if own.known { own.size } else { own.size * ten(OF_UNKNOWN_SIZE) }, ..*own })
+        .map(|own| Extent { size: own.size * own.drawn.map_or(1.0, &mut ten), ..*own })
         .collect();
     let columns = columns(flow, &extents, frequency, number)?;
     let mut sizes = vec![0.0_f64; dims.parameters];

@@ -153,6 +153,24 @@ impl Course<'_, '_> {
     }
 }
 
+/// The derivatives by the first `kept` parameters with what the others take of them out of them; `sizes` are deviations that the others are known
+/// to have beforehand.
+pub(super) fn beside_others(rows: Vec<DMatrix<f64>>, kept: usize, sizes: &[f64]) -> Vec<DMatrix<f64>> {
+    let others = sizes.len();
+    if others == 0 {
+        return rows;
+    }
+    let mut normal = DMatrix::from_diagonal(&DVector::from_iterator(others, sizes.iter().map(|size| size.powi(-2))));
+    let mut beside = DMatrix::zeros(others, kept);
+    for own in &rows {
+        let of_others = own.columns(kept, others);
+        normal += of_others.tr_mul(&of_others);
+        beside += of_others.tr_mul(&own.columns(0, kept));
+    }
+    let taken = normal.cholesky().map_or_else(|| DMatrix::zeros(others, kept), |root| root.solve(&beside));
+    rows.iter().map(|own| own.columns(0, kept) - own.columns(kept, others) * &taken).collect()
+}
+
 /// The derivatives by the parameters with what the initial state takes of them out of them, block by block.
 pub(super) fn beside_states(linear: &[Linear], sizes: &[f64]) -> Vec<DMatrix<f64>> {
     let of = |own: &Linear| {
