@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use tpm_runtime::campaign::{NearMode, Outcome};
 use tpm_runtime::document::Document;
-use tpm_runtime::estimate::PhysicalRemark;
+use tpm_runtime::estimate::{PhysicalRemark, ResidualOf};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
@@ -97,7 +97,7 @@ fn findings() -> Vec<Warning> {
         Warning::Unsteady { mismatch: 0.1 },
         Warning::MostlyLeftOut { left_out: 100, samples: 150 },
         Warning::HarmonicsLeftOut { from: 5, to: 7 },
-        Warning::Unexplained { residual: 0.5 },
+        Warning::Unexplained { residual: 0.5, of: ResidualOf::Force },
         Warning::NotVisible { parameter: m(), data: Data::Log },
         Warning::PoorlyDetermined { parameter: m(), value: 1.0, std: 0.9 },
         Warning::OnlyInCombinations { parameters: vec![m(), "c".into()], data: Data::Log },
@@ -115,7 +115,7 @@ fn findings() -> Vec<Warning> {
         Warning::Halves { parameter: m(), moved: 0.5, deviation: 0.1 },
         Warning::WaysContradict { parameter: m(), moved: 0.5, deviation: 0.1 },
         Warning::Limited { term: term() },
-        Warning::Repeats { power: 5.0 },
+        Warning::Repeats { power: 5.0, beside_terms: false },
         Warning::Vibration { frequency: 20.0 },
         Warning::Unsettled { reason: NotRefined::Moving { parameter: m() } },
         Warning::FarFromLinear { estimator: "error" },

@@ -36,7 +36,7 @@ impl Loaded {
                 }
                 Ok(Self { source, parsed })
             }
-            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source) + &other_kind(path))),
+            Err(diagnostics) => Err(Failure::Model(other_kind(&source).unwrap_or_else(|| diagnostics.render(&source)))),
         }
     }
 

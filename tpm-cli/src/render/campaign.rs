@@ -47,6 +47,7 @@ impl Watched {
         if let (Some(first), Some(last)) = (&self.first, &self.last) {
             document.add_runs(session.machine().plant(), first, last);
         }
+        let document = document.of_machine(session.model(), result, &|_| None);
         report::write(folder, &document.issued(issue), &[("table.md", table(session.machine(), result))])
     }
 }

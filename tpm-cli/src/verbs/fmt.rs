@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             Ok(text) if is_input(path) && !args.check => return file::print_content(&text),
             Ok(text) if text == source.text() => {}
             Ok(text) => changed.push((path.as_path(), text)),
-            Err(diagnostics) => faults.push_str(&(diagnostics.render(&source) + &other_kind(path))),
+            Err(diagnostics) => faults.push_str(&other_kind(&source).unwrap_or_else(|| diagnostics.render(&source))),
         }
     }
     if !faults.is_empty() {

@@ -35,7 +35,9 @@ pub(crate) fn man(args: &ManArgs, mut command: Command) -> Outcome {
     let mut pages: Vec<(PathBuf, Vec<u8>)> = Vec::new();
     render(&command, "tpm", &args.folder, &mut pages)?;
     let files: Vec<(&Path, &[u8])> = pages.iter().map(|(path, bytes)| (path.as_path(), bytes.as_slice())).collect();
-    file::write_into(&args.folder, &files)
+    file::write_into(&args.folder, &files)?;
+    file::remark(&format!("{}: {} pages, from tpm.1 on", args.folder.display(), files.len()));
+    Ok(())
 }
 
 fn render(command: &Command, name: &str, folder: &Path, pages: &mut Vec<(PathBuf, Vec<u8>)>) -> Result<(), Failure> {

@@ -115,6 +115,10 @@ fn check(case: &str, page: &str, result: &Value, shortfall: Option<&str>) {
     let headline = text(values[at]);
     let conclusion = text(of_class("conclusion").expect("a conclusion"));
     assert!(conclusion.contains(&format!("The model leaves {headline} unexplained.")), "{case}: {conclusion}");
+    // What it is a share of is said alike, whoever says it.
+    let of = if result["residual_of"] == "motion" { "of the motion or input" } else { "of the force" };
+    assert!(headline.ends_with(of), "{case}: {headline}");
+    assert!(!said.contains("is not explained by the model; what") || said.contains(of), "{case}: {said}");
     if said.contains("unexplained") && shortfall.is_none() {
         assert!(said.contains(&headline), "{case}: {said}, but {headline}");
     }
@@ -168,7 +172,7 @@ fn check(case: &str, page: &str, result: &Value, shortfall: Option<&str>) {
     for (status, words) in [
         ("identified", "identified"),
         ("poorly_determined", "known poorly"),
-        ("unobservable", "not shown by itself"),
+        ("unobservable", "not shown alone"),
         ("untrusted", "not to be trusted"),
         ("frozen", "held at a value that was given"),
     ] {
@@ -201,6 +205,8 @@ fn check(case: &str, page: &str, result: &Value, shortfall: Option<&str>) {
     // What the model lacks has its section exactly where terms were found.
     let missing = result["log"]["refinement"]["missing"].as_array().or(result["log"]["missing"].as_array());
     if let Some(missing) = missing {
+        let none = warned.contains("no single term explains");
+        assert!(missing.is_empty() || !none, "{case}: {warned}, beside {missing:?}");
         let explains = said.contains("the model explains what was measured");
         assert!(missing.is_empty() || !explains, "{case}: {said}, beside {missing:?}");
         let shares: f64 = missing.iter().map(|term| term["gain"].as_f64().expect("a share")).sum();
@@ -286,6 +292,7 @@ fn rendered(case: &str, model: &DeclaredModel, result: &Identification, evidence
     assert!(page.contains("A &amp; &lt;B&gt;") && page.contains("2026-03-01"), "{case}");
     let json = serde_json::to_value(result).expect("JSON");
     check(case, &page, &json, result.shortfall().as_deref());
+    assert_eq!(page.contains("<math "), !model.equations().is_empty(), "{case}: equations");
     page
 }
 

@@ -2,14 +2,15 @@
 //! them is what the commands print.
 //!
 //! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
-//! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file
-//! that must pass `tpm check`. A block with a name behind its language, such as `xml arm.urdf`, is a file that the commands of its page
+//! for any number of lines; a command may say that it ends with another exit code than 0. As in a shell, a command that ends in `< FILE`
+//! reads that file, and of one that ends in `2>&1` what it says on standard error counts, too. A `tpm` block is a model file that must pass
+//! `tpm check`. A block with a name behind its language, such as `xml arm.urdf`, is a file that the commands of its page
 //! find in their folder. Blocks of Rust are doc tests of the `tests` crate.
 
-use crate::support::{printed, root, skipped, tpm, tpm_in};
+use crate::support::{printed, root, skipped, tpm};
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// A fenced block of a page.
@@ -166,6 +167,13 @@ fn can_run(command: &str) -> bool {
         && (!command.contains("python3") || python())
 }
 
+/// Runs the tool in a folder, with a file as its standard input where one is named.
+fn run(at: &Path, arguments: &[String], input: Option<&str>) -> Output {
+    let input = input.map_or_else(Stdio::null, |file| std::fs::File::open(at.join(file)).expect("a file").into());
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_tpm"));
+    tool.args(arguments).current_dir(at).stdin(input).output().expect("the tool runs")
+}
+
 /// Runs the commands of blocks in a folder, and compares what they print with the texts behind them. Returns how many commands ran, and
 /// how many did not because they need data or programs that are not here.
 fn execute(blocks: &[Block], at: &Path) -> (usize, usize) {
@@ -189,9 +197,12 @@ fn execute(blocks: &[Block], at: &Path) -> (usize, usize) {
                 (complete, not_run) = (false, not_run + 1);
                 continue;
             }
+            let (arguments, both) = arguments.split_once(" 2>&1").map_or((arguments, false), |(own, _)| (own, true));
+            let (arguments, input) =
+                arguments.split_once(" < ").map_or((arguments, None), |(own, file)| (own, Some(file)));
             let data = std::env::var("TPM_DATA").unwrap_or_default();
             let arguments: Vec<String> = words(arguments).iter().map(|word| word.replace("$TPM_DATA", &data)).collect();
-            let output = tpm_in(at, &arguments.iter().map(String::as_str).collect::<Vec<_>>());
+            let output = run(at, &arguments, input);
             assert!(
                 output.status.code().is_some_and(|ended| ended.to_string() == code.trim()),
                 "{} line {}: `{line}` ended otherwise:\n{}",
@@ -200,6 +211,7 @@ fn execute(blocks: &[Block], at: &Path) -> (usize, usize) {
                 String::from_utf8_lossy(&output.stderr)
             );
             printed.push_str(&String::from_utf8_lossy(&output.stdout));
+            printed.push_str(&String::from_utf8_lossy(if both { &output.stderr } else { &[] }));
             commands += 1;
         }
         if let Some(expected) = blocks.get(i + 1).filter(|next| next.language == "text")
@@ -283,7 +295,7 @@ fn the_contents_of_the_book_list_every_page_once() {
 }
 
 #[test]
-fn every_verb_has_one_heading_in_the_book() {
+fn every_verb_has_one_section_in_the_book_with_a_command_and_its_output() {
     let help = printed(&["--help"]);
     let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
     let verbs: Vec<&str> = listed.filter_map(|line| line.split_whitespace().next()).collect();
@@ -293,7 +305,18 @@ fn every_verb_has_one_heading_in_the_book() {
         let heading = format!("## tpm {verb}");
         let having = texts.iter().filter(|(text, _)| prose(text).any(|line| line == heading));
         let having: Vec<&str> = having.map(|(_, page)| page.as_str()).collect();
-        assert_eq!(having.len(), 1, "pages with the heading `{heading}`: {having:?}");
+        let [page] = having[..] else { panic!("pages with the heading `{heading}`: {having:?}") };
+        let text = read(page);
+        let at = |line: usize| text.lines().take(line).filter(|line| line.starts_with("## ")).last();
+        let blocks = blocks_of(page);
+        let shown = blocks.windows(2).any(|pair| {
+            let called = pair[0].text.lines().any(|line| line.starts_with(&format!("tpm {verb}")));
+            at(pair[0].line) == Some(heading.as_str())
+                && pair[0].language == "sh"
+                && called
+                && pair[1].language == "text"
+        });
+        assert!(shown, "{page}: the section `{heading}` has no command `tpm {verb}` with its output");
     }
 }
 

@@ -14,10 +14,12 @@ pub mod reference;
 pub mod stream;
 mod suggest;
 mod token;
+mod typeset;
 
 pub use format::format;
 pub use lower::{HIGHEST_ORDER, Taylor, Terms};
 pub use parse::DEEPEST_NESTING;
+pub use typeset::typeset;
 
 use std::borrow::Cow;
 

@@ -73,12 +73,32 @@ pub(super) struct Notice {
 #[derive(Clone, Debug, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub(super) enum Block {
-    Text { text: String },
-    Facts { rows: Vec<(String, String)> },
-    Table { columns: Vec<Column>, rows: Vec<Vec<Cell>>, caption: String },
-    Notices { list: Vec<Notice> },
-    Matrix { names: Vec<String>, rows: Vec<Vec<Option<f64>>> },
-    Figure { number: usize, caption: String },
+    Text {
+        text: String,
+    },
+    Facts {
+        rows: Vec<(String, String)>,
+    },
+    Table {
+        columns: Vec<Column>,
+        rows: Vec<Vec<Cell>>,
+        caption: String,
+    },
+    Notices {
+        list: Vec<Notice>,
+    },
+    Matrix {
+        names: Vec<String>,
+        rows: Vec<Vec<Option<f64>>>,
+    },
+    /// Equations, each in pieces of MathML between which its line may be broken.
+    Equations {
+        lines: Vec<Vec<String>>,
+    },
+    Figure {
+        number: usize,
+        caption: String,
+    },
 }
 
 impl Block {

@@ -29,6 +29,7 @@ impl Document {
             subtitle: format!("{b} (B) compared with {a} (A)"),
             issue: None,
             // A change is no shortfall: it is what was asked for.
+            short: "Not complete",
             shortfall: None,
             success: words,
             conclusion: Vec::new(),

@@ -100,7 +100,7 @@ pub(super) fn conclusion(result: &Identification) -> Vec<String> {
     for (count, what) in [
         (with(Status::Identified), "identified"),
         (with(Status::PoorlyDetermined), "known poorly"),
-        (with(Status::Unobservable), "not shown by itself"),
+        (with(Status::Unobservable), "not shown alone"),
         (with(Status::Untrusted), "not to be trusted"),
         (with(Status::Frozen), "held at a value that was given"),
     ] {

@@ -35,6 +35,7 @@ impl Document {
             title: result.model.clone(),
             subtitle: headline::subtitle(result),
             issue: None,
+            short: "Not complete",
             shortfall: result.shortfall(),
             success: headline::success(result),
             conclusion: headline::conclusion(result),

@@ -1,4 +1,4 @@
-//! What a page says of a mechanism: its equation, its frames, the friction of its joints, and what to do next.
+//! What a page says of the machine: its equations, the frames of a mechanism, friction over the rate, and what to do next.
 
 use crate::block::{Block, Cell, Notice};
 use crate::forces::low;
@@ -37,36 +37,24 @@ pub enum Step {
 pub type Direct<'a> = dyn Fn(Step) -> Option<String> + 'a;
 
 impl Document {
-    /// The page with the equation of a mechanism, its frames and drives at its beginning, and what to do next at its end; as it is where the
-    /// model is none. `command` gives the commands of the steps.
+    /// The page with the equations of motion at its beginning, those of a mechanism with its frames and drives, and what to do next at its
+    /// end. `command` gives the commands of the steps.
     #[must_use]
     pub fn of_machine(mut self, model: &DeclaredModel, result: &Identification, command: &Direct<'_>) -> Self {
         let frames = model.frames();
-        if frames.is_empty() {
-            return self;
+        let lines = model.equations();
+        let written = (!lines.is_empty()).then_some(Block::Equations { lines });
+        let (title, blocks) = if frames.is_empty() {
+            ("Equations of motion", written.into_iter().collect())
+        } else {
+            ("Machine and frames", mechanism(model, &frames).into_iter().chain(written).collect())
+        };
+        self.section("machine", title, blocks);
+        if let Some(at) = self.sections.iter().position(|own| own.id == "machine") {
+            self.sections[..=at].rotate_right(1);
         }
-        let blocks = vec![
-            Block::text(
-                "M(q) q\u{2032}\u{2032} + c(q, q\u{2032}) + g(q) + losses of the drives = inputs: the equations of motion of rigid bodies, by the \
-                 recursion of Newton and Euler. They are linear in the ten parameters of every body, its mass m, first moments mx, my, mz and \
-                 moments of inertia Ixx to Izz about the origin of its frame, and in those of the drives.",
-            ),
-            Block::table(
-                &["body", "stands on", "its joint", "origin [m]", "turned by roll, pitch, yaw [deg]"],
-                frames.iter().map(frame).collect(),
-                "frames, where all coordinates are zero",
-            ),
-            Block::table(
-                &["input", "moves", "losses"],
-                model.drives().iter().map(drive).collect(),
-                "drives: v is the rate of what a drive moves",
-            ),
-        ];
-        self.section("machine", "Machine and frames", blocks);
-        if let Some(own) = self.sections.pop() {
-            self.sections.insert(0, own);
-        }
-        self.section("next", "What to do next", vec![Block::Notices { list: next(result, command) }]);
+        let list = next(result, !frames.is_empty(), command);
+        self.section("next", "What to do next", vec![Block::Notices { list }]);
         self
     }
 
@@ -85,6 +73,27 @@ impl Document {
         }
         self.section("friction", "Friction", blocks);
     }
+}
+
+/// The equation of rigid bodies in their recursion, their frames and drives.
+fn mechanism(model: &DeclaredModel, frames: &[Frame]) -> Vec<Block> {
+    vec![
+        Block::text(
+            "M(q) q\u{2032}\u{2032} + c(q, q\u{2032}) + g(q) + losses of the drives = inputs: the equations of motion of rigid bodies, by the \
+                 recursion of Newton and Euler. They are linear in the ten parameters of every body, its mass m, first moments mx, my, mz and \
+                 moments of inertia Ixx to Izz about the origin of its frame, and in those of the drives.",
+        ),
+        Block::table(
+            &["body", "stands on", "its joint", "origin [m]", "turned by roll, pitch, yaw [deg]"],
+            frames.iter().map(frame).collect(),
+            "frames, where all coordinates are zero",
+        ),
+        Block::table(
+            &["input", "moves", "losses"],
+            model.drives().iter().map(drive).collect(),
+            "drives: v is the rate of what a drive moves",
+        ),
+    ]
 }
 
 fn frame(own: &Frame) -> Vec<Cell> {
@@ -145,7 +154,7 @@ fn panel(own: &FrictionCourse) -> Option<Panel> {
 }
 
 /// What helps next, the most pressing first.
-fn next(result: &Identification, command: &Direct<'_>) -> Vec<Notice> {
+fn next(result: &Identification, mechanism: bool, command: &Direct<'_>) -> Vec<Notice> {
     let mut said = Vec::new();
     let mut say = |text: String, step: Option<Step>| {
         said.push(Notice { text, remedy: step.and_then(command), grave: false });
@@ -158,9 +167,16 @@ fn next(result: &Identification, command: &Direct<'_>) -> Vec<Notice> {
         say(text.to_owned(), None);
     }
     if headline::lacks(result) {
-        let text = "Write down what the model lacks, as far as it has a meaning for this machine, and identify again: the deviations hold what \
-                    the gap does to the values, and become smaller without it.";
-        say(text.to_owned(), None);
+        let terms: Vec<&str> = headline::lacking(result)
+            .iter()
+            .flat_map(|(_, terms)| terms.iter().map(|term| term.term.as_str()))
+            .collect();
+        let text = format!(
+            "Write down what the model lacks ({}), as far as it has a meaning for this machine, and identify again: the deviations hold what \
+             the gap does to the values, and become smaller without it.",
+            terms.join(", ")
+        );
+        say(text, None);
     }
     if result.rank < result.wanted() {
         let text = "Record another motion: this one does not show every combination that some motion shows. The search for an excitation finds \
@@ -183,7 +199,7 @@ fn next(result: &Identification, command: &Direct<'_>) -> Vec<Notice> {
     let text = "Predict another log, of a motion that was not used here, before the parameters are relied on.";
     say(text.to_owned(), Some(Step::Prediction));
     if result.is_complete() {
-        if !result.combinations.is_empty() {
+        if mechanism && !result.combinations.is_empty() {
             let text = "Ask for possible inertias of the links: what bodies can have, nearest to these values in their deviations, and to the \
                         description where the log says nothing.";
             say(text.to_owned(), Some(Step::Inertias));

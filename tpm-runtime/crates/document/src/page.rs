@@ -23,6 +23,8 @@ pub struct Document {
     pub(super) issue: Option<Issue>,
     /// What is missing of the requested result; nothing when the result is complete.
     pub(super) shortfall: Option<String>,
+    /// What a shortfall is, before it is told.
+    pub(super) short: &'static str,
     /// The sentence for a complete result.
     pub(super) success: String,
     /// What the result comes to in plain words, a sentence each.
@@ -129,6 +131,7 @@ impl Document {
             subtitle => self.subtitle,
             issue => self.issue,
             conclusion => self.conclusion,
+            short => self.short,
             shortfall => self.shortfall,
             success => self.success,
             caution => self.caution,

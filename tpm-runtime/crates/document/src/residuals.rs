@@ -43,7 +43,9 @@ pub(super) fn against_motion(found: &Validation) -> Option<Figure> {
         for (j, other) in channels.iter().enumerate() {
             if all || i == j {
                 panels.extend(
-                    motions(other, simulation.sample_time).iter().filter_map(|motion| panel(channel, &errors, motion)),
+                    motions(other, simulation.sample_time, &simulation.joins)
+                        .iter()
+                        .filter_map(|motion| panel(channel, &errors, motion)),
                 );
             }
         }
@@ -51,11 +53,15 @@ pub(super) fn against_motion(found: &Validation) -> Option<Figure> {
     (!panels.is_empty()).then(|| low(format!("{}: errors against the motion", found.model), panels))
 }
 
-/// A coordinate and its rate, from the values predicted one step ahead, whose noise is less than that of the readings.
-fn motions(channel: &ChannelSimulation, sample_time: f64) -> [Motion; 2] {
+/// A coordinate and its rate, from the values predicted one step ahead, whose noise is less than that of the readings. Where a stretch joins
+/// another there is no rate; `joins` are the first samples of all but the first.
+fn motions(channel: &ChannelSimulation, sample_time: f64, joins: &[usize]) -> [Motion; 2] {
     let unit = |per: &str| channel.unit.as_ref().map_or(String::new(), |unit| format!(" [{unit}{per}]"));
     let at = &channel.predicted;
     let rate = |k: usize| {
+        if joins.binary_search(&k).or_else(|_| joins.binary_search(&(k + 1))).is_ok() {
+            return f64::NAN;
+        }
         let (before, after) =
             (k.checked_sub(1).map_or(f64::NAN, |k| at[k]), at.get(k + 1).copied().unwrap_or(f64::NAN));
         (after - before) / (2.0 * sample_time)

@@ -18,6 +18,7 @@ impl From<&Study> for Document {
             subtitle: format!("{} campaigns on a simulated machine, seeds from {}", study.campaigns, study.first_seed),
             issue: None,
             conclusion: Vec::new(),
+            short: "Not complete",
             shortfall: (!incomplete.is_empty())
                 .then(|| format!("{} of {} campaigns did not identify everything", incomplete.len(), study.campaigns)),
             success: "Every campaign identified everything.".to_owned(),

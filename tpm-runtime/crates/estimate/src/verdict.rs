@@ -3,6 +3,7 @@
 //! Invariant: every estimator follows the rule of [`Status::of`], and the bounds that it compares with stand here alone.
 
 use crate::free::Free;
+use crate::result::ResidualOf;
 use serde::Serialize;
 use tpm_numerics::DMatrix;
 
@@ -121,8 +122,8 @@ impl Verdict {
 }
 
 /// What a residual above [`LARGE_RESIDUAL`] means.
-pub fn no_result(residual: f64) -> String {
-    format!("{:.1} % of the force is not explained by the model; what was fitted is no result", 100.0 * residual)
+pub fn no_result(residual: f64, of: ResidualOf) -> String {
+    format!("{:.1} % of {of} is not explained by the model; what was fitted is no result", 100.0 * residual)
 }
 
 #[cfg(test)]

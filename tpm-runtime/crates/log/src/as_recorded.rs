@@ -13,6 +13,7 @@ use crate::repeated::repeated_readings;
 use crate::report::{ReadingReport, Repeated, SegmentReport};
 use crate::source::LogSource;
 use crate::stamps::Uneven;
+use crate::steps::Steps;
 use crate::table::Table;
 use crate::wraps::followed;
 use std::collections::BTreeSet;
@@ -123,13 +124,15 @@ impl AsRecorded {
                 coordinates.push(None);
                 continue;
             };
+            let place = sensors.len() - named.len();
             named.next();
             let own = all.next().flatten().unwrap_or_default();
             let mut own = with_readings(own, path, table.header_line, signal)?;
-            follow(&mut own, path, signal, &mut report)?;
+            let written = table.steps_of(place, &own.value, &own.lines);
+            let steps = follow(&mut own, &written, path, signal, &mut report)?;
             // What a row says of the motion jumps with a held input, as an accelerometer does.
             let smooth = model.coordinate_order(coordinate) > 0;
-            let outliers = if smooth { lone_readings(&own.value) } else { Vec::new() };
+            let outliers = if smooth { lone_readings(&own.value, &steps) } else { Vec::new() };
             lone.extend(outliers.iter().map(|&(k, value)| Lone {
                 coordinate,
                 line: own.lines[k],
@@ -201,16 +204,24 @@ fn with_readings(own: ChannelReadings, path: &str, line: u64, signal: &Signal) -
     Ok(own)
 }
 
-/// Follows the readings of a coordinate over their wraps, and leaves out those that repeat the reading before while it moves.
-fn follow(own: &mut ChannelReadings, path: &str, signal: &Signal, report: &mut ReadingReport) -> Result<(), LogError> {
+/// Follows the readings of a coordinate over their wraps, and leaves out those that repeat the reading before while it moves. `written` is
+/// the step of every reading; returns the steps by the size of the readings.
+fn follow(
+    own: &mut ChannelReadings,
+    written: &[f64],
+    path: &str,
+    signal: &Signal,
+    report: &mut ReadingReport,
+) -> Result<Steps, LogError> {
     report.wrapped.extend(followed(path, signal, &mut own.value, &own.lines)?);
-    let repeated: Vec<usize> = repeated_readings(&own.value).into_iter().map(|(k, _)| k).collect();
+    let steps = Steps::of_values(&own.value, written);
+    let repeated: Vec<usize> = repeated_readings(&own.value, &steps).into_iter().map(|(k, _)| k).collect();
     if let Some(&first) = repeated.first() {
         let (count, line) = (repeated.len(), own.lines[first]);
         report.repeated.push(Repeated { signal: signal.name.clone(), count, line });
         own.leave_out(repeated);
     }
-    Ok(())
+    Ok(steps)
 }
 
 /// The rows in the order of time.

@@ -7,6 +7,7 @@ use crate::expression::Expression;
 use crate::names::Names;
 use crate::options::ReadingSettings;
 use crate::stamps::Resolution;
+use crate::steps::Steps;
 
 /// A selected column.
 enum Field {
@@ -14,6 +15,12 @@ enum Field {
     Own(usize),
     /// One that is computed, with the place of its first column among those that are read.
     Computed { expression: usize, first: usize },
+}
+
+impl Field {
+    fn is_computed(&self) -> bool {
+        matches!(self, Field::Computed { .. })
+    }
 }
 
 /// The columns of a file, and behind them those that settings compute of them; a computed column is called by its expression.
@@ -25,6 +32,9 @@ pub(super) struct Computed<'c> {
     fields: Vec<Field>,
     read: Vec<f64>,
     stack: Vec<f64>,
+    /// Lines of the rows so far, and what was read there for expressions; nothing where nothing is computed.
+    lines: Vec<u64>,
+    kept: Vec<Vec<f64>>,
 }
 
 impl<'c> Computed<'c> {
@@ -57,7 +67,42 @@ impl<'c> Computed<'c> {
             header.push(ColumnName { text: wanted.clone(), unit: None, computed: true });
             expressions.push((expression, columns));
         }
-        Ok(Computed { inner, header, expressions, fields: Vec::new(), read: Vec::new(), stack: Vec::new() })
+        Ok(Computed {
+            inner,
+            header,
+            expressions,
+            fields: Vec::new(),
+            read: Vec::new(),
+            stack: Vec::new(),
+            lines: Vec::new(),
+            kept: Vec::new(),
+        })
+    }
+
+    /// The steps of the numbers of every selected column that is computed, with the lines of the rows that were read.
+    pub(super) fn steps(&mut self) -> Vec<Option<Vec<(u64, f64)>>> {
+        let steps: Vec<Steps> = self.kept.iter().map(|column| Steps::of(column)).collect();
+        let mut of_rows = Vec::new();
+        for field in &self.fields {
+            let Field::Computed { expression, first } = field else {
+                of_rows.push(None);
+                continue;
+            };
+            let expression = &self.expressions[*expression].0;
+            let places = *first..*first + expression.names.len();
+            let (mut numbers, mut own) = (vec![0.0; places.len()], vec![0.0; places.len()]);
+            let mut of_field: Vec<(u64, f64)> = Vec::with_capacity(self.lines.len());
+            for (row, line) in self.lines.iter().enumerate() {
+                for (i, place) in places.clone().enumerate() {
+                    numbers[i] = self.kept[place][row];
+                    own[i] = steps[place].at(numbers[i]);
+                }
+                of_field.push((*line, expression.step(&mut numbers, &own, &mut self.stack)));
+            }
+            of_field.sort_by_key(|(line, _)| *line);
+            of_rows.push(Some(of_field));
+        }
+        of_rows
     }
 }
 
@@ -93,10 +138,15 @@ impl Columns for Computed<'_> {
         }
         self.inner.select(&read);
         self.read = vec![0.0; read.len()];
+        self.kept = vec![Vec::new(); if self.fields.iter().any(Field::is_computed) { read.len() } else { 0 }];
     }
 
     fn next_row(&mut self, values: &mut [f64]) -> Result<Option<u64>, LogError> {
         let Some(line) = self.inner.next_row(&mut self.read)? else { return Ok(None) };
+        if !self.kept.is_empty() {
+            self.lines.push(line);
+            self.kept.iter_mut().zip(&self.read).for_each(|(kept, number)| kept.push(*number));
+        }
         for (value, field) in values.iter_mut().zip(&self.fields) {
             *value = match field {
                 Field::Own(at) => self.read[*at],

@@ -65,6 +65,28 @@ impl Expression {
         }
         stack.pop().unwrap_or(f64::NAN)
     }
+
+    /// How far its value moves where every name moves by a step, up or down; infinite where a step is not known. The values of the names are
+    /// as before afterwards.
+    pub(super) fn step(&self, values: &mut [f64], steps: &[f64], stack: &mut Vec<f64>) -> f64 {
+        let value = self.evaluate(values, stack);
+        let mut all = 0.0;
+        for (i, step) in steps.iter().enumerate() {
+            if !step.is_finite() {
+                return f64::INFINITY;
+            }
+            let own = values[i];
+            let mut apart = 0.0_f64;
+            for moved in [own - step, own + step] {
+                values[i] = moved;
+                // What is no number beyond the end of a root's range does not count.
+                apart = apart.max((self.evaluate(values, stack) - value).abs());
+            }
+            values[i] = own;
+            all += apart;
+        }
+        all
+    }
 }
 
 /// What is left of a text, and the steps so far.
@@ -220,6 +242,22 @@ mod tests {
             assert_eq!(value(text, values), expected, "{text}");
         }
         assert!(value("a + b", &[1.0, f64::NAN]).is_nan());
+    }
+
+    #[test]
+    fn a_value_moves_with_the_steps_of_its_names() {
+        for (text, values, steps, expected) in [
+            ("0.5*(a-b)", &mut [3.0, 1.0][..], &[0.1, 0.2][..], 0.15),
+            ("a^2", &mut [3.0], &[0.1], 0.61),
+            ("sqrt(a)", &mut [0.0], &[0.01], 0.1),
+            ("a+b", &mut [1.0, 1.0], &[0.1, f64::INFINITY], f64::INFINITY),
+        ] {
+            let expression = Expression::parse(text).unwrap_or_else(|| panic!("{text}"));
+            let before = values.to_vec();
+            let step = expression.step(values, steps, &mut Vec::new());
+            assert!(step == expected || (step - expected).abs() < 1e-12, "{text}: {step}");
+            assert_eq!(values, before, "{text}");
+        }
     }
 
     #[test]

@@ -10,6 +10,7 @@
 //! One reading that is wrong by `s` among right ones gives `d = s (1/6, -2/3, 1, -2/3, 1/6)` from two samples before to
 //! two samples after it. No jump, bend or noise of a motion has this pattern.
 
+use crate::steps::Steps;
 use tpm_numerics::differences::deviation_of;
 
 /// Weights of the neighbours in the cubic: of the two outer ones, then of the two inner ones.
@@ -22,8 +23,9 @@ const STEP_THRESHOLD: f64 = 4.0;
 /// Tolerance on the pattern of d at the four neighbours, as a share of the detection threshold.
 const MOST_OFF_PATTERN: f64 = 1.0 / 3.0;
 
-/// Indices of the outliers, each with the value interpolated from its four neighbours, in the signal's unit.
-pub fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+/// Indices of the outliers, each with the value interpolated from its four neighbours, in the signal's unit. `steps` are those in which the
+/// signal's numbers are written.
+pub fn lone_readings(signal: &[f64], steps: &Steps) -> Vec<(usize, f64)> {
     if signal.len() < 9 {
         return Vec::new();
     }
@@ -31,8 +33,7 @@ pub fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
         |k: usize| WEIGHTS[0] * (signal[k - 2] + signal[k + 2]) + WEIGHTS[1] * (signal[k - 1] + signal[k + 1]);
     let apart = |k: usize| signal[k] - by_neighbours(k);
     let usual = deviation_of((2..signal.len() - 2).map(|k| apart(k).abs()));
-    let least_step = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
-    let far = (NOISE_THRESHOLD * usual).max(if least_step.is_finite() { STEP_THRESHOLD * least_step } else { 0.0 });
+    let far = (NOISE_THRESHOLD * usual).max(STEP_THRESHOLD * steps.least());
     let alone = |k: usize| {
         let size = apart(k);
         let near = |at: usize, weight: f64| (apart(at) + weight * size).abs() <= MOST_OFF_PATTERN * far;
@@ -50,10 +51,14 @@ pub fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::lone_readings;
+    use crate::steps::Steps;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
+
+    fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+        super::lone_readings(signal, &Steps::of(signal))
+    }
 
     fn motion(noise: f64, step: f64) -> Vec<f64> {
         let mut rng = ChaCha8Rng::seed_from_u64(4);

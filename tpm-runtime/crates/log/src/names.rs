@@ -10,6 +10,7 @@ use crate::columns::{ColumnName, Columns};
 use crate::error::{Adjustment, LogError, UnitMismatch};
 use crate::options::{ReadingSettings, TIME};
 use crate::paths;
+use crate::steps::Numbers;
 use crate::unit::{UnitFault, conversion, unit_of};
 
 /// Names of columns of time, in small letters, as English and other European programs write them.
@@ -43,6 +44,13 @@ pub(super) struct Place {
     pub(super) index: usize,
     pub(super) factor: f64,
     pub(super) offset: f64,
+}
+
+impl Place {
+    /// What the numbers of the column are to the signal, as long as nothing is known of a computation.
+    pub(super) fn numbers(&self) -> Numbers {
+        Numbers { factor: self.factor, offset: self.offset, computed: None }
+    }
 }
 
 /// The column or the columns of the time.

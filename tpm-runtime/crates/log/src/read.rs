@@ -13,6 +13,7 @@ use crate::options::ReadingSettings;
 use crate::repeated::repeated_readings;
 use crate::source::LogSource;
 use crate::stamps::Uneven;
+use crate::steps::Steps;
 use crate::table::{LEAST_SAMPLES, Table};
 use std::io::Read;
 use std::path::Path;
@@ -45,6 +46,9 @@ pub struct Log {
     pub rates: Rates,
     /// Line in the file of every sample (from 1); the number of the row where a format has no lines.
     pub lines: Vec<u64>,
+    /// The steps in which the readings of the first channels are written, as far as they were told from the numbers of a file: of the
+    /// coordinates in a recording, of all channels and then rates in a survey.
+    pub steps: Vec<Steps>,
 }
 
 impl Log {
@@ -78,12 +82,13 @@ impl Log {
             return Err(LogError::TooShort { path: name.into(), line: samples as u64, samples, needed: LEAST_SAMPLES });
         }
         let lines = (1..=samples as u64).collect();
-        Ok(Log { sample_time, ..Log::unchecked(name, channels, Rates::new(), lines) })
+        let steps = channels.iter().map(|channel| Steps::of(channel)).collect();
+        Ok(Log { sample_time, steps, ..Log::unchecked(name, channels, Rates::new(), lines) })
     }
 
     /// A log of signals that were checked; its sample time is not set.
     pub(super) fn unchecked(path: &str, channels: Vec<Vec<f64>>, rates: Rates, lines: Vec<u64>) -> Self {
-        Log { path: path.into(), sample_time: 0.0, channels, rates, lines }
+        Log { path: path.into(), sample_time: 0.0, channels, rates, lines, steps: Vec::new() }
     }
 
     /// Reads a whole record of a model's signals: one without a gap, with even stamps. [`Recording`](crate::Recording) reads others.
@@ -158,8 +163,9 @@ impl Log {
     pub fn mend(&mut self, coordinates: usize) -> Vec<(usize, usize, f64)> {
         let mut mended = Vec::new();
         for (c, channel) in self.channels.iter_mut().take(coordinates).enumerate() {
-            repeated_readings(channel).into_iter().for_each(|(k, value)| channel[k] = value);
-            for (k, value) in lone_readings(channel) {
+            let steps = self.steps.get(c).cloned().unwrap_or_else(|| Steps::of(channel));
+            repeated_readings(channel, &steps).into_iter().for_each(|(k, value)| channel[k] = value);
+            for (k, value) in lone_readings(channel, &steps) {
                 mended.push((c, k, value - channel[k]));
                 channel[k] = value;
             }

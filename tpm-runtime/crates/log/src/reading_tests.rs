@@ -536,3 +536,47 @@ fn formats_that_are_not_built_in_name_their_feature() {
         }
     }
 }
+
+/// A motion to and fro with turns and slow passages, and noise below a step.
+fn uneven_motion(i: usize) -> f64 {
+    let t = 0.002 * i as f64;
+    let noise = ((i * 7919) % 1000) as f64 / 1000.0 - 0.5;
+    0.9 * (0.9 * t).sin() + 0.02 * (11.0 * t).sin() + 3e-4 * noise
+}
+
+#[test]
+fn readings_repeat_by_the_steps_of_the_numbers_in_the_file() {
+    let (count, rows) = (1e-4, 40_000);
+    let counts = |x: f64| format!("{:.4}", (x / count).round() * count);
+    // Two encoders of which the mean is taken, one of them read from the other side; an encoder in numbers of five digits, in degrees; an
+    // angle of which the sine is the position.
+    let two = |i: usize, late: usize| {
+        let x = uneven_motion(i - late);
+        format!("{},{}", counts(100.0 + x), counts(50.0 - x + 0.3 * count))
+    };
+    let digits = |i: usize, late: usize| format!("{:.4e},0", 40.0 * uneven_motion(i - late));
+    let angle = |i: usize, late: usize| format!("{},0", counts(1.5 * uneven_motion(i - late)));
+    type Row<'a> = &'a dyn Fn(usize, usize) -> String;
+    let ways: [(&str, f64, Row<'_>); 3] =
+        [("0.5*(a-b)", 1.0, &two), ("a", std::f64::consts::PI / 180.0, &digits), ("sin(a)", 1.0, &angle)];
+    for (column, factor, row) in ways {
+        for stale in [false, true] {
+            let late = |i: usize| usize::from(stale && i % 20 == 7);
+            let line = |i: usize| format!("{:.3},{},{}\n", 0.002 * i as f64, row(i + 1, late(i)), sample(i)[2]);
+            let text = "t_s,a,b,u\n".to_owned() + &(0..rows).map(line).collect::<String>();
+            let mut options = mapped(&[("x", column)]);
+            options.scale.insert("x".into(), factor);
+            let recording = read(text.as_bytes(), &options).unwrap_or_else(|error| panic!("{column}: {error}"));
+            let found: usize = recording.report.repeated.iter().map(|of| of.count).sum();
+            if stale {
+                // Where the motion turns or is slow, a repeated reading is like a fresh one.
+                assert!(found > rows / 40 && found <= rows / 20, "{column}: {found}");
+            } else {
+                assert_eq!(found, 0, "{column}");
+            }
+            for mut log in recording.segments {
+                assert_eq!(log.mend(1), [], "{column} {stale}");
+            }
+        }
+    }
+}

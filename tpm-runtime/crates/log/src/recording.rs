@@ -121,7 +121,7 @@ impl Recording {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         let mut table = Table::read(columns, name, signals, rates, options)?;
-        let wrapped = follow_wraps(&mut table, coordinates)?;
+        let wrapped = table.with_steps(coordinates.len(), |table| follow_wraps(table, coordinates))?;
         let repeated = replace_repeated(&mut table, coordinates);
         let mut read = Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))?;
         read.report.repeated = repeated;
@@ -184,7 +184,8 @@ impl Recording {
         report.uneven = grid.uneven;
         report.jitter = jitter_of(&table.time, &ranges, grid.step);
         let logs = if grid.resampled { resampled(&table, &ranges, grid.step) } else { stretches(&mut table, &ranges) };
-        let segments: Vec<Log> = logs.into_iter().map(|log| Log { sample_time, ..log }).collect();
+        let segments: Vec<Log> =
+            logs.into_iter().map(|log| Log { sample_time, steps: table.steps.clone(), ..log }).collect();
         // 3. The report on segments and on rates that are left out.
         for ((log, start), (_, cut)) in segments.iter().zip(starts).zip(&good) {
             report.segments.push(SegmentReport::of(log, start, cut.clone()));
@@ -212,8 +213,8 @@ fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Result<Vec<Wrapped
 /// fresh readings.
 fn replace_repeated(table: &mut Table, coordinates: &[Signal]) -> Vec<Repeated> {
     let mut all = Vec::new();
-    for (signal, channel) in coordinates.iter().zip(&mut table.channels) {
-        let repeated = repeated_readings(channel);
+    for ((signal, channel), steps) in coordinates.iter().zip(&mut table.channels).zip(&table.steps) {
+        let repeated = repeated_readings(channel, steps);
         let Some(&(first, _)) = repeated.first() else { continue };
         all.push(Repeated { signal: signal.name.clone(), count: repeated.len(), line: table.lines[first] });
         repeated.into_iter().for_each(|(k, value)| channel[k] = value);
@@ -236,9 +237,9 @@ fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> 
         };
         cuts.extend(stamps.jumps(usual).map(jump));
     }
-    for (signal, channel) in coordinates.iter().zip(&table.channels) {
+    for ((signal, channel), steps) in coordinates.iter().zip(&table.channels).zip(&table.steps) {
         let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
-        let jumps = joins(&without_repeats(channel));
+        let jumps = joins(&without_repeats(channel, steps));
         cuts.extend(without_answers(jumps, &table.channels[coordinates.len()..]).into_iter().map(joined));
     }
     // Of several cuts at one sample the cause is kept: missing readings cause a gap, and a gap causes a jump of the

@@ -3,17 +3,15 @@
 //! Between two samples a channel moves by more than its resolution, unless it rests, turns or is a coarse encoder. Where
 //!
 //! ```text
-//! y_k = y_{k-1}   but   |y_{k+1} - y_{k-1}| > 8 r ,      r the least difference of neighbouring readings that is not zero,
+//! y_k = y_{k-1}   but   |y_{k+1} - y_{k-1}| > 8 r ,      r the step in which the numbers are written,
 //! ```
 //!
-//! the reading y_k is the one before, late by a sample. Numbers that were written with so many significant digits are rounded more
-//! coarsely the larger they are, so that r is taken among readings of the same power of ten. Rounding makes readings equal too, about as
-//! often as it makes them differ by one step, or by two, in a given direction. Readings count as repeated only where there are more equal
-//! ones than that by chance. A repeated reading holds no information; it is replaced by the cubic through the two fresh readings on either
-//! side.
+//! the reading y_k is the one before, late by a sample. Rounding makes readings equal too, about as often as it makes them differ by one
+//! step, or by two, in a given direction. Readings count as repeated only where there are more equal ones than that by chance. A repeated
+//! reading holds no information; it is replaced by the cubic through the two fresh readings on either side.
 
+use crate::steps::Steps;
 use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Most successive readings that repeat; a channel that is constant for longer rests, or is recorded at a lower rate.
@@ -21,60 +19,26 @@ const MOST_IN_A_ROW: usize = 3;
 /// Largest share of repeated readings; a channel with more is recorded at a lower rate than the others, which
 /// interpolation cannot mend.
 const MOST_REPEATED_SHARE: f64 = 0.2;
-/// Least change of the signal across equal readings that rounding does not explain, in least differences per reading.
+/// Least change of the signal across equal readings that rounding does not explain, in steps per reading.
 const LEAST_CHANGE: f64 = 4.0;
 /// Standard deviations of the number of equal readings that rounding makes (a Poisson variable) by which the number found must exceed it.
 const MARGIN_DEVIATIONS: f64 = 5.0;
 /// Least number of equal readings, and by which it must exceed that of rounding beside [`MARGIN_DEVIATIONS`].
 const MARGIN_COUNT: f64 = 8.0;
 
-/// The least difference of neighbouring readings that is not zero, by the power of ten of the larger one; where larger readings differ by
-/// less, theirs.
-struct Steps(BTreeMap<i32, f64>);
-
-impl Steps {
-    fn of(signal: &[f64]) -> Self {
-        let mut least = BTreeMap::new();
-        for pair in signal.windows(2) {
-            let (size, apart) = (pair[0].abs().max(pair[1].abs()), (pair[1] - pair[0]).abs());
-            if apart > 0.0 {
-                let own = least.entry(power_of_ten(size)).or_insert(f64::INFINITY);
-                *own = apart.min(*own);
-            }
-        }
-        let mut above = f64::INFINITY;
-        for own in least.values_mut().rev() {
-            above = above.min(*own);
-            *own = above;
-        }
-        Steps(least)
-    }
-
-    /// The step about the larger of two readings; infinite where no readings of its size or larger ones differ.
-    fn at(&self, one: f64, other: f64) -> f64 {
-        let own = self.0.range(power_of_ten(one.abs().max(other.abs()))..).next();
-        own.map_or(f64::INFINITY, |(_, least)| *least)
-    }
-}
-
-/// The power of ten at or below a size.
-fn power_of_ten(size: f64) -> i32 {
-    size.log10().floor() as i32
-}
-
 /// Indices of the readings that repeat the reading before, each with the value interpolated from the fresh readings
 /// around it.
-pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+pub(super) fn repeated_readings(signal: &[f64], steps: &Steps) -> Vec<(usize, f64)> {
     // Most channels have too few equal readings to look any further.
     if (signal.windows(2).filter(|pair| pair[0] == pair[1]).count() as f64) < MARGIN_COUNT {
         return Vec::new();
     }
-    let steps = Steps::of(signal);
+    let step_at = |one: f64, other: f64| steps.at(one.abs().max(other.abs()));
     let changes = |from: usize, to: usize| {
         from > 0
             && to < signal.len()
             && (signal[to] - signal[from - 1]).abs()
-                > LEAST_CHANGE * steps.at(signal[from - 1], signal[to]) * (to - from + 1) as f64
+                > LEAST_CHANGE * step_at(signal[from - 1], signal[to]) * (to - from + 1) as f64
     };
     let mut runs: Vec<Range<usize>> = Vec::new();
     let mut from = 0;
@@ -92,7 +56,7 @@ pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     // Rounding makes differences by one or two steps, up or down, four times as often as it makes equal readings, so
     // that their number is a safe bound.
     let close = |k: &usize| {
-        let apart = (signal[*k] - signal[*k - 1]).abs() / steps.at(signal[*k], signal[*k - 1]);
+        let apart = (signal[*k] - signal[*k - 1]).abs() / step_at(signal[*k], signal[*k - 1]);
         apart > 0.0 && apart < 2.5 && changes(*k - 1, *k + 1)
     };
     let chance = (2..signal.len() - 1).filter(close).count() as f64;
@@ -106,8 +70,8 @@ pub(super) fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
 }
 
 /// A channel with fresh values in place of the readings that repeat.
-pub(super) fn without_repeats(signal: &[f64]) -> Cow<'_, [f64]> {
-    let repeated = repeated_readings(signal);
+pub(super) fn without_repeats<'s>(signal: &'s [f64], steps: &Steps) -> Cow<'s, [f64]> {
+    let repeated = repeated_readings(signal, steps);
     if repeated.is_empty() {
         return Cow::Borrowed(signal);
     }
@@ -128,10 +92,14 @@ fn by_fresh(signal: &[f64], fresh: &[bool], k: usize) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::repeated_readings;
+    use crate::steps::Steps;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
+
+    fn repeated_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+        super::repeated_readings(signal, &Steps::of(signal))
+    }
 
     /// A motion of amplitude one with rests, noise and a step of the readings.
     fn motion(noise: f64, step: f64, speed: f64) -> Vec<f64> {

@@ -65,8 +65,9 @@ impl Survey {
         let name = source.name();
         let (needed, rates) = (signals(model), rate_signals(model));
         let mut columns = source.columns()?;
-        let table = Table::read(&mut *columns, &name, &needed, &rates, options)?;
+        let mut table = Table::read(&mut *columns, &name, &needed, &rates, options)?;
         drop(columns);
+        table.tell_all_steps();
         let extremes = table.extremes();
         let recording = Recording::of(table, (&needed[..model.dims().coordinates], &rates), |_| Ok(()))?;
         let dims = model.dims();
@@ -90,8 +91,9 @@ impl Survey {
         let source: LogSource<'_> = source.into();
         let name = source.name();
         let mut columns = source.columns()?;
-        let (table, signals, unread) = Table::read_all(&mut *columns, &name, options)?;
+        let (mut table, signals, unread) = Table::read_all(&mut *columns, &name, options)?;
         drop(columns);
+        table.tell_all_steps();
         let channels = signals.into_iter().map(|of| Surveyed { name: of.name, unit: of.unit, role: Role::Column });
         let extremes = table.extremes();
         let recording = Recording::of(table, (&[], &[]), |_| Ok(()))?;

@@ -4,10 +4,11 @@ use crate::assumption::Assumption;
 use crate::columns::{Columns, NotedText};
 use crate::computed::Computed;
 use crate::error::LogError;
-use crate::names::{Names, Plan, Signal, Time};
+use crate::names::{Names, Place, Plan, Signal, Time};
 use crate::options::ReadingSettings;
 use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
+use crate::steps::{Numbers, Steps};
 use serde::Serialize;
 
 /// Fewest samples of a log.
@@ -102,6 +103,10 @@ pub(super) struct Table {
     pub(super) first_hole: String,
     /// Names of the columns: time, then those of the channels, then those of the rates.
     pub(super) columns: Vec<String>,
+    /// What the numbers of the columns behind the time are, in the same order.
+    numbers: Vec<Numbers>,
+    /// The steps of the readings of the first channels, or of all of them and of the rates behind them, as they were asked for.
+    pub(super) steps: Vec<Steps>,
     pub(super) assumptions: Vec<Assumption>,
 }
 
@@ -121,6 +126,7 @@ impl Table {
         let plan = Names::of(&columns, path, options).settle(signals, rates)?;
         let (time, coordinates) = (plan.stamps(), rates.len());
         let mut table = Self::of(&mut columns, path, plan)?;
+        table.take_computed(time, &mut columns);
         table.check_shared_time(&table.columns[time..], &table.channels)?;
         match SharedRows::of(&table.time, &table.channels, coordinates, &table.rates) {
             Some(shared) => table.share_rows(shared, time),
@@ -130,6 +136,42 @@ impl Table {
             }
         }
         Ok(table)
+    }
+
+    /// Takes in the steps of columns that are computed; `stamps` columns are those of the time.
+    fn take_computed(&mut self, stamps: usize, columns: &mut Computed<'_>) {
+        let behind = columns.steps().into_iter().skip(stamps);
+        self.numbers.iter_mut().zip(behind).for_each(|(numbers, steps)| numbers.computed = steps);
+    }
+
+    /// The step of every reading of a column behind the time, of which the signal has these values at these lines.
+    pub(super) fn steps_of(&self, column: usize, values: &[f64], lines: &[u64]) -> Vec<f64> {
+        self.numbers.get(column).map(|numbers| numbers.steps(values, lines)).unwrap_or_default()
+    }
+
+    /// Tells the steps of the first channels from the numbers of the file, before `follow` may change readings, and keeps them by the size
+    /// of the readings afterwards.
+    pub(super) fn with_steps<T, E>(
+        &mut self,
+        channels: usize,
+        follow: impl FnOnce(&mut Self) -> Result<T, E>,
+    ) -> Result<T, E> {
+        let own = self.channels[..channels].iter().enumerate();
+        let steps: Vec<Vec<f64>> = own.map(|(c, values)| self.steps_of(c, values, &self.lines)).collect();
+        let followed = follow(self)?;
+        self.steps = self.channels.iter().zip(&steps).map(|(values, own)| Steps::of_values(values, own)).collect();
+        Ok(followed)
+    }
+
+    /// Tells the steps of all channels and rates; those of a rate that is not there are none.
+    pub(super) fn tell_all_steps(&mut self) {
+        let mut columns = 0..;
+        let all = self.channels.iter().map(Some).chain(self.rates.iter().map(Option::as_ref));
+        let of = |values: Option<&Vec<f64>>| {
+            let (values, column) = (values?, columns.next()?);
+            Some(Steps::of_values(values, &self.steps_of(column, values, &self.lines)))
+        };
+        self.steps = all.map(of).map(Option::unwrap_or_default).collect();
     }
 
     /// Takes rows that channels with times of their own share; `stamps` columns are those of the time.
@@ -161,6 +203,7 @@ impl Table {
         let time = plan.stamps();
         let optional = plan.places.into_iter().map(Some).chain(plan.optional).collect();
         let mut table = Self::of(&mut columns, path, Plan { places: Vec::new(), optional, ..plan })?;
+        table.take_computed(time, &mut columns);
         table.check_shared_time(&table.columns[time..], table.rates.iter().flatten())?;
         // Where rows have blanks, several of them may belong to one instant.
         if table.rates.iter().flatten().flatten().all(|value| value.is_finite()) {
@@ -234,6 +277,8 @@ impl Table {
             holes: Vec::new(),
             first_hole: String::new(),
             columns: Vec::new(),
+            numbers: plan.places.iter().chain(plan.optional.iter().flatten()).map(Place::numbers).collect(),
+            steps: Vec::new(),
             assumptions: Vec::new(),
         };
         table.fill(columns, &plan)?;
@@ -312,6 +357,7 @@ impl Table {
         }
         retain(&mut self.channels, 0, &keeps);
         retain(&mut self.columns, stamps, &keeps);
+        retain(&mut self.numbers, 0, &keeps);
         retain(signals, 0, &keeps);
     }
 

@@ -1,6 +1,7 @@
 //! The frames of a mechanism's bodies, for reading.
 
 use crate::model::DeclaredModel;
+use tpm_codegen::language::typeset;
 use tpm_report::number;
 use tpm_symbolic::expr::graph::Coordinate;
 use tpm_symbolic::mechanics::tree::mechanism::{Drive, Loss};
@@ -49,6 +50,13 @@ pub struct DriveTerms {
 }
 
 impl DeclaredModel {
+    /// What the model says of the motion as MathML, which browsers typeset: a list of pieces for every equation, energy, force and definition
+    /// of its text.
+    #[must_use]
+    pub fn equations(&self) -> Vec<Vec<String>> {
+        typeset(&self.parsed().ast)
+    }
+
     /// The frames of the bodies, each behind the one on which it stands; none where the model is no mechanism.
     #[must_use]
     pub fn frames(&self) -> Vec<Frame> {

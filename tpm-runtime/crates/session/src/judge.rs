@@ -54,7 +54,7 @@ fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
         return Some("not everything was identified: the campaign is not finished".to_string());
     }
     if !result.is_explained() {
-        return Some(no_result(result.residual));
+        return Some(no_result(result.residual, result.residual_of));
     }
     if let Some(unexplained) = result.warnings.iter().find(|warning| warning.is_distrust()) {
         return Some(unexplained.to_string());

@@ -15,7 +15,7 @@ use crate::warning::{Data, Warning};
 use tpm_core::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
-    Sensor, Settings, Stretch, TermKind, best_arrangement, estimate_any_motion,
+    ResidualOf, Sensor, Settings, Stretch, TermKind, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_numerics::alarm;
@@ -120,7 +120,7 @@ pub(super) fn identify(
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
     if !settled {
-        warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual }));
+        warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force }));
         warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
         let inputs = || (0..dims.inputs).map(|i| model.input(i).name.to_string()).collect();
         warnings.extend(found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() }));

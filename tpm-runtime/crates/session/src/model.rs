@@ -81,9 +81,11 @@ impl DeclaredModel {
         let path = path.as_ref();
         let name = path.display().to_string();
         let bytes = read_input(path, MOST_TEXT).map_err(|source| ModelFault::Read { path: name.clone(), source })?;
-        Self::of_source(Source::from_bytes(name, bytes)).map_err(|fault| match fault {
-            ModelFault::Text { diagnostics } => ModelFault::Text { diagnostics: diagnostics + &other_kind(path) },
-            other => other,
+        let source = Source::from_bytes(name, bytes);
+        let other = other_kind(&source);
+        Self::of_source(source).map_err(|fault| match (fault, other) {
+            (ModelFault::Text { .. }, Some(diagnostics)) => ModelFault::Text { diagnostics },
+            (fault, _) => fault,
         })
     }
 
@@ -226,15 +228,15 @@ impl DeclaredModel {
     }
 }
 
-/// What to say beside the faults of a text that does not stand in a model file; nothing for a model file.
+/// What to say in place of the faults of a text that is no model, and does not stand in a model file; nothing for others.
 #[must_use]
-pub fn other_kind(path: &Path) -> String {
-    match path.extension().and_then(|extension| extension.to_str()) {
-        Some(kind @ ("toml" | "csv" | "json" | "urdf")) => {
-            format!("\n{} ends in .{kind}, and a model file stands here: give one ending in .tpm\n", path.display())
-        }
-        _ => String::new(),
-    }
+pub fn other_kind(source: &Source) -> Option<String> {
+    let name = source.name();
+    let kind = Path::new(name).extension().and_then(|extension| extension.to_str())?;
+    let begins = |line: &str| line.trim_start().starts_with("model ");
+    (["toml", "csv", "json", "urdf", "xml"].contains(&kind) && !source.text().lines().any(begins)).then(|| {
+        format!("error: {name}:1:1: no line begins a model, and a .{kind} file is none; give one ending in .tpm\n")
+    })
 }
 
 fn located(source: &Source, parsed: &Parsed, fault: &impl AtTerm) -> String {

@@ -178,7 +178,7 @@ fn refine(
         warnings.extend(others.iter().cloned().map(|term| Warning::MissingTerm { term }));
     }
     if misfit.repeats && wide {
-        warnings.push(Warning::Repeats { power: misfit.periodic });
+        warnings.push(Warning::Repeats { power: misfit.periodic, beside_terms: !others.is_empty() });
     }
     if let Some(frequency) = misfit.vibration.filter(|_| matters(&|a| misfit.bent[a])) {
         warnings.push(Warning::Vibration { frequency });

@@ -219,7 +219,7 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
     let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > tolerance::COMPONENT);
     let (mut doubts, mut together) = (Vec::new(), Vec::new());
     if estimate.residual > LARGE_RESIDUAL {
-        doubts.push(Warning::Unexplained { residual: estimate.residual });
+        doubts.push(Warning::Unexplained { residual: estimate.residual, of: estimate.residual_of });
     }
     for (j, status) in estimate.status.iter().enumerate() {
         match status {

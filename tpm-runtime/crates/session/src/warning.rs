@@ -6,7 +6,7 @@ use serde::Serialize;
 use std::fmt;
 use tpm_campaign::{NearMode, Outcome};
 use tpm_core::harmonics::Hold;
-use tpm_estimate::{CommonFactor, PhysicalRemark};
+use tpm_estimate::{CommonFactor, PhysicalRemark, ResidualOf};
 use tpm_log::Repeated;
 use tpm_motion::RunEnding;
 use tpm_plant::actuator::LimitUse;
@@ -211,8 +211,11 @@ pub enum Warning {
     },
     /// The model leaves a large part of the force unexplained.
     Unexplained {
-        /// Root mean square of the residual, as a share of the force.
+        /// Root mean square of the residual, as a share.
         residual: f64,
+        /// What it is a share of.
+        #[serde(skip_serializing_if = "ResidualOf::is_force")]
+        of: ResidualOf,
     },
     /// A parameter takes no part in what the data show.
     NotVisible {
@@ -352,10 +355,12 @@ pub enum Warning {
         #[serde(flatten)]
         term: MissingTerm,
     },
-    /// What the model leaves unexplained repeats with the motion, and no single term explains it.
+    /// What the model leaves unexplained, beside terms that are named, repeats with the motion.
     Repeats {
         /// Power at the harmonics of the motion, in units of that of the noise.
         power: f64,
+        /// Whether terms are named beside which it is left.
+        beside_terms: bool,
     },
     /// The machine vibrates at a frequency at which the model does not.
     Vibration {
@@ -572,9 +577,9 @@ impl fmt::Display for Warning {
                 f,
                 "harmonics {from} to {to} are excited but left out: the model does not explain them as it does the lower ones"
             ),
-            Warning::Unexplained { residual } => write!(
+            Warning::Unexplained { residual, of } => write!(
                 f,
-                "{:.1} % of the force is not explained by the model; terms may be missing, or a scale, a sign or a column may be wrong",
+                "{:.1} % of {of} is not explained by the model; terms may be missing, or a scale, a sign or a column may be wrong",
                 100.0 * residual
             ),
             Warning::NotVisible { parameter, data } => write!(f, "{parameter} is not visible in {data}"),
@@ -666,10 +671,20 @@ impl fmt::Display for Warning {
                 "the recorded {} was not applied (clipping, saturation behind the recording): the values are those with this limit, without which the record makes no sense",
                 term.term
             ),
-            Warning::Repeats { power } => write!(
-                f,
-                "what the model leaves unexplained repeats with the motion ({power:.1} times the noise at its harmonics), and no single term explains it: a term of the model, friction, a sensor that is not linear; deviations are widened"
-            ),
+            Warning::Repeats { power, beside_terms } => {
+                let (left, so) = if *beside_terms {
+                    ("what is left beside the terms that the model lacks", "they have another form, or more is missing")
+                } else {
+                    (
+                        "what the model leaves unexplained",
+                        "no single term explains it: a term of the model, friction, a sensor that is not linear",
+                    )
+                };
+                write!(
+                    f,
+                    "{left} repeats with the motion ({power:.1} times the noise at its harmonics): {so}; deviations are widened"
+                )
+            }
             Warning::Vibration { frequency } => write!(
                 f,
                 "the residual vibrates at about {frequency:.1} Hz, where the model has no mode: a flexible mode between input and sensor; deviations contain how far its static part would move the parameters"

@@ -14,7 +14,7 @@ use tpm_codegen::identified::PROJECTION_SCHEMA;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{EvalError, Model};
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{CombinationReport, Estimate, Known, ParameterReport, Projector, Status, no_result};
+use tpm_estimate::{CombinationReport, Estimate, Known, ParameterReport, Projector, ResidualOf, Status, no_result};
 use tpm_experiment::ExperimentError;
 use tpm_motion::trajectory::{HarmonicSeries, PatternError, Trajectory};
 use tpm_numerics::fourier::analyse;
@@ -302,7 +302,7 @@ impl Projection {
             ));
         }
         if self.parameters.iter().any(|parameter| parameter.status == Status::Untrusted) {
-            return Some(no_result(self.residual));
+            return Some(no_result(self.residual, ResidualOf::Force));
         }
         let count = self.parameters.len();
         (self.rank < count).then(|| {

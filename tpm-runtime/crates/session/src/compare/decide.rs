@@ -383,7 +383,7 @@ fn warnings<'f>(a: &StoredResult, b: &StoredResult, families: impl Iterator<Item
     for (which, result) in [("A", a), ("B", b)] {
         if let Some(residual) = result.residual.filter(|residual| *residual > LARGE_RESIDUAL) {
             said.push(format!(
-                "{which}: {:.1} % of the force is not explained by the model; its deviations are not to be trusted",
+                "{which}: {:.1} % is not explained by the model; its deviations are not to be trusted",
                 100.0 * residual
             ));
         }

@@ -20,7 +20,7 @@ const LEAST_REPEATED_SHARE: f64 = 0.005;
 const DENSE_SAMPLES_PER_PERIOD: f64 = 16.0;
 /// Share of the deviation that a channel must go beyond its mean on either side to have gone to and fro.
 const LEAST_SWING: f64 = 0.3;
-/// Change over equal readings, in the least change of the channel per reading, from which on equal readings are no rounding.
+/// Change over equal readings, in steps of the channel's numbers per reading, from which on equal readings are no rounding.
 const LEAST_CHANGE: f64 = 4.0;
 
 /// Single readings that stand far from their neighbours.
@@ -159,8 +159,7 @@ fn repeated(signal: &Signal<'_>, still: &[Vec<Range<usize>>], report: &ChannelRe
     if report.step.is_some() || report.role == Role::Input {
         return None;
     }
-    let changes = signal.parts.iter().flat_map(|part| part.values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));
-    let least = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
+    let steps = signal.steps?;
     let at_end = |value: f64| report.plateaus.iter().any(|plateau| plateau.level == value);
     let (mut equal, mut all) = (0, 0);
     for (p, part) in signal.parts.iter().enumerate() {
@@ -174,8 +173,9 @@ fn repeated(signal: &Signal<'_>, still: &[Vec<Range<usize>>], report: &ChannelRe
             let length = part.values[from..].iter().take_while(|value| **value == part.values[from]).count().max(1);
             let to = from + length;
             if length > 1 && from > 0 && to < part.values.len() && moving[from] && !at_end(part.values[from]) {
-                let change = (part.values[to] - part.values[from - 1]).abs();
-                let fresh = change > LEAST_CHANGE * least * (length + 1) as f64;
+                let (before, after) = (part.values[from - 1], part.values[to]);
+                let step = steps.at(before.abs().max(after.abs()));
+                let fresh = (after - before).abs() > LEAST_CHANGE * step * (length + 1) as f64;
                 equal += if fresh { moving[from + 1..to].iter().filter(|moving| **moving).count() } else { 0 };
             }
             from = to;
@@ -188,8 +188,9 @@ fn repeated(signal: &Signal<'_>, still: &[Vec<Range<usize>>], report: &ChannelRe
 /// Single readings that are farther than this from their neighbours.
 fn lone(signal: &Signal<'_>, far: f64) -> Option<Lone> {
     let mut found: Option<Lone> = None;
+    let steps = signal.steps?;
     for part in &signal.parts {
-        for (k, value) in lone_readings(part.values) {
+        for (k, value) in lone_readings(part.values, steps) {
             let (line, distance) = (part.lines.get(k).copied().unwrap_or(0), (part.values[k] - value).abs());
             if distance > far {
                 let lone = found.get_or_insert(Lone { count: 0, line, farthest: 0.0 });

@@ -1,6 +1,6 @@
 //! A channel of a record in its stretches.
 
-use tpm_log::{Recording, Role, Survey};
+use tpm_log::{Recording, Role, Steps, Survey};
 
 /// One channel, stretch by stretch.
 #[derive(Clone, Debug)]
@@ -10,6 +10,8 @@ pub(super) struct Signal<'a> {
     pub(super) role: Role,
     /// Least and largest reading in the file.
     pub(super) extremes: [f64; 2],
+    /// The steps in which its numbers are written; nothing where they were not told.
+    pub(super) steps: Option<&'a Steps>,
     pub(super) parts: Vec<Part<'a>>,
 }
 
@@ -86,6 +88,7 @@ pub(super) fn signals(survey: &Survey) -> Vec<Signal<'_>> {
                 unit: channel.unit.as_deref(),
                 role: channel.role,
                 extremes,
+                steps: segments.first().and_then(|log| log.steps.get(at)),
                 parts,
             });
         }
