@@ -502,8 +502,8 @@ impl<'a> Arranger<'a, '_, '_> {
         own.follows = Some((leader, factor.clone()));
         let size = rational::abs(factor);
         let square = &size * &size;
-        let [damping, friction, armature] =
-            [&mut own.damping, &mut own.friction, &mut own.armature].map(std::mem::take);
+        let taken = [&mut own.damping, &mut own.friction, &mut own.armature];
+        let [damping, friction, armature] = taken.map(|loss| std::mem::replace(loss, Rational::zero()));
         let over = |limit: &Option<Rational>, by: &Rational| limit.as_ref().map(|limit| limit / by);
         let mut ends = [over(&own.limits.lower, factor), over(&own.limits.upper, factor)];
         if factor.is_negative() {
