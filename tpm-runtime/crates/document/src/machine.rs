@@ -196,8 +196,10 @@ fn next(result: &Identification, mechanism: bool, command: &Direct<'_>) -> Vec<N
             }
         }
     }
-    let text = "Predict another log, of a motion that was not used here, before the parameters are relied on.";
-    say(text.to_owned(), Some(Step::Prediction));
+    if !distrust {
+        let text = "Predict another log, of a motion that was not used here, before the parameters are relied on.";
+        say(text.to_owned(), Some(Step::Prediction));
+    }
     if result.is_complete() {
         if mechanism && !result.combinations.is_empty() {
             let text = "Ask for possible inertias of the links: what bodies can have, nearest to these values in their deviations, and to the \

@@ -580,3 +580,19 @@ fn readings_repeat_by_the_steps_of_the_numbers_in_the_file() {
         }
     }
 }
+
+#[test]
+fn rounding_errors_of_what_is_computed_make_no_reading_stale() {
+    // The mean of two coarse encoders: one goes up by a step where the other goes down, and the sum is as before but for its last digit.
+    let count = 5e-4;
+    let counts = |x: f64| format!("{:.4}", (x / count).round() * count);
+    let line = |i: usize| {
+        let t = 0.002 * i as f64;
+        let x = 0.9 * (0.9 * t).sin() + 0.02 * (11.0 * t).sin();
+        let noise = |pace: usize| 7e-4 * (((i * pace) % 1000) as f64 / 1000.0 - 0.5);
+        format!("{t:.3},{},{},{}\n", counts(100.1 + x + noise(7919)), counts(7.3 + x + noise(6007)), sample(i)[2])
+    };
+    let text = "t_s,a,b,u\n".to_owned() + &(0..12_000).map(line).collect::<String>();
+    let recording = read(text.as_bytes(), &mapped(&[("x", "0.5*(a+b)")])).unwrap_or_else(|error| panic!("{error}"));
+    assert!(recording.report.repeated.is_empty(), "{:?}", recording.report.repeated);
+}
