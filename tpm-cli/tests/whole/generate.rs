@@ -265,8 +265,7 @@ fn a_feed_forward_solves_for_inputs_in_functions() {
         ("k*u^2", 0.2, (force / 0.2).sqrt()),
         ("k*u*abs(u)", -0.2, -(force / 0.2).sqrt()),
         ("k*abs(u)", 0.2, force / 0.2),
-        ("k*u*x", 0.2, force / 0.2 / 0.4),
-        ("k*x/u", 0.2, 0.2 * 0.4 / force),
+        ("k/u", 0.2, 0.2 / force),
         ("k*sqrt(u)", 0.2, (force / 0.2).powi(2)),
         ("2*k*exp(u)", 0.2, (force / 0.4).ln()),
         ("k*sin(u)", 7.4, 0.5_f64.asin()),
@@ -304,6 +303,7 @@ fn inputs_that_cannot_be_solved_for_are_named_with_the_reason() {
     for (term, why) in [
         ("k*u^2 + e*u^2*x", "stands in several terms"),
         ("k*u^2 + u*w", "`u` cannot be solved for: it stands alone and in"),
+        ("k*u*x", "it stands beside the motion in"),
         ("k*sin(u + x)", "stands in a function beside `x`"),
         ("k*u^3", "has no inverse that is known here"),
         ("k*u*v", "cannot be solved for"),

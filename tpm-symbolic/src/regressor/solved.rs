@@ -1,6 +1,6 @@
-//! Inputs that stand in functions, solved for: `k*u^2`, `abs(u)`, `u*x`.
+//! Inputs that stand in functions, solved for: `k*u^2`, `abs(u)`.
 //!
-//! Where all that an equation has of an input is one term `c * h * U(u)`, with c a number and at most one unknown parameter, h of motion and
+//! Where all that an equation has of an input is one term `c * h * U(u)`, with c a number and at most one unknown parameter, h of
 //! constants, and U a function of the input alone, the equation gives the value of U, and its inverse the input. [`solved`] puts that value in the
 //! input's place, so that it stands alone, and says how to come back.
 
@@ -113,6 +113,13 @@ pub fn solved(model: &ExactModel, form: &RegressorForm) -> Result<(RegressorForm
         };
         if beside.factors().any(|(atom, _)| is_driven(atom)) {
             return Err(fault(format!("another input stands beside it in `{}`", shown())));
+        }
+        let moves = |atom: &ExprId| {
+            model.graph.leaves(*atom).iter().any(|leaf| matches!(model.graph.node(*leaf), Node::Derivative(..)))
+        };
+        // The map of the inputs is one of constants.
+        if beside.factors().any(|(atom, _)| moves(atom)) {
+            return Err(fault(format!("it stands beside the motion in `{}`", shown())));
         }
         let own = &mut form.rows[row];
         own.terms.remove(place);
