@@ -128,7 +128,7 @@ impl Perturbations {
 
     /// Whether one of the changes is played in both directions.
     pub(super) fn is_both(&self, run: usize) -> bool {
-        self.both.get(run).copied().unwrap_or(false)
+        self.both[run]
     }
 
     /// The power of the error of a linearisation after an update in steps, in that of an update of the length one: the response bends by
