@@ -1,9 +1,8 @@
 //! `numerical`: the matrix of the tracking error's harmonics from runs with one parameter changed at a time (Feng, Eqn 3.28).
 //!
 //! To first order `E = M (theta' - theta)`, theta' being the parameters of the feed-forward. A base run and one run per parameter, or per
-//! combination of them, give M by differences; parameters whose columns follow from the others, because no reference shows a combination,
-//! need no run. Where the response bends by more than noise over such a step, a second run with the opposite step cancels the bend. On
-//! request M is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are cleared, only as many equations as unknowns are
+//! combination of them, give M by differences; parameters whose columns follow from the others, because no reference shows a combination, need no run. On request M
+//! is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are cleared, only as many equations as unknowns are
 //! kept (Eqn 3.29), and once M is known every run is an update, and M is corrected by the change of the error since the run before
 //! (secant). Invariant: M belongs to one reference; another reference begins anew.
 //!
@@ -18,8 +17,8 @@
 mod base;
 mod perturbations;
 
-use self::base::{Base, MeanShift, unknowns, variances};
-use self::perturbations::{Column, Lines, Response, squares};
+use self::base::{Base, MeanShift, squares, unknowns, variances};
+use self::perturbations::{Column, Lines, Response};
 use crate::applies::{check_reference, check_runs};
 use crate::damping::Damping;
 use crate::designs::Designs;
@@ -65,12 +64,8 @@ pub(super) struct Numerical {
     response: Option<Response>,
     /// How much more the response bends than a perturbation allows for at first.
     bend: f64,
-    /// Per perturbation so far.
+    /// Per perturbed run so far.
     columns: Vec<Column>,
-    /// The first run of a perturbation whose opposite is to come.
-    first: Option<Lines>,
-    /// Runs since the matrix was begun, the base among them.
-    runs: usize,
     /// Whether M is whole, so that every further run corrects it.
     known: bool,
     damping: Damping,
@@ -90,7 +85,7 @@ struct Measured {
     /// Error of the linearisation in a line, as a variance for an update of length one in steps; nothing before another run on the
     /// reference has shown it.
     curvature: Option<f64>,
-    /// Per perturbation.
+    /// Per perturbed run.
     columns: Vec<Column>,
     base: Base,
 }
@@ -123,6 +118,12 @@ fn reliability(
     Some((inverse.tr_mul(&(kept * factor.l().transpose())), inverse.tr_mul(&(&inverse * shared))))
 }
 
+/// The power of an error of the linearisation, in that of an update of the length one: the update with these squares was foreseen by
+/// quotients of differences over steps of the length one.
+fn bent(squares: f64) -> f64 {
+    (squares + squares.sqrt()).powi(2)
+}
+
 impl Numerical {
     /// The estimator before any run.
     pub(super) fn new(settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
@@ -138,8 +139,6 @@ impl Numerical {
             response: None,
             bend: 1.0,
             columns: Vec::new(),
-            first: None,
-            runs: 0,
             known: false,
             damping: Damping::default(),
             harmonics: 0,
@@ -164,7 +163,7 @@ impl Numerical {
     /// steps; nothing for the base itself.
     fn curvature(&self, base: &Base, parameters: &[f64], error: &Lines) -> Option<f64> {
         let (missed, step) = self.missed(base, parameters, error);
-        let length = squares(&step).sqrt();
+        let length = squares(&step);
         let noise = |c: usize, k: usize| 2.0 * base.variance[c][k];
         let lines =
             missed.iter().enumerate().flat_map(|(c, lines)| lines.iter().enumerate().map(move |(k, z)| (c, k, z)));
@@ -174,8 +173,7 @@ impl Numerical {
         let unseen = lines.clone().sum::<f64>() / lines.count().max(1) as f64;
         let worst = certain.map(|(.., line)| line.norm_sqr()).fold(unseen, f64::max);
         // Within a step noise says more than curvature.
-        let seen = |step: &f64| step / length.min(1.0);
-        (length > 0.0).then(|| worst / base.perturbations.bent(&step.iter().map(seen).collect::<Vec<f64>>()))
+        (length > 0.0).then(|| worst / bent(length.max(1.0)))
     }
 
     /// Compares a run on the reference of the base with the prediction of M: what it missed is the error of the linearisation in the last
@@ -233,12 +231,6 @@ impl Numerical {
         self.before = Some(Earlier { parameters: base.parameters.clone(), error: base.error.clone() });
     }
 
-    /// Forgets the matrix, whose base is the one run that remains of it.
-    fn forget(&mut self) {
-        self.columns.clear();
-        (self.first, self.runs, self.known) = (None, 1, false);
-    }
-
     /// Begins a matrix with a run as its base.
     fn begin(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: Lines) -> Result<(), EstimateError> {
         self.bend *= self.bent_more();
@@ -249,7 +241,8 @@ impl Numerical {
             Some(base) if base.error[0].len() == error[0].len() && base.is_of(run) => self.leave(&run.trial.parameters),
             _ => self.before = None,
         }
-        self.forget();
+        self.columns.clear();
+        self.known = false;
         if self.before.is_none() {
             self.settings = self.designs.take(model, run.trial, &self.settings)?;
         }
@@ -285,23 +278,19 @@ impl Numerical {
     }
 
     /// Takes in a run with one parameter changed. M is known with the last of them.
-    fn perturbed(&mut self, error: Lines) {
+    fn perturbed(&mut self, error: &Lines) {
         let Some(base) = self.base.as_mut() else { return };
-        let latest = self.runs;
-        self.runs += 1;
-        if self.first.is_none() && base.perturbations.is_both(self.columns.len()) {
-            self.first = Some(error);
-            return;
-        }
-        let column = match self.first.take() {
-            Some(first) => Column::new(&base.error, &first, Some(&error), latest),
-            None => Column::new(&base.error, &error, None, latest),
+        let changed = |(now, before): (&Vec<Complex<f64>>, &Vec<Complex<f64>>)| {
+            now.iter().zip(before).map(|(now, before)| now - before).collect()
         };
-        self.columns.push(column);
+        let lines = error.iter().zip(&base.error).map(changed).collect();
+        let runs = base.perturbations.count() + 1;
+        let mut noise = vec![0.0; runs];
+        (noise[0], noise[self.columns.len() + 1]) = (-1.0, 1.0);
+        self.columns.push(Column { lines, noise });
         self.known = self.columns.len() == base.perturbations.count();
         if self.known {
-            let all = self.columns.iter_mut().map(|column| &mut column.noise).chain([&mut base.noise]);
-            all.for_each(|noise| noise.resize(self.runs, 0.0));
+            base.noise.resize(runs, 0.0);
         }
     }
 
@@ -342,7 +331,7 @@ impl Measured {
     /// Error of the linearisation at an estimate, as a variance of a line: as much as there is at most, and where nothing is known of it.
     fn missed(&self, theta: &[f64]) -> f64 {
         let worst = self.base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max);
-        self.curvature.map_or(worst, |curvature| worst.min(curvature * self.base.perturbations.bent(&self.way(theta))))
+        self.curvature.map_or(worst, |curvature| worst.min(curvature * bent(squares(&self.way(theta)))))
     }
 
     /// Whether the error of the linearisation at an estimate is small beside noise.
@@ -479,9 +468,8 @@ impl Estimator for Numerical {
         }
         let mut changed = base.parameters.clone();
         if self.columns.len() < base.perturbations.count() {
-            let direction = if self.first.is_some() { -1.0 } else { 1.0 };
             for (j, change) in base.perturbations.change(self.columns.len()) {
-                changed[j] += direction * change;
+                changed[j] += change;
             }
         }
         changed
@@ -490,8 +478,7 @@ impl Estimator for Numerical {
     fn take_back(&mut self) -> bool {
         match self.base.as_mut().filter(|_| !self.known) {
             Some(base) => {
-                // Half the steps that are still to come, the one of which one direction was played among them.
-                self.first = None;
+                // Half the steps that are still to come.
                 base.perturbations.scale(self.columns.len(), 0.5);
                 true
             }
@@ -531,7 +518,7 @@ impl Estimator for Numerical {
         let (before, carried, fresh) = (power(&base.error), base.is_carried(), base.is_fresh());
         let from = base.parameters.clone();
         if !self.known {
-            self.perturbed(error);
+            self.perturbed(&error);
             if !self.known {
                 return Ok(());
             }
@@ -544,9 +531,9 @@ impl Estimator for Numerical {
                 self.bend *= more;
                 if let Some(base) = self.base.as_mut() {
                     base.perturbations.scale(0, more.sqrt().recip());
-                    base.again();
                 }
-                self.forget();
+                self.columns.clear();
+                self.known = false;
             }
             return Ok(());
         } else {

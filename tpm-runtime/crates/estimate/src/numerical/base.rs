@@ -1,7 +1,7 @@
 //! The run with which perturbed runs of `numerical` are compared: its error, the noise of its lines, what its reference shows, and what
 //! noise makes of its mean.
 
-use super::perturbations::{Lines, Perturbations, Response, squares};
+use super::perturbations::{Lines, Perturbations, Response};
 use crate::along::Along;
 use crate::error::EstimateError;
 use crate::first_order::fed_back;
@@ -162,12 +162,6 @@ impl Base {
         self.error[0].len() - 1
     }
 
-    /// Forgets the matrix, which is measured about this run once more.
-    pub(super) fn again(&mut self) {
-        self.moved.fill(0.0);
-        self.noise = vec![1.0];
-    }
-
     /// Whether secants have carried M.
     pub(super) fn is_carried(&self) -> bool {
         squares(&self.moved) > 0.0
@@ -223,4 +217,8 @@ fn with_rounding(run: &Run<'_>, shares: &[(f64, f64)], highest: usize) -> Vec<Ve
 
 pub(super) fn power(lines: &[Complex<f64>]) -> f64 {
     lines.iter().map(|line| line.norm_sqr()).sum()
+}
+
+pub(super) fn squares(step: &[f64]) -> f64 {
+    step.iter().map(|step| step * step).sum()
 }

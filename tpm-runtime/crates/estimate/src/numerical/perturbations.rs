@@ -3,13 +3,12 @@
 //! A column of the matrix errs by the noise over the step, and by its curvature times the step. The response is taken to bend by as much
 //! as it changes when a parameter changes by its whole value, until updates have shown how much more or less it bends; both errors are
 //! then alike at the mean, by ratio, of that value and of the step that changes the error by its noise. Combinations that hardly show need
-//! the longest steps; over steps that noise makes longer than that, the bend is more than noise, and runs in both directions cancel it.
-//! Once a matrix is known, its principal directions are perturbed, each by a step of its own, and before that one parameter at a time.
+//! the longest steps. Once a matrix is known, its principal directions are perturbed, each by a step of its own, and before that one
+//! parameter at a time.
 //!
 //! Invariant: changes are independent; what is given in steps is in multiples of them.
 
 use num_complex::Complex;
-use tpm_core::support::RunDifference;
 use tpm_numerics::{DMatrix, DVector};
 
 /// Largest change in a perturbed run, as a share of the parameters' values, or of the values at which they make the whole force.
@@ -28,34 +27,8 @@ pub(super) type Lines = Vec<Vec<Complex<f64>>>;
 pub(super) struct Column {
     /// Change of every coordinate's error lines by the step of the perturbed run.
     pub(super) lines: Lines,
-    /// How much of the noise of every run since the matrix was begun is in the column; nothing of runs behind the end.
+    /// How much of the noise of every run since the matrix was begun is in the column.
     pub(super) noise: Vec<f64>,
-}
-
-impl Column {
-    /// The column of a run with the step and, where there is one, of another with the opposite step, given the base run and the place of
-    /// the latest run behind it.
-    pub(super) fn new(base: &Lines, run: &Lines, opposite: Option<&Lines>, latest: usize) -> Self {
-        let alone = RunDifference::NONE.with(1.0);
-        let difference = if opposite.is_some() { alone.with(-1.0) } else { alone };
-        let [of_base, own, of_opposite] = difference.weights();
-        let mut lines = base.clone();
-        for (c, lines) in lines.iter_mut().enumerate() {
-            for (k, line) in lines.iter_mut().enumerate() {
-                *line = *line * of_base
-                    + run[c][k] * own
-                    + opposite.map_or(Complex::ZERO, |opposite| opposite[c][k] * of_opposite);
-            }
-        }
-        let mut noise = vec![0.0; latest + 1];
-        noise[0] = of_base;
-        if opposite.is_some() {
-            (noise[latest - 1], noise[latest]) = (own, of_opposite);
-        } else {
-            noise[latest] = own;
-        }
-        Column { lines, noise }
-    }
 }
 
 /// The changes of the perturbed runs.
@@ -66,8 +39,6 @@ pub(super) struct Perturbations {
     /// Change of every one of these parameters, a column for every run.
     changes: DMatrix<f64>,
     inverse: DMatrix<f64>,
-    /// Whether a change bends the response by more than noise, so that it is played in both directions.
-    both: Vec<bool>,
     /// Sizes of these parameters.
     sizes: DVector<f64>,
 }
@@ -78,11 +49,6 @@ pub(super) struct Response {
     /// The parameters that were perturbed.
     parameters: Vec<usize>,
     matrix: DMatrix<f64>,
-}
-
-/// The square of a length in steps.
-pub(super) fn squares(steps: &[f64]) -> f64 {
-    steps.iter().map(|step| step * step).sum()
 }
 
 impl Perturbations {
@@ -101,19 +67,20 @@ impl Perturbations {
         let known = measured.filter(|measured| measured.parameters == parameters);
         let response = known.map_or(expected, |measured| measured.matrix.clone());
         let principal = (&scale * response * &scale).symmetric_eigen();
-        // What shows nothing bends nothing.
-        let of_noise =
-            principal.eigenvalues.map(|power| if power > 0.0 { (noise / power).sqrt() } else { f64::INFINITY });
-        let balanced = of_noise.map(|of_noise| (of_noise / bend).sqrt());
-        let steps = of_noise
-            .zip_map(&balanced, |of_noise, balanced| balanced.max(LEAST_OVER_NOISE * of_noise).min(MOST_PERTURBATION));
-        let both = steps.iter().zip(&balanced).map(|(step, balanced)| step > balanced).collect();
+        let step = |power: f64| {
+            if power <= 0.0 {
+                return MOST_PERTURBATION;
+            }
+            let of_noise = (noise / power).sqrt();
+            (of_noise / bend).sqrt().max(LEAST_OVER_NOISE * of_noise).min(MOST_PERTURBATION)
+        };
+        let steps = principal.eigenvalues.map(step);
         let changes = scale.clone() * &principal.eigenvectors * DMatrix::from_diagonal(&steps);
         // The eigenvectors are orthonormal, and sizes and steps are above zero.
         let inverse = DMatrix::from_diagonal(&steps.map(f64::recip))
             * principal.eigenvectors.transpose()
             * DMatrix::from_diagonal(&scale.diagonal().map(f64::recip));
-        Perturbations { parameters, changes, inverse, both, sizes: DVector::from_column_slice(sizes) }
+        Perturbations { parameters, changes, inverse, sizes: DVector::from_column_slice(sizes) }
     }
 
     /// Number of perturbed runs.
@@ -124,19 +91,6 @@ impl Perturbations {
     /// The change of every perturbed parameter in one of the runs.
     pub(super) fn change(&self, run: usize) -> impl Iterator<Item = (usize, f64)> {
         self.parameters.iter().copied().zip(self.changes.column(run).iter().copied().collect::<Vec<f64>>())
-    }
-
-    /// Whether one of the changes is played in both directions.
-    pub(super) fn is_both(&self, run: usize) -> bool {
-        self.both[run]
-    }
-
-    /// The power of the error of a linearisation after an update in steps, in that of an update of the length one: the response bends by
-    /// the square of an update, and a column of one direction by as much as its step.
-    pub(super) fn bent(&self, steps: &[f64]) -> f64 {
-        let of_one: Vec<f64> =
-            steps.iter().zip(&self.both).filter(|(_, both)| !**both).map(|(step, _)| *step).collect();
-        (squares(steps) + squares(&of_one).sqrt()).powi(2)
     }
 
     /// Multiplies the changes of the runs from the given one on.
@@ -194,31 +148,8 @@ impl Perturbations {
 
 #[cfg(test)]
 mod tests {
-    use super::{Column, Lines, Perturbations};
+    use super::{Column, Perturbations};
     use num_complex::Complex;
-
-    #[test]
-    fn runs_in_both_directions_take_the_bend_out_of_a_column() {
-        // A parabola in the step: 3 + 2 s + s^2, whose slope at the base is 2.
-        let error = |step: f64| -> Lines { vec![vec![Complex::new(3.0 + 2.0 * step + step * step, 0.0)]] };
-        let one = Column::new(&error(0.0), &error(1.0), None, 4);
-        assert_eq!((one.lines[0][0].re, one.noise), (3.0, vec![-1.0, 0.0, 0.0, 0.0, 1.0]));
-        let both = Column::new(&error(0.0), &error(1.0), Some(&error(-1.0)), 4);
-        assert_eq!((both.lines[0][0].re, both.noise), (2.0, vec![0.0, 0.0, 0.0, 0.5, -0.5]));
-    }
-
-    #[test]
-    fn changes_that_bend_by_more_than_noise_are_played_in_both_directions() {
-        // The first parameter shows well, the second needs a step of five times its noise, over which it bends by more.
-        let changes = Perturbations::new(vec![0, 1], &[1.0, 1.0], &[1.0, 1e-2], None, 1e-4, 1.0);
-        let step = |run: usize| changes.change(run).map(|(_, change)| change.abs()).fold(0.0, f64::max);
-        let (small, large) = if step(0) < step(1) { (0, 1) } else { (1, 0) };
-        assert!((step(small) - 0.1).abs() < 1e-12 && (step(large) - 0.5).abs() < 1e-12, "{} {}", step(0), step(1));
-        assert!(!changes.is_both(small) && changes.is_both(large));
-        // An update by both steps: 2 of its square, 1 of the column that is measured in one direction.
-        assert!((changes.bent(&[1.0, 1.0]) - 9.0).abs() < 1e-12);
-        assert!(Perturbations::new(vec![0], &[1.0], &[0.0], None, 1e-4, 1.0).both == [false], "nothing shows it");
-    }
 
     #[test]
     fn a_combination_that_hardly_shows_is_perturbed_by_a_longer_step() {
