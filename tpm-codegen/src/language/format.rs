@@ -162,9 +162,14 @@ impl<'a> Context<'a> {
         };
         let first = self.begins_statement();
         if first {
-            // Two successive names form no expression, so the first is a keyword; the value of `gravity` follows it
-            // directly.
-            let is_keyword = kind == Ident && (next == Ident || (text == "gravity" && next == OpenParen));
+            // Two successive names form no expression, so the first is a keyword; the value of `gravity` and the multiple by which a
+            // joint moves follow it directly.
+            let is_followed = match text {
+                "gravity" => next == OpenParen,
+                "revolute" | "prismatic" => matches!(next, Minus | Number | OpenParen),
+                _ => false,
+            };
+            let is_keyword = kind == Ident && (next == Ident || is_followed);
             self.statement = if is_keyword { text } else { "" };
         }
         let (before, nesting) = (self.before, self.open.len());
@@ -193,7 +198,8 @@ impl<'a> Context<'a> {
             Star | Slash => !in_unit,
             _ => spaced && !ends_in_operator,
         };
-        self.wants_operand = (is_sign && !behind_operand) || is_clause;
+        let is_joint = first && matches!(self.statement, "revolute" | "prismatic");
+        self.wants_operand = (is_sign && !behind_operand) || is_clause || is_joint;
         match kind {
             OpenParen | OpenBracket => self.open.push(kind),
             CloseParen | CloseBracket => drop(self.open.pop()),

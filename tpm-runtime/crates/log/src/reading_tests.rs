@@ -540,7 +540,11 @@ fn formats_that_are_not_built_in_name_their_feature() {
 /// A motion to and fro with turns and slow passages, and noise below a step.
 fn uneven_motion(i: usize) -> f64 {
     let t = 0.002 * i as f64;
-    let noise = ((i * 7919) % 1000) as f64 / 1000.0 - 0.5;
+    // The finaliser of SplitMix64: neighbours have nothing to do with each other.
+    let mut bits = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    let noise = ((bits ^ (bits >> 31)) % 1000) as f64 / 1000.0 - 0.5;
     0.9 * (0.9 * t).sin() + 0.02 * (11.0 * t).sin() + 3e-4 * noise
 }
 

@@ -170,7 +170,7 @@ fn what_spoils_a_comparison_is_said() {
     let said = compared(&a, &b).warnings;
     assert_eq!(said.len(), 3, "{said:?}");
     assert!(said[0].contains("use the same data (a.csv and b.csv)"), "{said:?}");
-    assert!(said[1].starts_with("B: 40.0 % of the force"), "{said:?}");
+    assert!(said[1].starts_with("B: 40.0 % is not explained by the model"), "{said:?}");
     assert!(said[2].ends_with("may not hold: the halves differ"), "{said:?}");
 }
 
