@@ -250,7 +250,7 @@ fn commands_of_the_book_print_what_it_says() {
         mine.map(|chapter| execute(&blocks_of(chapter), folder().path()).1).sum::<usize>()
     };
     note(std::thread::scope(|scope| {
-        let others: Vec<_> = (0..2).map(|_| scope.spawn(&some)).collect();
+        let others: Vec<_> = (0..2).map(|_| scope.spawn(some)).collect();
         others.into_iter().map(|other| other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))).sum()
     }));
 }

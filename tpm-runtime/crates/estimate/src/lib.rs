@@ -83,7 +83,7 @@ pub use recorded::{
     follow_recorded,
 };
 pub use response::ErrorResponse;
-pub use result::{Estimate, ResidualOf};
+pub use result::Estimate;
 pub use run::error_lines;
 pub use run::{Alone, OwnEstimate, Run};
 pub use sampled::{Sampled, estimate_sampled, is_static};
@@ -95,4 +95,4 @@ pub use time_domain::{
     ForceCourse, InputShift, Missed, OneBand, Pace, Prediction, Stretch, TimeRecord, input_shift, predict_in_band,
 };
 pub use verdict::no_result;
-pub use verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, POOR_PHYSICAL_DEVIATION, Status};
+pub use verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, POOR_PHYSICAL_DEVIATION, ResidualOf, Status};

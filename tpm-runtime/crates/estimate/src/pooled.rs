@@ -7,9 +7,9 @@
 
 use crate::error::EstimateError;
 use crate::information::Information;
-use crate::result::{Estimate, ResidualOf};
+use crate::result::Estimate;
 use crate::settings::Settings;
-use crate::verdict::{Evidence, POOR_DEVIATION, Status, Verdict};
+use crate::verdict::{Evidence, POOR_DEVIATION, ResidualOf, Status, Verdict};
 use tpm_numerics::singular::{complement, largest_one, unit_columns};
 use tpm_numerics::{DMatrix, DVector, Matrix};
 
@@ -162,8 +162,9 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
 #[cfg(test)]
 pub(crate) mod tests {
     use super::pool;
-    use crate::result::{Estimate, ResidualOf};
+    use crate::result::Estimate;
     use crate::settings::Settings;
+    use crate::verdict::ResidualOf;
     use crate::verdict::Status;
     use tpm_numerics::Matrix;
 

@@ -8,8 +8,8 @@
 //! Invariant: nothing is said along what the motion hides of the wanted parameters, and along what the known ones leave open.
 
 use crate::information::{Information, beside_known, touched};
-use crate::result::{Estimate, ResidualOf};
-use crate::verdict::{Evidence, POOR_DEVIATION, Status};
+use crate::result::Estimate;
+use crate::verdict::{Evidence, POOR_DEVIATION, ResidualOf, Status};
 use tpm_numerics::singular::{Singular, complement, unit_columns};
 use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, tolerance};
 

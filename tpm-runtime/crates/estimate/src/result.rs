@@ -2,38 +2,8 @@
 
 use crate::free::Free;
 use crate::settings::Settings;
-use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, Status, Verdict};
+use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, ResidualOf, Status, Verdict};
 use tpm_numerics::{DMatrix, Matrix, root_mean_square};
-
-/// What a residual is a share of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ResidualOf {
-    /// The generalised force: harmonic equations and regressions.
-    #[default]
-    Force,
-    /// The motion, or the input where that is measured with noise: simulations.
-    Motion,
-}
-
-impl ResidualOf {
-    /// Whether it is the usual one, the force.
-    // What serde calls takes a reference.
-    #[allow(clippy::trivially_copy_pass_by_ref)]
-    #[must_use]
-    pub fn is_force(&self) -> bool {
-        *self == Self::Force
-    }
-}
-
-impl std::fmt::Display for ResidualOf {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            ResidualOf::Force => "the force",
-            ResidualOf::Motion => "the motion or input",
-        })
-    }
-}
 
 /// The result that every estimator gives.
 #[derive(Clone, Debug, PartialEq)]

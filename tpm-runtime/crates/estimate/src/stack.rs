@@ -7,9 +7,9 @@
 use crate::equations::Equations;
 use crate::error::EstimateError;
 use crate::information::Information;
-use crate::result::{Estimate, ResidualOf};
+use crate::result::Estimate;
 use crate::settings::Settings;
-use crate::verdict::Verdict;
+use crate::verdict::{ResidualOf, Verdict};
 use tpm_numerics::{Iteration, Matrix};
 
 /// The equations are weighed anew at their own solution until no parameter moves by more than a share of its standard deviation.

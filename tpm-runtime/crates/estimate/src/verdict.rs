@@ -3,7 +3,6 @@
 //! Invariant: every estimator follows the rule of [`Status::of`], and the bounds that it compares with stand here alone.
 
 use crate::free::Free;
-use crate::result::ResidualOf;
 use serde::Serialize;
 use tpm_numerics::DMatrix;
 
@@ -16,6 +15,36 @@ pub const POOR_PHYSICAL_DEVIATION: f64 = 0.5;
 const MOST_UNFELT_FORCE: f64 = 0.01;
 /// A residual above this share of the force is flagged: what was fitted is no result.
 pub const LARGE_RESIDUAL: f64 = 0.2;
+
+/// What a residual is a share of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ResidualOf {
+    /// The generalised force: harmonic equations and regressions.
+    #[default]
+    Force,
+    /// The motion, or the input where that is measured with noise: simulations.
+    Motion,
+}
+
+impl ResidualOf {
+    /// Whether it is the usual one, the force.
+    // What serde calls takes a reference.
+    #[allow(clippy::trivially_copy_pass_by_ref)]
+    #[must_use]
+    pub fn is_force(&self) -> bool {
+        *self == Self::Force
+    }
+}
+
+impl std::fmt::Display for ResidualOf {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            ResidualOf::Force => "the force",
+            ResidualOf::Motion => "the motion or input",
+        })
+    }
+}
 
 /// What may be said of one estimated parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]

@@ -11,9 +11,9 @@ use crate::measured_motion::coupled::Weighed;
 use crate::measured_motion::model_error::excess;
 use crate::measured_motion::record::MeasuredMotion;
 use crate::measured_motion::repeats::{Repeats, repeated};
-use crate::result::{Estimate, ResidualOf};
+use crate::result::Estimate;
 use crate::settings::{Settings, Weights};
-use crate::verdict::Verdict;
+use crate::verdict::{ResidualOf, Verdict};
 use tpm_core::model::Dims;
 use tpm_numerics::{DMatrix, Matrix};
 
