@@ -573,8 +573,8 @@ fn readings_repeat_by_the_steps_of_the_numbers_in_the_file() {
             let recording = read(text.as_bytes(), &options).unwrap_or_else(|error| panic!("{column}: {error}"));
             let found: usize = recording.report.repeated.iter().map(|of| of.count).sum();
             if stale {
-                // Where the motion turns or is slow, a repeated reading is like a fresh one.
-                assert!(found > rows / 40 && found <= rows / 20, "{column}: {found}");
+                // Where the motion turns or is slow, a repeated reading is like a fresh one, and a fresh one may be like one that repeats.
+                assert!(found > rows / 40 && found <= rows / 20 + rows / 1000, "{column}: {found}");
             } else {
                 assert_eq!(found, 0, "{column}");
             }
