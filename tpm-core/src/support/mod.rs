@@ -40,7 +40,7 @@ pub use run_estimate::RunEstimate;
 pub use run_linearised::{RunLinearisation, RunReference};
 pub use run_lines::{RunFault, RunLines};
 pub use run_means::RunPassed;
-pub use run_numerical::{RunDifference, RunNumerical};
+pub use run_numerical::RunNumerical;
 pub use run_physical::{RunLumping, RunPhysical};
 pub use run_weigh::RunMeans;
 pub use run_workspace::{RunModel, RunSampling, RunWorkspace};

@@ -43,38 +43,34 @@ pub struct RunNumerical<T, const Q: usize, const P: usize, const L: usize> {
 
 /// By how much a parameter was changed in the first and in the second of its runs; zero where the run has not been played.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunDifference<T> {
+struct RunDifference<T> {
     first: T,
     second: T,
 }
 
 impl<T: Real> RunDifference<T> {
     /// Before any run.
-    pub const NONE: Self = Self { first: T::ZERO, second: T::ZERO };
+    const NONE: Self = Self { first: T::ZERO, second: T::ZERO };
 
     /// With another run: with the opposite direction it completes the first one, otherwise it takes its place.
-    #[must_use]
-    pub fn with(self, step: T) -> Self {
+    fn with(self, step: T) -> Self {
         let opposite = self.is_any() && (self.first < T::ZERO) != (step < T::ZERO);
         if opposite && !self.is_both() { Self { second: step, ..self } } else { Self { first: step, second: T::ZERO } }
     }
 
     /// Whether any run has been played.
-    #[must_use]
-    pub fn is_any(self) -> bool {
+    fn is_any(self) -> bool {
         self.first.abs() > T::ZERO
     }
 
     /// Whether runs in both directions have been played.
-    #[must_use]
-    pub fn is_both(self) -> bool {
+    fn is_both(self) -> bool {
         self.second.abs() > T::ZERO
     }
 
     /// The weights of the base run and of the two others in the slope at the base: of the line through two errors, or of the parabola
     /// through three. Their sum is zero.
-    #[must_use]
-    pub fn weights(self) -> [T; 3] {
+    fn weights(self) -> [T; 3] {
         let Self { first, second } = self;
         if !self.is_any() {
             return [T::ZERO; 3];

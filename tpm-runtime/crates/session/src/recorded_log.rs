@@ -47,7 +47,7 @@ pub(super) fn identify(
         .map_err(|source| LogFault::Recorded { path: path(), source })?;
     let mut warnings = summary::doubts(model, &fit.estimate, Data::Log);
     let beyond = (0..signals.sensors.len())
-        .filter(|&s| !fit.explained[s])
+        .filter(|&s| !fit.explains(s))
         .max_by(|&a, &b| fit.shares[a].total_cmp(&fit.shares[b]));
     warnings.extend(beyond.map(|s| {
         let Sensed { coordinate, derivative, .. } = signals.sensors[s];

@@ -55,27 +55,32 @@ struct Floor {
 
 impl Floor {
     fn at(&self, frequency: f64) -> f64 {
-        self.level * self.shape(frequency)
+        self.level / self.whitened((2.0 * PI * frequency * self.h).cos())
     }
 
-    fn shape(&self, frequency: f64) -> f64 {
-        let r = self.correlation;
-        1.0 / (1.0 + r * r - 2.0 * r * (2.0 * PI * frequency * self.h).cos())
+    /// What a density times this is white, given the cosine of the phase between samples.
+    fn whitened(&self, cosine: f64) -> f64 {
+        1.0 + self.correlation * (self.correlation - 2.0 * cosine)
     }
 
-    /// The colour of first order that is likeliest (Whittle 1953) for the densities of bins at which nothing moves.
-    fn of(bins: &[(f64, f64)], h: f64) -> Self {
+    /// The colour of first order that is likeliest (Whittle 1953) for the densities of bins at which nothing moves; nothing without bins.
+    fn of(bins: impl Iterator<Item = (f64, f64)>, h: f64) -> Option<Self> {
+        let bins: Vec<(f64, f64)> = bins.map(|(f, power)| ((2.0 * PI * f * h).cos(), power)).collect();
+        let count = Some(bins.len() as f64).filter(|count| *count > 0.0)?;
         let tried = (0..=CORNERS_PER_OCTAVE * CORNER_OCTAVES).map(|k| {
             let corner = 0.5 / h * 2.0_f64.powf(-f64::from(k) / f64::from(CORNERS_PER_OCTAVE));
             let correlation = if k == 0 { 0.0 } else { (-2.0 * PI * corner * h).exp() };
-            let shape = Floor { level: 1.0, correlation, h };
-            let count = bins.len() as f64;
-            let level = bins.iter().map(|(f, power)| power / shape.shape(*f)).sum::<f64>() / count;
-            let logs = bins.iter().map(|(f, _)| shape.shape(*f).ln()).sum::<f64>() / count;
-            (level.max(f64::MIN_POSITIVE).ln() + logs, Floor { level, ..shape })
+            let colour = Floor { level: 1.0, correlation, h };
+            let (mut level, mut logs) = (0.0, 0.0);
+            for (cosine, power) in &bins {
+                let whitened = colour.whitened(*cosine);
+                level += power * whitened;
+                logs -= whitened.ln();
+            }
+            level /= count;
+            (level.max(f64::MIN_POSITIVE).ln() + logs / count, Floor { level, ..colour })
         });
-        let least = tried.min_by(|a, b| a.0.total_cmp(&b.0));
-        least.expect("invariant: white noise is among what is tried").1
+        tried.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, likeliest)| likeliest)
     }
 }
 
@@ -118,8 +123,7 @@ impl Spectrum {
         let mut floor = white;
         for _ in 0..ROUNDS {
             let edge = below(FOLLOWED, &floor);
-            let bins: Vec<(f64, f64)> = fine.bins().filter(|(f, _)| *f > edge).collect();
-            let coloured = Floor::of(&bins, h);
+            let Some(coloured) = Floor::of(fine.bins().filter(|(f, _)| *f > edge), h) else { break };
             let before = std::mem::replace(&mut floor, coloured);
             if coloured.correlation == before.correlation {
                 break;

@@ -78,8 +78,6 @@ pub struct RecordedFit {
     pub late: Vec<Option<[f64; 2]>>,
     /// Noise that the readings of every sensor show by themselves, unit of what it reads.
     pub own_noise: Vec<f64>,
-    /// Whether what is left of every sensor may be the noise that its readings show by themselves.
-    pub explained: Vec<bool>,
     /// Steps at the end.
     pub steps: usize,
     /// Residual with the inputs taken otherwise between their stamps; nothing where the simulation does not settle so.
@@ -168,7 +166,7 @@ pub fn fit_recorded(
     let mut tried = [is_faster, has_alike, true].into_iter().zip(others);
     loop {
         let settled = match &best {
-            Ok(found) => found.explained.iter().all(|own| *own),
+            Ok(found) => (0..found.noise.len()).all(|sensor| found.explains(sensor)),
             Err(fault) => !matches!(fault, RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }),
         };
         let may_help =
@@ -182,6 +180,14 @@ pub fn fit_recorded(
             }
             _ => return best,
         }
+    }
+}
+
+impl RecordedFit {
+    /// Whether what is left of a sensor may be the noise that its readings show by themselves.
+    #[must_use]
+    pub fn explains(&self, sensor: usize) -> bool {
+        self.noise[sensor] <= MOST_OVER_NOISE * self.own_noise[sensor]
     }
 }
 
@@ -288,7 +294,6 @@ fn fit_beginning(
     let estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
     let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
     let own_noise: Vec<f64> = signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect();
-    let explained = noise.iter().zip(&own_noise).map(|(left, own)| *left <= MOST_OVER_NOISE * own).collect();
     Ok(RecordedFit {
         other_hold: work.with_other_hold(&blocks, &typical, &settled.point, &noise),
         estimate,
@@ -300,7 +305,6 @@ fn fit_beginning(
         shares,
         late,
         own_noise,
-        explained,
         steps: settled.steps,
     })
 }
