@@ -87,7 +87,8 @@ impl Floor {
 /// What the spectrum of one coordinate says.
 #[derive(Clone, Debug)]
 pub(super) struct Spectrum {
-    /// Deviation of the noise of the sensor, unit of the coordinate, were all of its spectrum as it is at the upper end.
+    /// Deviation that white noise of the sensor would have whose spectrum is everywhere as high as this one is at its upper end, unit of the
+    /// coordinate.
     pub(super) noise: f64,
     floor: Floor,
     /// Highest frequency at which the motion stands out of the noise, Hz.
