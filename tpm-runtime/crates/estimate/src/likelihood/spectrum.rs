@@ -87,8 +87,8 @@ impl Floor {
 /// What the spectrum of one coordinate says.
 #[derive(Clone, Debug)]
 pub(super) struct Spectrum {
-    /// Deviation that white noise of the sensor would have whose spectrum is everywhere as high as this one is at its upper end, unit of the
-    /// coordinate.
+    /// Deviation, in the unit of the coordinate, of white noise whose density is the median density of this spectrum above a quarter of
+    /// the sampling rate.
     pub(super) noise: f64,
     floor: Floor,
     /// Highest frequency at which the motion stands out of the noise, Hz.
@@ -148,7 +148,7 @@ impl Spectrum {
         Spectrum { noise, floor, followed, used, share }
     }
 
-    /// Variance of the noise at a frequency, Hz, were all of its spectrum as it is there.
+    /// Variance of white noise whose density is that of the sensor's noise at a frequency, Hz.
     pub(super) fn noise_at(&self, frequency: f64) -> f64 {
         0.5 * self.floor.at(frequency) / self.floor.h
     }
