@@ -332,24 +332,25 @@ fn a_campaign_that_cannot_go_on_ends_with_a_reason_at_rest() {
     }
 }
 
-/// The three machines of `benches/cortex_m4f/campaign` in the emulated controller: its script fails unless all stages are played, every
-/// parameter is within three deviations, and this computer finds the same from the same program.
+/// One of the three machines of `benches/cortex_m4f/campaign` in the emulated controller: its script fails unless all stages are played,
+/// every parameter is within three deviations, and this computer finds the same from the same program. `.ci/long` runs all of them.
 #[test]
-fn machines_identify_themselves_on_an_emulated_cortex_m4f() {
+fn a_machine_identifies_itself_on_an_emulated_cortex_m4f() {
     for tool in ["arm-none-eabi-gcc", "qemu-system-arm", "python3", "cc"] {
         if Command::new(tool).arg("--version").output().is_err() {
             return skipped(&format!("{tool} was not found, so that no campaign was run on an emulated controller"));
         }
     }
     let script = root().join("benches/cortex_m4f/campaign/run");
-    let output =
-        Command::new("python3").arg(script).args(["--compare", "1"]).env("TPM", env!("CARGO_BIN_EXE_tpm")).output();
+    let output = Command::new("python3")
+        .arg(script)
+        .args(["--compare", "1", "two_carts"])
+        .env("TPM", env!("CARGO_BIN_EXE_tpm"))
+        .output();
     let output = output.expect("python3 runs");
     let text = String::from_utf8_lossy(&output.stdout);
     println!("{text}");
     assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
-    for machine in ["mass_spring_drag", "two_carts", "arm"] {
-        assert!(text.contains(&format!("{machine}, -Os: ")), "{text}");
-    }
-    assert_eq!(text.matches("all stages played").count(), 3, "{text}");
+    assert!(text.contains("two_carts, -Os: "), "{text}");
+    assert_eq!(text.matches("all stages played").count(), 1, "{text}");
 }

@@ -673,7 +673,10 @@ impl fmt::Display for Warning {
             ),
             Warning::Repeats { power, beside_terms } => {
                 let (left, so) = if *beside_terms {
-                    ("what is left beside the terms that the model lacks", "they have another form, or more is missing")
+                    (
+                        "what is left beside the terms that the model lacks",
+                        "they have another form, more is missing, or it is a sensor that is not linear",
+                    )
                 } else {
                     (
                         "what the model leaves unexplained",
