@@ -1,6 +1,6 @@
 //! Logs that are simulated between their stamps: states that nobody measured, also where stamps are uneven or fields blank.
 
-use crate::{DeclaredModel, Identification, LogRequest, from_log};
+use crate::{DeclaredModel, Identification, LogRequest, Warning, from_log};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -122,6 +122,19 @@ fn a_thrust_that_lags_is_told_from_the_angle() {
     let made = run(&model, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], even(1500, 0.01), steps);
     let result = from_log(&model, made.log(&[("phi", 0, 2e-3)], Some("u"), 2)).expect("identified");
     assert_right(&result, &truth, 0.1);
+}
+
+#[test]
+fn what_is_left_beyond_the_noise_of_a_sensor_is_not_trusted() {
+    let model = DeclaredModel::parse("propeller.tpm", PROPELLER).expect("a model");
+    let cogging = PROPELLER.replace("- l*thrust", "+ cogging*sin(7*phi) - l*thrust");
+    let cogging = cogging.replace("constant mgl = 0.6 [N*m];", "constant mgl = 0.6 [N*m], cogging = 0.05 [N*m];");
+    let machine = DeclaredModel::parse("cogging.tpm", &cogging).expect("a model");
+    let truth = [0.03, 0.02, 0.2, 0.15];
+    let made = run(&machine, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], even(1500, 0.01), steps);
+    let result = from_log(&model, made.log(&[("phi", 0, 2e-3)], Some("u"), 2)).expect("identified");
+    let said = |warning: &Warning| matches!(warning, Warning::BeyondNoise { signal, left, noise } if signal == "phi" && left > noise);
+    assert!(result.warnings.iter().any(said) && !result.is_complete(), "{result}");
 }
 
 #[test]
