@@ -168,7 +168,11 @@ def by_scipy(machine, readings, u, rng):
     with np.errstate(all="ignore"):
         found = least_squares(lambda q: np.nan_to_num(run(q) - wanted, nan=1e6), start, jac=slopes)
     spread = np.sum(found.fun**2) / (readings.size - len(truth))
-    covariance = np.linalg.inv(found.jac.T @ found.jac) * spread
+    information = found.jac.T @ found.jac
+    # Where the search ended at a place from which nothing moves the simulation, there is no result.
+    if np.linalg.cond(information) > 1 / np.finfo(float).eps:
+        return None
+    covariance = np.linalg.inv(information) * spread
     value = np.exp(found.x)
     return value, np.sqrt(np.diag(covariance)) * value
 
