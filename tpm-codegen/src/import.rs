@@ -19,6 +19,7 @@ mod read;
 mod reading;
 mod replace;
 mod split;
+mod stribeck;
 mod urdf;
 mod write;
 mod xml;
@@ -29,7 +30,7 @@ use crate::source::Source;
 
 pub use described::{Described, DescribedBody, JointLosses};
 pub use mjcf::mjcf;
-pub use options::{Angles, Options};
+pub use options::{Angles, Options, STRIBECK};
 pub use replace::with_inertials;
 pub use split::{Parted, SplitError, decimal};
 

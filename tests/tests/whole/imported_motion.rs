@@ -6,6 +6,8 @@ use tpm_codegen::Parsed;
 use tpm_codegen::import::{Imported, Options, import_description};
 use tpm_codegen::source::Source;
 use tpm_runtime::experiment::Experiment;
+use tpm_symbolic::mechanics::tree::mechanism::Loss;
+use tpm_symbolic::number::rational::to_f64;
 
 /// A sliding joint that carries a turning one, about an axis that is none of the frame's; names that the pattern would like to have.
 const SLIDING: &str = r#"<robot name="sliding">
@@ -83,4 +85,35 @@ fn names_of_the_description_go_before_those_of_the_pattern() {
     assert!(imported.model.contains("turn = A_turn_*(sin(w_*t) - 1/2*sin(2*w_*t));"), "{}", imported.model);
     let experiment = Experiment::parse(&imported.experiment).expect("an experiment");
     assert!(!experiment.limits.velocities.contains_key("slide"), "a velocity of zero is none");
+}
+
+/// Friction that falls with the rate is a force beside the losses; its rate is looked for within shares of the joint's largest rate, or of
+/// twice that of the motion to begin with.
+#[test]
+fn friction_that_falls_with_the_rate_is_a_force() {
+    let turn = "velocity=\"0\"";
+    for (text, [slides, turns]) in [
+        (SLIDING.to_owned(), ["0.00053 to 0.13", "0.008 to 2"]),
+        (SLIDING.replace(turn, "velocity=\"0.8\""), ["0.0016 to 0.4", "0.008 to 2"]),
+    ] {
+        let source = Source::new("sliding.urdf", text);
+        let options = Options { losses: Some(vec![Loss::Coulomb]), stribeck: true, ..Options::default() };
+        let imported =
+            import_description(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+        for words in [
+            "    parameter fs_slide [N], fs_turn [N*m];\n".to_owned(),
+            format!("    nonlinear parameter vs_slide [m/s] from {slides}, vs_turn [rad/s] from {turns};\n"),
+            "    force turn = -fs_turn*exp(-(dot(turn)/vs_turn)^2)*sign(dot(turn));\n".to_owned(),
+            "with coulomb;".to_owned(),
+        ] {
+            assert!(imported.model.contains(&words), "{words}{}", imported.model);
+        }
+        let model = parsed(&imported).model;
+        let constants = Experiment::parse(&imported.experiment).expect("an experiment").constants;
+        assert_eq!(model.nonlinear.len(), constants.len());
+        for own in &model.nonlinear {
+            let value = constants[&model.quantity(own.symbol).name.to_string()];
+            assert!(to_f64(&own.from) < value && value < to_f64(&own.to), "{value}");
+        }
+    }
 }

@@ -51,6 +51,7 @@ impl PartArgs {
                 AnglesChoice::Written => Angles::Written,
             },
             losses: None,
+            stribeck: false,
         }
     }
 }

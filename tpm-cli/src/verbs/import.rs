@@ -37,12 +37,15 @@ enum LossChoice {
     Offset,
     /// The inertia of the rotor.
     Rotor,
+    /// What dry friction has more at rest, and the rate at which that falls.
+    Stribeck,
 }
 
 impl LossChoice {
+    /// The loss of the drive itself; friction that falls with the rate is a force beside it.
     fn loss(self) -> Option<Loss> {
         match self {
-            Self::None => None,
+            Self::None | Self::Stribeck => None,
             Self::Viscous => Some(Loss::Viscous),
             Self::Coulomb => Some(Loss::Coulomb),
             Self::Offset => Some(Loss::Offset),
@@ -69,8 +72,10 @@ fn beside(model: &Path, imported: Imported) -> [(PathBuf, String); 3] {
 /// The description as a model, after what there is to say about it.
 fn imported(args: &Args) -> Result<Imported, Failure> {
     let source = description(&args.file)?;
+    let losses = args.losses.as_ref();
     let options = Options {
-        losses: args.losses.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
+        losses: losses.map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
+        stribeck: losses.is_some_and(|losses| losses.contains(&LossChoice::Stribeck)),
         ..args.part.options()
     };
     let imported = import_description(&source, &options)

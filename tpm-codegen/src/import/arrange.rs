@@ -14,7 +14,7 @@ use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin};
-use crate::import::options::Options;
+use crate::import::options::{Options, STRIBECK};
 use crate::import::reading::{Exact, ExactAngle, Readings, is_angle};
 use crate::language::function::Function;
 use crate::source::Span;
@@ -420,7 +420,11 @@ impl<'a> Arranger<'a, '_, '_> {
         let turns = joint.kind == Kind::Revolute;
         let coordinate = match joint.follows {
             Some(_) => identifier(&joint.name, &[], &mut self.taken),
-            None => self.renamed(&joint.name, "joint", &Loss::ALL.map(Loss::symbol), joint.span),
+            None => {
+                let mut symbols = Loss::ALL.map(Loss::symbol).to_vec();
+                symbols.extend(STRIBECK);
+                self.renamed(&joint.name, "joint", &symbols, joint.span)
+            }
         };
         let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &[], &mut self.taken);
         let name = self.renamed(&joint.child, "link", &NAMES, joint.span);

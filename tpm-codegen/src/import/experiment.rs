@@ -32,8 +32,9 @@ struct Joint<'a> {
     felt: Felt,
 }
 
-/// The experiment as TOML; `prior` has the lines of the prior, `known` all parameters of the model.
-pub(super) fn experiment(robot: &Robot, from: &str, prior: &str, known: &BTreeSet<String>) -> String {
+/// The experiment as TOML; `prior` has the lines of the prior, `known` all parameters of the model, `constants` the table of what the model
+/// takes as known.
+pub(super) fn experiment(robot: &Robot, from: &str, prior: &str, known: &BTreeSet<String>, constants: &str) -> String {
     let motions = motions(robot);
     let centres: Vec<f64> = motions.iter().map(|motion| motion.map_or(0.0, |motion| motion.centre)).collect();
     let joints: Vec<Joint<'_>> = robot
@@ -48,7 +49,7 @@ pub(super) fn experiment(robot: &Robot, from: &str, prior: &str, known: &BTreeSe
     format!(
         "# Experiment with the limits of {from}, on a simulated machine with its inertias. Gains and the stage are to begin with: loops\n\
          # of {BANDWIDTH} rad/s about the middle of the motion, half of what positions and velocities allow.\n\n\
-         [prior]\n{prior}\n{}[plant.parameters]\n{}\n{}{}{}{}",
+         [prior]\n{prior}\n{constants}{}[plant.parameters]\n{}\n{}{}{}{}",
         steps(&joints, known),
         plant(prior, known),
         sensors(&joints),

@@ -2,6 +2,10 @@
 
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
+/// The parameters of friction that falls with the rate (Stribeck), without the name of the joint that ends theirs: what dry friction has more
+/// at rest, and the rate at which that has fallen to 1/e.
+pub const STRIBECK: [&str; 2] = ["fs", "vs"];
+
 /// How the angles and lengths of a description are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Angles {
@@ -26,4 +30,7 @@ pub struct Options {
     /// The unknown torques of every drive; where not given, viscous friction, Coulomb friction and rotors of the joints for which
     /// the description has a value that is not zero.
     pub losses: Option<Vec<Loss>>,
+    /// Whether friction of every drive falls with the rate (Stribeck): parameters beside those of the losses, the rate of the fall with an
+    /// interval in which it is looked for.
+    pub stribeck: bool,
 }

@@ -65,6 +65,14 @@ pub(super) struct Motion {
     series: Series,
 }
 
+impl Motion {
+    /// The largest rate of the first stage, rad/s or m/s.
+    pub(super) fn fastest(self) -> f64 {
+        let [_, fast] = self.series.peaks();
+        self.amplitude * fast * FREQUENCY * f64::from(self.multiple)
+    }
+}
+
 /// The motions of all bodies; `None` for a body on a fixed joint, and on one that follows another joint.
 pub(super) fn motions(robot: &Robot) -> Vec<Option<Motion>> {
     let mut places: Vec<u32> = Vec::with_capacity(robot.bodies.len());
@@ -119,7 +127,7 @@ fn decimal(value: f64) -> f64 {
 }
 
 /// The joints that have a coordinate, with their motions.
-fn moving(robot: &Robot) -> impl Iterator<Item = (&Moving, Motion)> {
+pub(super) fn moving(robot: &Robot) -> impl Iterator<Item = (&Moving, Motion)> {
     robot.bodies.iter().zip(motions(robot)).filter_map(|(body, motion)| Some((body.moving.as_ref()?, motion?)))
 }
 

@@ -14,6 +14,7 @@ use crate::import::description::Origin;
 use crate::import::experiment::experiment;
 use crate::import::options::Options;
 use crate::import::pattern::{constants, pattern};
+use crate::import::stribeck;
 use crate::language::ast::mechanism::loss_word;
 use crate::language::parse_model;
 use crate::source::{Source, Span};
@@ -34,7 +35,8 @@ pub(super) fn write(robot: &Robot, options: &Options, from: &str) -> Result<(Str
     let head = format!(
         "# From {from}: inertias about the frames of the bodies, of all links that move with them; SI units.\n"
     );
-    let experiment = experiment(robot, from, &values, &known);
+    let constants = if options.stribeck { stribeck::constants(robot) } else { String::new() };
+    let experiment = experiment(robot, from, &values, &known, &constants);
     Ok((model, head + &values, experiment))
 }
 
@@ -70,6 +72,9 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
         leading(robot).map(|moving| format!("{} [{}]", moving.input, if moving.turns { "N*m" } else { "N" })).collect();
     let _ = writeln!(text, "    coordinate {};\n    input {};", coordinates.join(", "), inputs.join(", "));
     text += &constants(robot);
+    if options.stribeck {
+        text += &stribeck::declarations(robot);
+    }
     text.push('\n');
     let [x, y, z] = robot.gravity.each_ref().map(|component| component.text.as_str());
     let _ = writeln!(text, "    mechanism {{\n        gravity ({x}, {y}, {z});");
@@ -99,6 +104,9 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
         text.push_str(";\n");
     }
     text.push_str("    }\n");
+    if options.stribeck {
+        text += &stribeck::forces(robot);
+    }
     text += &pattern(robot);
     text.push_str("}\n");
     text

@@ -5,7 +5,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use std::collections::BTreeMap;
-use tpm_codegen::import::{Described, Options, import_description};
+use tpm_codegen::import::{Described, Options, STRIBECK, import_description};
 use tpm_codegen::source::Source;
 use tpm_runtime::inertia::{InertiaError, Inertias, InertiasRequest, inertias};
 use tpm_runtime::session::{DeclaredModel, Identifiable as _, StoredResult};
@@ -48,6 +48,9 @@ const SMALL: &str = r#"<?xml version="1.0"?>
 </robot>
 "#;
 
+/// The rate at which friction falls, rad/s.
+const RATE: f64 = 0.3;
+
 /// An arm with its true parameters and the columns of its model.
 pub(super) struct Arm {
     pub(super) source: Source,
@@ -55,6 +58,8 @@ pub(super) struct Arm {
     pub(super) described: Described,
     pub(super) map: ParameterMap,
     pub(super) truth: BTreeMap<String, f64>,
+    /// Rates at which friction falls, which results have beside the columns.
+    rates: Vec<String>,
     /// Weights by column of every base parameter.
     pub(super) base: Vec<Vec<(usize, f64)>>,
     /// The information matrix of the columns along a motion, with noise of one percent of the largest torque.
@@ -63,19 +68,20 @@ pub(super) struct Arm {
 
 pub(super) fn arms() -> Vec<Arm> {
     let robot = std::env::var_os("TPM_DATA").map(|folder| std::path::Path::new(&folder).join("robots/ur10_robot.urdf"));
-    let mut arms = vec![Arm::new("small.urdf", SMALL.as_bytes())];
+    let mut arms =
+        vec![Arm::new("small.urdf", SMALL.as_bytes(), false), Arm::new("rubbing.urdf", SMALL.as_bytes(), true)];
     match robot.filter(|path| path.exists()) {
-        Some(path) => arms.push(Arm::new("ur10.urdf", &std::fs::read(path).expect("a description"))),
+        Some(path) => arms.push(Arm::new("ur10.urdf", &std::fs::read(path).expect("a description"), false)),
         None => skipped("TPM_DATA has no robots/ur10_robot.urdf"),
     }
     arms
 }
 
 impl Arm {
-    fn new(name: &str, text: &[u8]) -> Self {
+    fn new(name: &str, text: &[u8], stribeck: bool) -> Self {
         let source = Source::from_bytes(name.to_owned(), text.to_vec());
         let losses = Some(vec![Loss::Viscous, Loss::Coulomb, Loss::Rotor]);
-        let options = Options { losses, ..Options::default() };
+        let options = Options { losses, stribeck, ..Options::default() };
         let imported =
             import_description(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
         let model = DeclaredModel::parse(name, &imported.model).expect("a model");
@@ -91,19 +97,27 @@ impl Arm {
             truth.extend(
                 NAMES.iter().zip(body.inertia).map(|(own, value)| (format!("{own}_{}", body.name), to_f64(value))),
             );
-            let losses = [("fv", 2.0), ("fc", 3.0), ("Ia", 0.1)];
+            let more = stribeck.then_some((STRIBECK[0], 1.5));
+            let losses = [("fv", 2.0), ("fc", 3.0), ("Ia", 0.1)].into_iter().chain(more);
             truth.extend(losses.map(|(symbol, value)| (format!("{symbol}_{}", body.coordinate), value)));
         }
         let mut arm = Self {
             map: ParameterMap::new(prepared),
             base: base.collect(),
+            rates: prepared
+                .model
+                .nonlinear
+                .iter()
+                .map(|own| prepared.model.quantity(own.symbol).name.to_string())
+                .collect(),
             information: Vec::new(),
             source,
             model,
             described,
             truth,
         };
-        arm.information = arm.informed(1500);
+        // More friction takes more motion to leave the inertias as well known.
+        arm.information = arm.informed(if stribeck { 2000 } else { 1500 });
         arm
     }
 
@@ -117,6 +131,7 @@ impl Arm {
         let dims = model.dims();
         let (n, joints) = (dims.parameters, dims.coordinates);
         let columns = self.columns(&self.truth);
+        let rates = vec![RATE; self.rates.len()];
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let (mut work, mut most) = (vec![0.0; model.workspace_len()], vec![0.0_f64; joints]);
         let regressors: Vec<Vec<f64>> = (0..motions)
@@ -126,7 +141,7 @@ impl Arm {
                     .flat_map(|size| (0..joints).map(|_| rng.random_range(-size..*size)).collect::<Vec<_>>())
                     .collect();
                 let mut out = vec![0.0; dims.regressor_len()];
-                model.regressor(&motion, &[], &mut work, &mut out).expect("a regressor");
+                model.regressor(&motion, &rates, &mut work, &mut out).expect("a regressor");
                 for (row, most) in out.chunks(n).zip(&mut most) {
                     let torque: f64 = row.iter().zip(&columns).map(|(entry, own)| entry * own).sum();
                     *most = most.max(torque.abs());
@@ -168,19 +183,30 @@ impl Arm {
         let parameters = columns.iter().map(|name| {
             serde_json::json!({"name": name, "unit": null, "value": null, "std": null, "prior": null, "status": "unobservable"})
         });
+        let parameters = parameters.chain(self.rates.iter().map(|name| {
+            serde_json::json!({"name": name, "unit": null, "value": RATE, "std": 0.1 * RATE, "prior": null, "status": "identified"})
+        }));
         let combinations = self.base.iter().enumerate().map(|(row, own)| {
             let terms: BTreeMap<&String, String> =
                 own.iter().map(|(column, factor)| (&columns[*column], factor.to_string())).collect();
             serde_json::json!({"terms": terms, "value": values[row], "std": covariance[(row, row)].sqrt()})
         });
-        let nothing = vec![serde_json::Value::Null; columns.len()];
+        let all = columns.len() + self.rates.len();
+        let nothing = vec![serde_json::Value::Null; all];
+        let of_parameters = (0..all).map(|row| {
+            let mut own = nothing.clone();
+            if row >= columns.len() {
+                own[row] = serde_json::json!((0.1 * RATE).powi(2));
+            }
+            own
+        });
         let rows = covariance.row_iter().map(|row| {
             nothing.iter().cloned().chain(row.iter().map(|entry| serde_json::json!(entry))).collect::<Vec<_>>()
         });
         let text = serde_json::json!({
             "schema": "tpm.identification/2", "model": self.model.prepared().model.name.to_string(),
             "parameters": parameters.collect::<Vec<_>>(), "combinations": combinations.collect::<Vec<_>>(),
-            "covariance": vec![nothing.clone(); columns.len()], "combination_covariance": rows.collect::<Vec<_>>(),
+            "covariance": of_parameters.collect::<Vec<_>>(), "combination_covariance": rows.collect::<Vec<_>>(),
         });
         StoredResult::parse(&text.to_string()).expect("a result")
     }

@@ -53,10 +53,18 @@ impl Shown {
         if jacobian.iter().flatten().chain(&offsets).any(|entry| !entry.is_finite()) {
             return Err(InertiaError::Nonlinear);
         }
-        let (weights, mut values, covariance) = result.entries();
-        if weights.is_empty() {
+        let (weights, values, covariance) = result.entries();
+        // What a result says of inertias holds whatever its nonlinear parameters, such as a rate of friction, turn out to be.
+        let nonlinear = prepared.model.nonlinear.iter().map(|own| &prepared.model.quantity(own.symbol).name);
+        let nonlinear: BTreeSet<&str> = nonlinear.map(AsRef::as_ref).collect();
+        let linear = |row: &usize| weights[*row].keys().all(|name| !nonlinear.contains(name.as_str()));
+        let kept: Vec<usize> = (0..weights.len()).filter(linear).collect();
+        if kept.is_empty() {
             return Err(InertiaError::Nothing);
         }
+        let mut values: Vec<f64> = kept.iter().map(|&row| values[row]).collect();
+        let covariance = covariance.dense().select_rows(&kept).select_columns(&kept);
+        let weights: Vec<BTreeMap<String, f64>> = kept.into_iter().map(|row| weights[row].clone()).collect();
         let mut rows = DMatrix::zeros(weights.len(), names.len());
         for (row, weights) in weights.iter().enumerate() {
             for (column, weight) in weights {
@@ -66,7 +74,6 @@ impl Shown {
                 values[row] -= weight * offsets[at];
             }
         }
-        let covariance = covariance.dense().clone();
         Ok(Self { names, weights, rows, values: DVector::from_vec(values), covariance })
     }
 

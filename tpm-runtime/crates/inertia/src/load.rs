@@ -16,14 +16,14 @@ use crate::pseudo_inertia::{ball, parameters};
 use crate::stage::names_of;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use tpm_codegen::import::decimal;
+use tpm_codegen::import::{STRIBECK, decimal};
 use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
 use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{Cholesky, DMatrix, DVector, tolerance};
 use tpm_report::{number, probability};
 use tpm_session::{DeclaredModel, StoredResult};
 use tpm_symbolic::mechanics::tree::NAMES;
-use tpm_symbolic::mechanics::tree::mechanism::Loss;
+use tpm_symbolic::mechanics::tree::mechanism::{Loss, parameter_name};
 use tpm_symbolic::number::rational::to_f64;
 
 /// Probability of the misfit, were the deviations right, below which the results are said to contradict each other.
@@ -209,7 +209,8 @@ fn whitened(shown: &Shown) -> Result<(DMatrix<f64>, DVector<f64>), InertiaError>
 
 /// Whether a parameter is a friction or an offset.
 fn may_change(name: &str) -> bool {
-    [Loss::Viscous, Loss::Coulomb, Loss::Offset].iter().any(|loss| name.starts_with(&format!("{}_", loss.symbol())))
+    let mut symbols = [Loss::Viscous, Loss::Coulomb, Loss::Offset].map(Loss::symbol).into_iter().chain(STRIBECK);
+    symbols.any(|symbol| name.starts_with(&parameter_name(symbol, "")))
 }
 
 /// The load about the frame of its link, without regard to what is possible.
