@@ -136,8 +136,7 @@ fn nothing_but_inertias_and_frictions_changes_in_a_description() {
         let (values, covariance) = (arm.values(&arm.truth), arm.covariance() * 4.0);
         let estimate = noisy(&values, &covariance, &mut ChaCha8Rng::seed_from_u64(5));
         let found = arm.found(&arm.result(&estimate, &covariance), &BTreeMap::new()).expect("possible inertias");
-        let losses =
-            arm.described.bodies().map(|body| (body.joint.to_owned(), found.losses[body.coordinate])).collect();
+        let losses = arm.described.frictions_of_joints(&found.losses);
         let text = with_inertials(&arm.source, &found.parted.links, &losses).expect("XML");
         assert_eq!(stripped(arm.source.text()), stripped(&text));
         assert_ne!(arm.source.text(), text);

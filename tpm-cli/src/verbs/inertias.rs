@@ -8,7 +8,7 @@ use crate::input::values::stored_result;
 use crate::output::file;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_codegen::import::{Described, JointLosses, mjcf, with_inertials};
+use tpm_codegen::import::{Described, mjcf, with_inertials};
 use tpm_codegen::source::Source;
 use tpm_runtime::inertia::{Inertias, InertiasRequest, Origin, inertias};
 
@@ -96,16 +96,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 /// The description with the inertias that were found.
 fn urdf(source: &Source, described: &Described, found: &Inertias) -> Result<String, Failure> {
-    let joints: Vec<(String, JointLosses)> = described
-        .bodies()
-        .filter_map(|body| Some((body.joint.to_owned(), *found.losses.get(body.coordinate)?)))
-        .collect();
-    if joints.iter().any(|(_, losses)| losses.rotor.is_some_and(|rotor| rotor > 0.0)) {
+    if found.losses.values().any(|losses| losses.rotor.is_some_and(|rotor| rotor > 0.0)) {
         file::remark(
             "remark: a URDF has no place for the inertia of rotors: they are in the model for MuJoCo (--mjcf), and in --json",
         );
     }
-    with_inertials(source, &found.parted.links, &joints.into_iter().collect())
+    with_inertials(source, &found.parted.links, &described.frictions_of_joints(&found.losses))
         .map_err(|diagnostics| Failure::Model(diagnostics.render(source)))
 }
 

@@ -62,6 +62,8 @@ pub(super) struct Moving {
     pub(super) damping: Rational,
     pub(super) friction: Rational,
     pub(super) armature: Rational,
+    /// Damping and friction of this joint alone, as the description has them: those above count at the joint that leads.
+    pub(super) alone: [Rational; 2],
     /// The ten parameters about the frame of the body, of all links that move with it.
     pub(super) inertia: [Rational; 10],
     /// The links that are fixed to this one and have an inertia, each with its ten parameters about the frame of the body.
@@ -453,6 +455,7 @@ impl<'a> Arranger<'a, '_, '_> {
                 damping: joint.damping.clone(),
                 friction: joint.friction.clone(),
                 armature: joint.armature.clone(),
+                alone: [joint.damping.clone(), joint.friction.clone()],
                 inertia: std::array::from_fn(|_| Rational::zero()),
                 attached: Vec::new(),
             }),

@@ -5,7 +5,9 @@ use crate::import::arrange::{Moving, Robot};
 use crate::import::options::Options;
 use crate::import::read::read;
 use crate::source::Source;
-use tpm_symbolic::number::rational::Rational;
+use num_traits::Zero;
+use std::collections::BTreeMap;
+use tpm_symbolic::number::rational::{Rational, to_f64};
 
 /// A description and the bodies that a model of it has.
 pub struct Described {
@@ -66,6 +68,35 @@ impl Described {
             damping: &moving.damping,
             friction: &moving.friction,
         })
+    }
+
+    /// Frictions as a URDF writes them, by the names of its joints, from those by the coordinates of the model. What brakes a joint counts
+    /// at the joint that leads it: there and at all that follow, every friction changes by the same factor, so that their sum is what the
+    /// coordinate has. Where the description has no friction of the kind, all of it is the leading joint's.
+    #[must_use]
+    pub fn frictions_of_joints(&self, losses: &BTreeMap<String, JointLosses>) -> BTreeMap<String, JointLosses> {
+        let of = |(_, moving): (&str, &Moving)| {
+            let leader = match &moving.follows {
+                Some((leader, _)) => self.robot.bodies[*leader].moving.as_ref()?,
+                None => moving,
+            };
+            let whole = losses.get(&leader.coordinate)?;
+            let part = |value: Option<f64>, alone: &Rational, all: &Rational| {
+                if all.is_zero() {
+                    return value.filter(|_| moving.follows.is_none());
+                }
+                let share = (!alone.is_zero()).then(|| to_f64(alone) / to_f64(all));
+                Some(value? * share?)
+            };
+            let [damping, friction] = &moving.alone;
+            let own = JointLosses {
+                damping: part(whole.damping, damping, &leader.damping),
+                friction: part(whole.friction, friction, &leader.friction),
+                rotor: None,
+            };
+            Some((moving.joint.clone(), own))
+        };
+        self.moving().filter_map(of).collect()
     }
 
     pub(super) fn moving(&self) -> impl Iterator<Item = (&str, &Moving)> {

@@ -119,6 +119,7 @@ mod tests {
     use crate::source::Source;
     use std::collections::BTreeMap;
     use tpm_symbolic::mechanics::tree::AboutCentre;
+    use tpm_symbolic::number::rational::to_f64;
 
     /// Links without an inertial in every form, and one with a flange that is heavier than both may be.
     const ARM: &str = "<robot name='r'><link name='base'/>\n  <link name='a' />\n  <link name='b'></link>\n  <link name=\"c\">\n    <visual/>\n  \
@@ -151,6 +152,40 @@ mod tests {
             assert_eq!(body.inertia, &parted.bodies[body.name], "{}", body.name);
         }
         assert_eq!(again.bodies().count(), 3);
+    }
+
+    /// A gripper of which one finger follows the other, each with friction of its own: both elements stay, and what is read back of them is
+    /// the friction of the coordinate.
+    #[test]
+    fn a_joint_that_follows_keeps_its_dynamics() {
+        const GRIPPER: &str = "<robot name='g'><link name='base'/><link name='a'/><link name='b'/>\
+            <joint name='lead' type='prismatic'><parent link='base'/><child link='a'/><axis xyz='0 1 0'/><dynamics damping='4'/></joint>\
+            <joint name='follow' type='prismatic'><parent link='base'/><child link='b'/><axis xyz='0 1 0'/>\
+            <mimic joint='lead' multiplier='-2'/><dynamics damping='0.5' friction='0.75'/></joint></robot>";
+        let own = described(GRIPPER);
+        let of = |name: &str, read: &Described| {
+            let body = read.bodies().find(|body| body.joint == name).expect("a joint");
+            [body.damping, body.friction].map(to_f64)
+        };
+        // 4 + 2^2 0.5, and 2 0.75.
+        assert_eq!([of("lead", &own), of("follow", &own)], [[6.0, 1.5], [0.0, 0.0]]);
+        for (damping, friction) in [(Some(3.0), Some(0.5)), (Some(0.0), None), (None, Some(2.0)), (None, None)] {
+            let losses = BTreeMap::from([("lead".to_owned(), JointLosses { damping, friction, rotor: Some(1.0) })]);
+            let joints = own.frictions_of_joints(&losses);
+            let text =
+                with_inertials(&Source::new("g.urdf", GRIPPER), &BTreeMap::new(), &joints).expect("a description");
+            assert_eq!(text.matches("<dynamics").count(), 2, "{text}");
+            let wanted = [damping.unwrap_or(6.0), friction.unwrap_or(1.5)];
+            assert_eq!(of("lead", &described(&text)), wanted, "{text}");
+            assert_eq!(text.contains("<dynamics damping='0.5' friction='0.75'/>"), (damping, friction) == (None, None));
+        }
+        // Friction that nobody described is that of the joint that leads.
+        let silent = GRIPPER.replace(" friction='0.75'", "");
+        let losses =
+            BTreeMap::from([("lead".to_owned(), JointLosses { friction: Some(2.0), ..JointLosses::default() })]);
+        let joints = described(&silent).frictions_of_joints(&losses);
+        let text = with_inertials(&Source::new("g.urdf", silent), &BTreeMap::new(), &joints).expect("a description");
+        assert!(text.contains("friction=\"2\"") && text.contains("<dynamics damping='0.5'/>"), "{text}");
     }
 
     #[test]
