@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
 # Builds the wheel, installs it into an empty environment, and runs its tests, the type checker, the chapter of the book and the
 # notebook. The command line, with which the tests compare, is `TPM`, or is built.
+#
+#   tpm-python/check.sh [FOLDER]     FOLDER is where the wheel that was tested is left
 set -euo pipefail
 if [ -n "${TPM:-}" ]; then TPM=$(realpath "$TPM"); fi
+kept=${1:+$(realpath "$1")}
 cd "$(dirname "$0")"
 
 work=$(mktemp -d)
@@ -29,6 +32,16 @@ python3 -m venv "$work/fresh"
 "$work/fresh/bin/python" -m pytest -q -p no:cacheprovider tests
 # Types of the stubs as users of the module have them, and the stubs against the module itself.
 MYPYPATH=tests "$work/fresh/bin/mypy" --strict --cache-dir "$work/mypy" tests
+# And as users copy them from the notebook.
+"$work/fresh/bin/python" - ../docs/first.ipynb >"$work/notebook.py" <<'PY'
+import json
+import sys
+
+cells = json.load(open(sys.argv[1]))["cells"]
+print("\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"))
+PY
+"$work/fresh/bin/mypy" --strict --cache-dir "$work/mypy" "$work/notebook.py"
 # maturin wraps the extension module `tpm.tpm` into a package that takes its names over by `__all__`; neither is the module's own.
 printf '%s\n' 'tpm\.__all__' 'tpm\.tpm' >"$work/allowed"
 "$work/fresh/bin/python" -m mypy.stubtest tpm --ignore-disjoint-bases --allowlist "$work/allowed"
+if [ -n "$kept" ]; then cp "$work"/wheels/*.whl "$kept"; fi

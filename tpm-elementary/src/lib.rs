@@ -7,7 +7,8 @@
 //! IEEE 754.
 //!
 //! Invariant: the names are those of C99, and each function is that of libm. It is for programs: a library that linked it would decide for
-//! whoever uses it.
+//! whoever uses it. A shared library in the place of a program, such as the Python module, has to be linked without exporting these names
+//! (`--exclude-libs,ALL` for ELF): exported, its own calls would go to the C library, which was loaded before it.
 #![allow(unsafe_code, reason = "the point is to stand in the place of the platform's functions, by their names")]
 
 macro_rules! of_one {

@@ -2,8 +2,12 @@
 
 import datetime
 import json
+import os
+import platform
 import re
 import signal
+import subprocess
+import sys
 import threading
 import time
 import types
@@ -44,6 +48,16 @@ def test_arrays_give_the_numbers_of_the_command_line(tpm_command: Command, log: 
     assert result.covariance.tolist() == expected["covariance"]
     assert result["m"] == expected["parameters"][0]["value"]
     assert result.trusted and result.shortfall is None
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the loader of the GNU C library tells what it binds")
+def test_elementary_functions_are_those_of_the_module() -> None:
+    """Those of the C library would give other last digits from computer to computer."""
+    told = {**os.environ, "LD_DEBUG": "bindings", "LD_BIND_NOW": "1"}
+    done = subprocess.run([sys.executable, "-c", "import tpm"], env=told, capture_output=True, text=True, check=True)
+    own = [line for line in done.stderr.splitlines() if re.search(r"binding file \S*/tpm\.\S*so ", line)]
+    assert own
+    assert [line for line in own if "/libm." in line] == []
 
 
 def test_a_log_gives_the_json_of_the_command_line(tpm_command: Command, log: Path) -> None:
