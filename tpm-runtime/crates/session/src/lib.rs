@@ -21,6 +21,8 @@
 mod actuator_tests;
 mod agreeing;
 mod between_stamps;
+#[cfg(test)]
+mod calibration_tests;
 mod campaign;
 mod compare;
 #[cfg(test)]

@@ -155,3 +155,15 @@ fn without_a_majority_of_inputs_the_scale_is_not_known() {
     let found = masses(5, [1.0, 4.0, 0.3]);
     assert!(found.scale_unknown, "{:?}", found.lacking);
 }
+
+/// An input that records next to nothing of its force, as one of a cable that is off: the corrected record asks for ever more of its gain,
+/// so that none is stated, and the other inputs' gains are right.
+#[test]
+fn a_gain_that_never_settles_is_refused() {
+    for gain in [1e8, -1e8] {
+        let found = masses(5, [1.0, gain, 1.0]);
+        let gains = found.lacking.iter().filter(|own| own.term.kind == TermKind::InputGain);
+        assert_eq!(gains.filter(|own| own.value.abs() > 1e-2 && own.term.of == 1).count(), 0, "{:?}", found.lacking);
+        assert!(found.estimate.values.iter().all(|value| value.is_finite()), "{:?}", found.estimate);
+    }
+}
