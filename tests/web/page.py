@@ -274,6 +274,10 @@ def bad_input(browser, address, folder, tpm):
     expect("a fault in a model", browser.wait("return document.getElementById('findings').textContent"), "line 5")
     if browser.run("return !document.getElementById('go').disabled"):
         short.append("a model with a fault can be identified")
+    # Another model begins without what was said of the one before, also while it is not read yet.
+    left = browser.run("write('next.tpm', 'model Next {}'); return document.getElementById('findings').textContent + document.getElementById('marks').querySelectorAll('mark').length")
+    if left != "0":
+        short.append(f"faults of a former model stand beside the next one: {left!r}")
     vast = folder / "vast.tpm"
     vast.write_text(
         "model Vast { coordinate q; input u; parameter m, k; m*ddot(q) + k*abs(ddot(q)^400) = u;\n"

@@ -279,11 +279,17 @@ function known(text) {
 
 // ---- Model ----
 
+/// What is known of a text that was not read yet.
+const NOTHING = { findings: [], omitted: 0, faulty: true, model: null };
+
+/// Another model: what was said of the one before is forgotten.
 function write(name, text) {
   state.name = name;
   at("model").value = text;
   at("model").scrollTop = 0;
+  fault("fault", "");
   number();
+  show(NOTHING, text);
   check();
 }
 
@@ -307,14 +313,13 @@ async function check() {
   const text = at("model").value;
   keep();
   if (!text.trim()) {
-    show({ findings: [], omitted: 0, faulty: true, model: null }, text);
-    at("verdict").textContent = "";
+    show(NOTHING, text);
     return;
   }
   const found = await reader.ask({ ask: "check", model: { name: state.name, text } });
   // Whatever was typed since is read next.
   if (own !== checks) return;
-  show(found.error ? { findings: [{ error: true, from: 0, to: 0, line: 1, column: 1, message: found.error, others: [] }], faulty: true, omitted: 0, model: null } : found, text);
+  show(found.error ? { ...NOTHING, findings: [{ error: true, from: 0, to: 0, line: 1, column: 1, message: found.error, others: [] }] } : found, text);
 }
 
 /// Shows what is said of a model, and the fields of its signals.
