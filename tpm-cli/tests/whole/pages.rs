@@ -460,6 +460,11 @@ fn a_page_of_an_arm_shows_frames_friction_and_what_to_do_next() {
             assert!(shown.contains(&label), "`{label}` in {shown}");
         }
     }
+    // A matrix of correlations that narrow screens have no room for has a list beside it.
+    let (head, rows) = tables(section("correlations")).pop().expect("a list");
+    assert_eq!(head, ["parameter", "with", "correlation"]);
+    let listed: Vec<f64> = rows.iter().filter_map(|row| number(row[2])).collect();
+    assert!(listed.len() >= 10 && listed.is_sorted_by(|a, b| a.abs() >= b.abs()), "{listed:?}");
     let next = text(section("next"));
     assert!(next.contains("Predict another log"), "{next}");
     assert_eq!(next.contains("possible inertias"), result.is_complete(), "{next}");
@@ -490,7 +495,78 @@ fn a_page_of_a_comparison_says_what_the_comparison_says() {
             assert_eq!(number(row[place("B - A")]), own.difference, "{}", own.name);
             assert_eq!(number(row[place("z")]), own.z, "{}", own.name);
             assert_eq!(text(row[place("outcome")]) == "changed", own.changed, "{}", own.name);
+            // The interval is drawn beside no difference, which is the middle of the strip, and on the side of its sign.
+            let of = |class: &str, field: &str| -> f64 {
+                let mark = row[place("difference")].descendants().find(|node| node.attribute("class") == Some(class));
+                mark.and_then(|mark| mark.attribute(field)?.parse().ok()).unwrap_or_else(|| panic!("no {class}"))
+            };
+            let (low, width, value) = (of("bar", "x"), of("bar", "width"), of("value", "x1"));
+            assert_eq!(of("zero", "x1"), 100.0, "{}", own.name);
+            assert!(low > 0.0 && low + width < 200.0, "{}: {low} and {width}", own.name);
+            assert!((value - 100.0) * own.z.expect("a number") >= 0.0, "{}: {value}", own.name);
+            let holds = (low..low + width).contains(&100.0);
+            assert_eq!(holds, own.z.expect("a number").abs() < 1.96, "{}: {low} and {width}", own.name);
         }
         assert_eq!(rows.len(), found.linear.differences.len());
     }
+}
+
+#[test]
+fn a_page_of_a_validation_says_what_the_validation_says() {
+    let (log, model, ..) = recorded("mass_spring_drag", &[], "1");
+    let result = from_log(&model, LogRequest::new(log.path())).expect("identifies");
+    let mut verdicts = Vec::new();
+    // The machine itself, one with a little more mass, and a cable that is swapped.
+    for (mass, gain) in [("2.0", 1.0), ("2.1", 1.0), ("2.0", -1.0)] {
+        let case = format!("{mass} kg, gain {gain}");
+        let (other, ..) = recorded("mass_spring_drag", &[("plant.parameters.m", mass)], "2");
+        let mut request = LogRequest::new(other.path());
+        request.reading.columns.scale.insert("u".to_owned(), gain);
+        let found = validate(&model, request, &result).expect("a validation");
+        let page = Page::from(&found).html().expect("a page");
+        let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
+        let document = Document::parse_with_options(&page, options).expect("well-formed");
+        let with = |field: &str, value: &str| document.descendants().find(|node| node.attribute(field) == Some(value));
+        // The headline: what is missing, or that tests failed.
+        let verdict = document
+            .descendants()
+            .find(|node| node.attribute("class").is_some_and(|class| class.starts_with("verdict")))
+            .expect("a verdict");
+        let (class, said) = (verdict.attribute("class").expect("a class"), text(verdict));
+        let shortfall = found.shortfall();
+        assert_eq!(class.contains("short"), shortfall.is_some(), "{case}: {said}");
+        assert!(shortfall.as_ref().is_none_or(|why| said.contains(why)), "{case}: {said}");
+        let channels = found.simulation.iter().flat_map(|simulation| &simulation.channels);
+        let tests: Vec<bool> = channels
+            .clone()
+            .flat_map(|own| own.whiteness.iter().chain(own.independence.iter().map(|input| &input.test)))
+            .map(|test| test.passed)
+            .collect();
+        assert_eq!(class.contains("caution"), shortfall.is_none() && tests.contains(&false), "{case}: {said}");
+        // Its number, and the tables below.
+        let key = text(with("class", "key").expect("the most important values"));
+        assert!(key.contains("largest share missed"), "{case}: {key}");
+        let first = with("class", "key").and_then(number);
+        assert_eq!(first, found.prediction_error, "{case}: {key}");
+        let all = tables(with("id", "against").expect("a section"));
+        let column = |head: &[String], name: &str| head.iter().position(|own| own == name).expect("a column");
+        let (head, rows) = &all[0];
+        assert_eq!(rows.len(), found.rows.len(), "{case}");
+        for (row, own) in rows.iter().zip(&found.rows) {
+            assert_eq!(text(row[0]), own.name, "{case}");
+            assert_eq!(number(row[column(head, "share missed")]), Some(own.share), "{case}: {}", own.name);
+        }
+        let (head, rows) = &all[1];
+        for (row, own) in rows.iter().zip(channels.clone()) {
+            assert_eq!(text(row[0]), own.name, "{case}");
+            assert_eq!(number(row[column(head, "one step, rms")]), Some(own.one_step.rms), "{case}: {}", own.name);
+            let free = own.free_run.as_ref().map(|run| run.rms);
+            assert_eq!(number(row[column(head, "free run, rms")]), free, "{case}: {}", own.name);
+        }
+        let (_, rows) = tables(with("id", "residual").expect("a section")).swap_remove(0);
+        let stated: Vec<bool> = rows.iter().map(|row| text(row[row.len() - 1]) == "passed").collect();
+        assert_eq!(stated, tests, "{case}");
+        verdicts.push((shortfall.is_some(), tests.contains(&false)));
+    }
+    assert!(!verdicts[0].0 && verdicts[1].1 && verdicts[2].0, "{verdicts:?}");
 }

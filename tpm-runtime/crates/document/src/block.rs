@@ -83,6 +83,8 @@ pub(super) enum Block {
         columns: Vec<Column>,
         rows: Vec<Vec<Cell>>,
         caption: String,
+        /// Whether it stands for a matrix before, on screens that have no room for that.
+        narrow: bool,
     },
     Notices {
         list: Vec<Notice>,
@@ -90,6 +92,8 @@ pub(super) enum Block {
     Matrix {
         names: Vec<String>,
         rows: Vec<Vec<Option<f64>>>,
+        /// Whether narrow screens have no room for it, and show the table behind it instead.
+        wide: bool,
     },
     /// Equations, each in pieces of MathML between which its line may be broken.
     Equations {
@@ -110,11 +114,20 @@ impl Block {
     pub(super) fn table(columns: &[&str], rows: Vec<Vec<Cell>>, caption: &str) -> Self {
         let column =
             |name: &&str| Column { name: name.trim_start_matches('#').to_owned(), number: name.starts_with('#') };
-        Block::Table { columns: columns.iter().map(column).collect(), rows, caption: caption.to_owned() }
+        let columns = columns.iter().map(column).collect();
+        Block::Table { columns, rows, caption: caption.to_owned(), narrow: false }
     }
 }
 
 impl Block {
+    /// A table for screens that have no room for the matrix before it.
+    pub(super) fn for_narrow(mut self) -> Self {
+        if let Block::Table { narrow, .. } = &mut self {
+            *narrow = true;
+        }
+        self
+    }
+
     /// Renames the column `from`.
     pub(super) fn rename(&mut self, from: &str, to: &str) {
         if let Block::Table { columns, .. } = self {

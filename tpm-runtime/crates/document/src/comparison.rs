@@ -51,8 +51,8 @@ impl Document {
             blocks.extend(notes(family));
         }
         blocks.push(Block::text(format!(
-            "The bar is the 95 % interval of the difference, the triangle no difference. z: the difference in its deviations; p: how often \
-             chance alone makes one as large; Holm: p corrected for all {} tests made here. Below {} it counts as a change.",
+            "The bar is the 95 % interval of the difference; no difference is the line in the middle. z: the difference in its deviations; p: how \
+             often chance alone makes one as large; Holm: p corrected for all {} tests made here. Below {} it counts as a change.",
             found.tests, found.level
         )));
         document.section("differences", "Differences", blocks);
@@ -114,7 +114,7 @@ fn row(own: &Difference) -> Vec<Cell> {
     line.extend(pair(own.b.value, own.b.std));
     line.extend(pair(own.difference, own.std));
     line.push(Cell::text(outcome));
-    line.push(Cell::interval(Interval::of(own.difference, own.std, None, Some(0.0))));
+    line.push(Cell::interval(Interval::of_difference(own.difference, own.std)));
     line.push(Cell::shown(or_dash(own.z, signed), own.z));
     line.extend([chance(own.p), chance(own.p_adjusted)]);
     line

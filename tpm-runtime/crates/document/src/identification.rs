@@ -21,10 +21,12 @@ pub(super) const RMS: &str = "#rms error";
 const FORCE_LEFT: &str = "#force left by itself";
 /// Largest number of parameters of which the whole matrix of correlations is shown.
 const MATRIX: usize = 16;
-/// Smallest magnitude of a correlation that is listed where the matrix is too large.
+/// Largest number of parameters whose matrix has room on a narrow screen.
+const NARROW_MATRIX: usize = 8;
+/// Magnitude from which on correlations are listed where the matrix is too large.
 const STRONG: f64 = 0.9;
-/// Largest number of correlations that are listed.
-const LISTED: usize = 40;
+/// Least and largest number of correlations that are listed.
+const LISTED: (usize, usize) = (10, 40);
 
 impl Document {
     /// The page of a result, with validations by the logs or runs that it comes from; `spell` gives the names of
@@ -181,13 +183,11 @@ impl Document {
     }
 
     fn correlations(&mut self, result: &Identification) {
-        let mut blocks = Vec::new();
-        for (list, covariance) in
-            [(&result.physical, &result.physical_covariance), (&result.parameters, &result.covariance)]
-        {
-            let names: Vec<String> = list.iter().map(|parameter| parameter.name.clone()).collect();
-            blocks.extend(matrix(&names, covariance));
-        }
+        let physical = Correlations::of(&result.physical, &result.physical_covariance);
+        let lumped = Correlations::of(&result.parameters, &result.covariance);
+        let mut blocks = physical.blocks();
+        // Lumped parameters that are all physical themselves were shown already.
+        blocks.extend((!lumped.are_within(&physical)).then(|| lumped.blocks()).into_iter().flatten());
         self.section("correlations", "Correlations", blocks);
     }
 
@@ -253,38 +253,58 @@ impl Document {
     }
 }
 
-/// Correlations from a covariance: the matrix, or a list of the strongest where the matrix is large; nothing for one parameter.
-fn matrix(names: &[String], covariance: &[Vec<Option<f64>>]) -> Option<Block> {
-    let entry = |r: usize, c: usize| covariance.get(r).and_then(|row| row.get(c)).copied().flatten();
-    let correlation = |r: usize, c: usize| {
-        let scale = (entry(r, r)? * entry(c, c)?).sqrt();
-        (scale > 0.0).then_some(entry(r, c)? / scale)
-    };
-    let shown: Vec<usize> = (0..names.len()).filter(|&j| correlation(j, j).is_some()).collect();
-    if shown.len() < 2 {
-        return None;
-    }
-    if shown.len() <= MATRIX {
-        return Some(Block::Matrix {
-            names: shown.iter().map(|&j| names[j].clone()).collect(),
+/// Correlations of the parameters that have a deviation.
+struct Correlations<'a> {
+    names: Vec<&'a str>,
+    rows: Vec<Vec<Option<f64>>>,
+}
+
+impl<'a> Correlations<'a> {
+    fn of(list: &'a [ParameterReport], covariance: &[Vec<Option<f64>>]) -> Self {
+        let entry = |r: usize, c: usize| covariance.get(r).and_then(|row| row.get(c)).copied().flatten();
+        let correlation = |r: usize, c: usize| {
+            let scale = (entry(r, r)? * entry(c, c)?).sqrt();
+            (scale > 0.0).then_some(entry(r, c)? / scale)
+        };
+        let shown: Vec<usize> = (0..list.len()).filter(|&j| correlation(j, j).is_some()).collect();
+        Correlations {
+            names: shown.iter().map(|&j| list[j].name.as_str()).collect(),
             rows: shown.iter().map(|&r| shown.iter().map(|&c| correlation(r, c)).collect()).collect(),
+        }
+    }
+
+    /// Whether others are of all these parameters.
+    fn are_within(&self, others: &Self) -> bool {
+        self.names.iter().all(|name| others.names.contains(name))
+    }
+
+    /// The matrix, and a list of the strongest where the matrix is large; nothing for one parameter.
+    fn blocks(&self) -> Vec<Block> {
+        match self.names.len() {
+            0 | 1 => Vec::new(),
+            few if few <= NARROW_MATRIX => vec![self.matrix(false)],
+            some if some <= MATRIX => vec![self.matrix(true), self.strongest().for_narrow()],
+            _ => vec![self.strongest()],
+        }
+    }
+
+    fn matrix(&self, wide: bool) -> Block {
+        Block::Matrix { names: self.names.iter().map(|&name| name.to_owned()).collect(), rows: self.rows.clone(), wide }
+    }
+
+    fn strongest(&self) -> Block {
+        let mut pairs: Vec<(usize, usize, f64)> = Vec::new();
+        for (r, row) in self.rows.iter().enumerate() {
+            pairs.extend(row[..r].iter().enumerate().filter_map(|(c, value)| Some((c, r, (*value)?))));
+        }
+        pairs.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
+        let strong = pairs.iter().filter(|pair| pair.2.abs() >= STRONG).count();
+        let rows = pairs.iter().take(strong.clamp(LISTED.0, LISTED.1)).map(|&(a, b, value)| {
+            vec![Cell::text(self.names[a]), Cell::text(self.names[b]), Cell::shown(format!("{value:+.4}"), Some(value))]
         });
+        let caption = format!("the strongest of {} correlations, {strong} of which are {STRONG} or more", pairs.len());
+        Block::table(&["parameter", "with", "#correlation"], rows.collect(), &caption)
     }
-    let mut pairs: Vec<(usize, usize, f64)> = Vec::new();
-    for (k, &r) in shown.iter().enumerate() {
-        pairs.extend(shown[..k].iter().filter_map(|&c| Some((c, r, correlation(r, c)?))));
-    }
-    pairs.sort_by(|a, b| b.2.abs().total_cmp(&a.2.abs()));
-    let strong = pairs.iter().filter(|pair| pair.2.abs() >= STRONG).count();
-    let rows = pairs.iter().take(strong.clamp(1, LISTED)).map(|&(a, b, value)| {
-        vec![
-            Cell::text(names[a].clone()),
-            Cell::text(names[b].clone()),
-            Cell::shown(format!("{value:+.4}"), Some(value)),
-        ]
-    });
-    let caption = format!("the strongest of {} correlations, {strong} of which are {STRONG} or more", pairs.len());
-    Some(Block::table(&["parameter", "parameter", "#correlation"], rows.collect(), &caption))
 }
 
 fn run_row(run: &RunReport) -> Vec<Cell> {
