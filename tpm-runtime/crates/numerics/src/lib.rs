@@ -12,6 +12,7 @@ pub mod differences;
 pub mod eigenvalues;
 mod exponential;
 pub mod fourier;
+mod gram;
 pub mod independent;
 mod iteration;
 mod matrix;
@@ -22,6 +23,7 @@ pub mod tolerance;
 
 pub use continuous_riccati::continuous_riccati;
 pub use exponential::exponential;
+pub use gram::gram;
 pub use iteration::{Doubling, Iteration};
 pub use matrix::Matrix;
 pub use nalgebra::storage::Owned;

@@ -16,7 +16,7 @@ use crate::time_domain::motion::{Motion, TimeRecord};
 use rayon::prelude::*;
 use tpm_core::model::Model;
 use tpm_numerics::singular::unit_columns;
-use tpm_numerics::{Cholesky, DMatrix, DVector, root_mean_square};
+use tpm_numerics::{Cholesky, DMatrix, DVector, gram, root_mean_square};
 
 /// Instants at which the rows are evaluated.
 const INSTANTS: usize = 600;
@@ -198,7 +198,7 @@ impl Regression<'_> {
         let stacked = DMatrix::from_row_slice(target.len(), n, &entries);
         let target = DVector::from_vec(target);
         let (stacked, _) = unit_columns(stacked);
-        let gram = stacked.tr_mul(&stacked) + DMatrix::identity(n, n) * RIDGE;
+        let gram = gram(&stacked) + DMatrix::identity(n, n) * RIDGE;
         let Some(factor) = Cholesky::new(gram) else { return Ok(None) };
         let left = &target - &stacked * factor.solve(&stacked.tr_mul(&target));
         Ok(Some(left.norm() / target.norm()))

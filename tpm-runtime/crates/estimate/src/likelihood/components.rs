@@ -11,7 +11,7 @@
 //! T - 1 - log T (Tipping and Faul 2003). Of a right model all variances are zero and nothing is widened.
 
 use tpm_numerics::singular::unit_columns;
-use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn, gram};
 
 /// An active candidate leaves below this share of the threshold at which it enters.
 const LEAVE: f64 = 0.7;
@@ -47,7 +47,7 @@ pub(super) struct Products {
 impl Products {
     pub(super) fn of(factor: &DMatrix<f64>, target: &DVector<f64>) -> Self {
         let (columns, scale) = unit_columns(factor.clone());
-        Products { gram: columns.tr_mul(&columns), target: columns.tr_mul(target), scale }
+        Products { gram: gram(&columns), target: columns.tr_mul(target), scale }
     }
 }
 

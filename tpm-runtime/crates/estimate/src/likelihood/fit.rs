@@ -6,7 +6,7 @@ use crate::likelihood::components::{Components, Products};
 use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
-use crate::likelihood::pass::{Look, Pass};
+use crate::likelihood::pass::{Known, Look, Memory, Pass};
 use crate::likelihood::path::{Along, Entry};
 use crate::likelihood::split::{Solved, Split};
 use crate::likelihood::start::{KNOWN_SHARE, RANK};
@@ -18,7 +18,7 @@ use crate::verdict::LARGE_RESIDUAL;
 use serde::Serialize;
 use tpm_core::model::Model;
 use tpm_numerics::singular::unit_columns;
-use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, root_mean_square};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, gram as products, root_mean_square};
 
 /// Passes in which noise and components are found in turn; more where a row without an input is linearised anew.
 const PASSES: usize = 3;
@@ -193,7 +193,8 @@ pub fn estimate_any_motion(
     let free = settings.free(model.dims().parameters)?;
     let motion = Motion::new(record, circular)?;
     let rows = Rows { model, constants };
-    let known = (record, &motion, circular);
+    let memory = Memory::default();
+    let known = (record, &motion, circular, &memory);
     let mut look = Look::first(model);
     // Every round but the last refuses one gain at least.
     let found = loop {
@@ -220,7 +221,7 @@ pub fn estimate_any_motion(
 /// A record looked at as far as the noise of the forces allows.
 fn first_pass<'a>(
     rows: Rows<'a>,
-    known: (&'a TimeRecord<'a>, &'a Motion, bool),
+    known: Known<'a>,
     look: &mut Look,
     (free, settings): (&Free, &Settings),
 ) -> Result<Pass<'a>, EstimateError> {
@@ -235,7 +236,7 @@ fn first_pass<'a>(
 /// It is refused then, and the estimate does not count.
 fn applied<'a>(
     rows: Rows<'a>,
-    known: (&'a TimeRecord<'a>, &'a Motion, bool),
+    known: Known<'a>,
     look: &mut Look,
     (free, settings): (&Free, &Settings),
 ) -> Result<OfAnyMotion, EstimateError> {
@@ -623,7 +624,7 @@ impl Pass<'_> {
             from += 2 * row.lines();
         }
         let (matrix, scale) = unit_columns(matrix);
-        let mut gram = matrix.tr_mul(&matrix);
+        let mut gram = products(&matrix);
         for a in 0..n {
             gram[(a, a)] += 1e-12;
             if a >= fixed.len() {

@@ -8,6 +8,7 @@ use crate::likelihood::path::Path;
 use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::transform::Transform;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 use tpm_numerics::fourier::forward;
@@ -120,7 +121,7 @@ impl RowLines {
 }
 
 /// How a row is looked at: its low pass, the frequency up to which its lines are used, and the coordinate whose reversals are left out.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct View {
     pub(super) low_pass: LowPass,
     /// Hz.
@@ -199,10 +200,15 @@ impl View {
         Some(Masks { valid, of_share })
     }
 
-    /// A signal behind the low pass of the row, along the whole stretch.
-    pub(super) fn passed(&self, path: &Path, signal: &[f64]) -> Vec<f64> {
-        let transform = Transform::new(signal, path.points, path.apart);
-        transform.filtered(path.points, |w| self.low_pass.response(w).into())
+    /// What the low pass of the row leaves of every bin of a stretch.
+    pub(super) fn shares(&self, path: &Path) -> Vec<f64> {
+        let spacing = 2.0 * PI / (path.points as f64 * path.apart);
+        (0..=path.points / 2).map(|k| self.low_pass.response(k as f64 * spacing)).collect()
+    }
+
+    /// A signal behind the low pass of the row, whose shares are given, along the whole stretch.
+    pub(super) fn passed(path: &Path, shares: &[f64], signal: &[f64]) -> Vec<f64> {
+        Transform::new(signal, path.points, path.apart).weighted(path.points, shares)
     }
 }
 
@@ -297,23 +303,53 @@ pub(super) fn weights(variance: &[f64]) -> Vec<f64> {
 /// The signals of a stretch, by their numbers.
 pub(super) type Signals = Vec<(usize, Vec<f64>)>;
 
+/// Lines of columns that stay what they are as long as the motion does, in every view of a row: by stretch, and by the number of the column.
+#[derive(Debug, Default)]
+pub(super) struct Remembered {
+    of_view: Vec<(View, Vec<BTreeMap<usize, Vec<f64>>>)>,
+}
+
+impl Remembered {
+    /// What is known in a view, which is remembered from now on.
+    fn of(&mut self, view: View, stretches: usize) -> &mut [BTreeMap<usize, Vec<f64>>] {
+        let at = self.of_view.iter().position(|(own, _)| *own == view).unwrap_or_else(|| {
+            self.of_view.push((view, vec![BTreeMap::new(); stretches]));
+            self.of_view.len() - 1
+        });
+        &mut self.of_view[at].1
+    }
+}
+
 /// Lines of the signals of a row, from all stretches; nothing where all stretches are too short.
 pub(super) fn row_lines(paths: &[Path], view: View, signals: &[Signals]) -> Option<RowLines> {
+    row_lines_beside(paths, view, signals, (&mut Remembered::default(), 0))
+}
+
+/// Lines of the signals of a row, where those of the signals whose numbers are below `first` are remembered.
+pub(super) fn row_lines_beside(
+    paths: &[Path],
+    view: View,
+    signals: &[Signals],
+    (remembered, first): (&mut Remembered, usize),
+) -> Option<RowLines> {
+    let remembered = remembered.of(view, paths.len());
     let mut numbers: Vec<usize> = signals.iter().flatten().map(|(number, _)| *number).collect();
     numbers.sort_unstable();
     numbers.dedup();
     let mut parts: Vec<(Vec<f64>, DMatrix<f64>)> = Vec::new();
     let (mut correlation, mut kept, mut weight) = (0.0_f64, 0.0, 0.0);
-    for (path, signals) in paths.iter().zip(signals) {
+    for ((path, signals), known) in paths.iter().zip(signals).zip(remembered) {
         let Some(window) = view.window(path) else { continue };
         let n = window.range.len();
         let spacing = 1.0 / (n as f64 * path.apart);
         let lines = ((view.used / spacing) as usize + 1).min(n / 2).max(2);
         let scale = path.apart.sqrt();
-        let transformed: Vec<Vec<f64>> = signals
+        let shares = view.shares(path);
+        let fresh: Vec<&(usize, Vec<f64>)> = signals.iter().filter(|(number, _)| !known.contains_key(number)).collect();
+        let transformed: Vec<Vec<f64>> = fresh
             .par_iter()
             .map(|(_, signal)| {
-                let passed = view.passed(path, signal);
+                let passed = View::passed(path, &shares, signal);
                 let mut windowed: Vec<f64> =
                     window.weights.iter().zip(&passed[window.range.clone()]).map(|(w, x)| w * x).collect();
                 let plan = forward(n);
@@ -324,11 +360,13 @@ pub(super) fn row_lines(paths: &[Path], view: View, signals: &[Signals]) -> Opti
             })
             .collect();
         let mut entries = DMatrix::zeros(2 * lines, numbers.len());
-        for ((number, _), own) in signals.iter().zip(&transformed) {
-            if let Ok(at) = numbers.binary_search(number) {
+        known.extend(fresh.iter().map(|(number, _)| *number).zip(transformed));
+        for (number, _) in signals {
+            if let (Ok(at), Some(own)) = (numbers.binary_search(number), known.get(number)) {
                 entries.column_mut(at).copy_from_slice(own);
             }
         }
+        known.retain(|number, _| *number < first);
         parts.push(((0..lines).map(|k| k as f64 * spacing).collect(), entries));
         correlation = correlation.max(window.correlation);
         kept += window.kept * n as f64 * path.apart;

@@ -13,7 +13,7 @@
 
 use crate::likelihood::lines::RowLines;
 use tpm_numerics::singular::unit_columns;
-use tpm_numerics::{Cholesky, DMatrix, DVector, Iteration};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Iteration, gram as products};
 
 /// Steps, and the largest change of the logarithm of a variance after which they end.
 const STEPS: Iteration = Iteration { most: 25, settled: 0.03 };
@@ -172,7 +172,7 @@ impl Weighted {
         let mut gram = DMatrix::<f64>::zeros(n, n);
         let mut target = DVector::<f64>::zeros(n);
         for (at, matrix, right) in &parts {
-            let (own, of_right) = (matrix.tr_mul(matrix), matrix.tr_mul(right));
+            let (own, of_right) = (products(matrix), matrix.tr_mul(right));
             for (a, &i) in at.iter().enumerate() {
                 target[i] += of_right[a];
                 for (b, &k) in at.iter().enumerate() {

@@ -2,10 +2,12 @@
 
 use crate::error::EstimateError;
 use crate::likelihood::library::{Scales, Term, TermKind};
-use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
+use crate::likelihood::lines::{Remembered, RowLines, Signals, View, row_lines, row_lines_beside};
 use crate::likelihood::path::{Acting, Along, Columns, Entry, Felt, Paths, band, lost};
 use crate::rows::Rows;
 use crate::time_domain::motion::{Motion, TimeRecord};
+use std::cell::{OnceCell, RefCell};
+use std::rc::Rc;
 use tpm_core::model::Model;
 
 /// Smallest factor by which the gain of an input is changed in a step: the column of a gain is the force at values that a wrong gain has moved.
@@ -47,12 +49,53 @@ impl Look {
     }
 }
 
+/// What a record shows whatever its inputs do. It is the same in every pass in which the motion is taken as far.
+pub(super) struct Ground {
+    /// Frequencies up to which the coordinates are taken.
+    taken: Vec<f64>,
+    /// The rows along the motion, stretch by stretch, under the inputs of the first pass.
+    pub(super) along: Vec<Along>,
+    /// What noise of the sensors makes of the columns of the parameters: lines of all rows before anything is known.
+    pub(super) noise: OnceCell<Vec<RowLines>>,
+    /// Lines of the columns of the parameters of every row.
+    lines: RefCell<Vec<Remembered>>,
+}
+
+/// What was found of a record whatever its inputs do, for every motion that was taken.
+#[derive(Default)]
+pub(super) struct Memory {
+    grounds: RefCell<Vec<Rc<Ground>>>,
+}
+
+impl Memory {
+    /// What is known of the motion that a look takes; the first time it is found along these paths.
+    pub(super) fn of(&self, look: &Look, paths: &Paths<'_>) -> Result<Rc<Ground>, EstimateError> {
+        let known = self.grounds.borrow().iter().find(|own| own.taken == look.taken).cloned();
+        if let Some(known) = known {
+            return Ok(known);
+        }
+        let rows = paths.rows;
+        let ground = Rc::new(Ground {
+            taken: look.taken.clone(),
+            along: paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?,
+            noise: OnceCell::new(),
+            lines: RefCell::new((0..rows.model.dims().rows).map(|_| Remembered::default()).collect()),
+        });
+        self.grounds.borrow_mut().push(Rc::clone(&ground));
+        Ok(ground)
+    }
+}
+
+/// A record, its motion, whether that goes over into its beginning, and what was found of it whatever the inputs do.
+pub(super) type Known<'a> = (&'a TimeRecord<'a>, &'a Motion, bool, &'a Memory);
+
 /// A record as lines, before the noise is found.
 pub(super) struct Pass<'a> {
     pub(super) rows: Rows<'a>,
     pub(super) record: &'a TimeRecord<'a>,
     pub(super) motion: &'a Motion,
     pub(super) look: Look,
+    pub(super) ground: Rc<Ground>,
     pub(super) paths: Paths<'a>,
     pub(super) along: Vec<Along>,
     pub(super) scales: Scales,
@@ -174,7 +217,16 @@ impl Pass<'_> {
     pub(super) fn row(&self, row: usize, missing: &[f64]) -> Result<Option<RowLines>, EstimateError> {
         let (right, view) = (self.right(), self.views[row]);
         let (signals, forces) = self.signals(row, missing)?;
-        let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
+        let mut remembered = self.ground.lines.borrow_mut();
+        let found = match self.leading[row] {
+            // Its columns follow the present values.
+            Some(_) => row_lines(&self.paths.paths, view, &signals),
+            None => {
+                let beside = (&mut remembered[row], self.rows.model.dims().parameters);
+                row_lines_beside(&self.paths.paths, view, &signals, beside)
+            }
+        };
+        let Some(mut lines) = found else { return Ok(None) };
         if self.look.alone {
             lines.band.fill(0);
         }

@@ -9,9 +9,9 @@ use crate::time_domain::motion::{Motion, Moving, TimeRecord};
 use crate::time_domain::transform::quick;
 use num_complex::Complex;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
+use std::sync::Arc;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
@@ -383,16 +383,33 @@ pub(super) enum Entry {
     Rate(usize),
 }
 
-/// Entries of all rows along a path that are not zero by structure, point by point.
+/// Entries of all rows along a path that are not zero by structure.
 pub(super) struct Along {
     pub(super) entries: Vec<(usize, Entry)>,
-    values: Vec<f64>,
+    /// The values of every entry.
+    columns: Vec<Arc<Vec<f64>>>,
+    /// Known terms of all rows and factors of all inputs, point by point.
+    sides: Arc<Vec<f64>>,
 }
 
 impl Along {
     /// The values of one entry.
     pub(super) fn column(&self, at: usize) -> Vec<f64> {
-        self.values.iter().skip(at).step_by(self.entries.len()).copied().collect()
+        self.columns[at].to_vec()
+    }
+
+    /// The rows along the same motion under the inputs of a path.
+    pub(super) fn under_inputs_of(&self, rows: Rows<'_>, path: &Path) -> Self {
+        let sides = rows.model.dims().rows + rows.model.dims().input_map_len();
+        let of = |((row, entry), own): (&(usize, Entry), &Arc<Vec<f64>>)| match entry {
+            Entry::Parameter(_) => Arc::clone(own),
+            _ => {
+                let points = self.sides.chunks_exact(sides).enumerate();
+                Arc::new(points.map(|(k, sides)| rows.acting(sides, (*row, *entry), path, k)).collect())
+            }
+        };
+        let columns = self.entries.iter().zip(&self.columns).map(of).collect();
+        Along { entries: self.entries.clone(), columns, sides: Arc::clone(&self.sides) }
     }
 
     /// The columns of the parameters of a row.
@@ -422,18 +439,12 @@ impl Along {
     /// Root mean square of what is known of the rows, over that of their right-hand sides.
     pub(super) fn known_share(&self) -> f64 {
         let (mut known, mut whole) = (0.0, 0.0);
-        for values in self.values.chunks_exact(self.entries.len().max(1)) {
-            let mut of_row: BTreeMap<usize, [f64; 2]> = BTreeMap::new();
-            for ((row, entry), value) in self.entries.iter().zip(values) {
-                let [forces, right] = of_row.entry(*row).or_default();
-                match entry {
-                    Entry::Force(_) => *forces += value,
-                    Entry::Right => *right += value,
-                    _ => {}
-                }
-            }
-            for [forces, right] in of_row.into_values() {
-                known += (forces - right).powi(2);
+        for ((row, _), right) in self.entries.iter().zip(&self.columns).filter(|((_, own), _)| *own == Entry::Right) {
+            let forces = self.entries.iter().zip(&self.columns);
+            let forces = forces.filter(|((of, own), _)| of == row && matches!(own, Entry::Force(_)));
+            let forces: Vec<&Arc<Vec<f64>>> = forces.map(|(_, force)| force).collect();
+            for (k, right) in right.iter().enumerate() {
+                known += (forces.iter().map(|force| force[k]).sum::<f64>() - right).powi(2);
                 whole += right * right;
             }
         }
@@ -493,14 +504,17 @@ impl<'a> Rows<'a> {
         Ok(())
     }
 
-    /// The value of one entry of a row.
-    fn entry(self, scratch: &Scratch, (row, entry): (usize, Entry), path: &Path, k: usize) -> f64 {
+    /// What inputs make in a row at a point, given the known terms of all rows and the factors of all inputs behind them.
+    fn acting(self, sides: &[f64], (row, entry): (usize, Entry), path: &Path, k: usize) -> f64 {
         let dims = self.model.dims();
+        let (known, map) = sides.split_at(dims.rows);
+        let factor = |i: usize| map[row * dims.inputs + i];
         match entry {
-            Entry::Parameter(j) => scratch.regressor[row * dims.parameters + j],
-            Entry::Right => self.right_of(scratch, row, &|i| path.inputs[i][k]),
-            Entry::Force(i) => scratch.map[row * dims.inputs + i] * path.inputs[i][k],
-            Entry::Rate(i) => scratch.map[row * dims.inputs + i] * path.input_rates[i][k],
+            Entry::Force(i) => factor(i) * path.inputs[i][k],
+            Entry::Rate(i) => factor(i) * path.input_rates[i][k],
+            Entry::Parameter(_) | Entry::Right => {
+                (0..dims.inputs).map(|i| factor(i) * path.inputs[i][k]).sum::<f64>() - known[row]
+            }
         }
     }
 
@@ -515,23 +529,29 @@ impl<'a> Rows<'a> {
         c: usize,
     ) -> Result<Vec<(usize, Vec<f64>)>, EstimateError> {
         let rows = self.model.dims().rows;
-        let mut columns = vec![Vec::with_capacity(path.points); rows];
-        let mut scratch = self.scratch();
         let step = POSITION_STEP * root_mean_square(path.motion.iter().skip(c).step_by(path.slots).copied());
         if step <= 0.0 {
             return Ok(Vec::new());
         }
-        for k in 0..path.points {
-            let inputs = |i: usize| path.inputs[i][k];
-            let mut instant = path.instant(k).to_vec();
-            instant[c] += step;
-            let above = self.left(&instant, theta, &inputs, &mut scratch)?;
-            instant[c] -= 2.0 * step;
-            let below = self.left(&instant, theta, &inputs, &mut scratch)?;
-            for (row, column) in columns.iter_mut().enumerate() {
-                column.push((above[row] - below[row]) / (2.0 * step));
+        let mut slopes = vec![0.0; path.points * rows];
+        let tasks = slopes.par_chunks_mut(rows * POINTS_PER_TASK).enumerate();
+        tasks.try_for_each(|(task, slopes)| -> Result<(), EvalError> {
+            let mut scratch = self.scratch();
+            for (i, slopes) in slopes.chunks_exact_mut(rows).enumerate() {
+                let k = task * POINTS_PER_TASK + i;
+                let inputs = |i: usize| path.inputs[i][k];
+                let mut instant = path.instant(k).to_vec();
+                instant[c] += step;
+                let above = self.left(&instant, theta, &inputs, &mut scratch)?;
+                instant[c] -= 2.0 * step;
+                let below = self.left(&instant, theta, &inputs, &mut scratch)?;
+                let of_rows = above.iter().zip(&below).map(|(above, below)| (above - below) / (2.0 * step));
+                slopes.iter_mut().zip(of_rows).for_each(|(slope, own)| *slope = own);
             }
-        }
+            Ok(())
+        })?;
+        let columns: Vec<Vec<f64>> =
+            (0..rows).map(|row| slopes.iter().skip(row).step_by(rows).copied().collect()).collect();
         // A derivative that does not change along the path is that of a constant force.
         let changes = |column: &Vec<f64>| {
             let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
@@ -556,34 +576,50 @@ impl<'a> Rows<'a> {
                 parameters.chain(inputs).chain([Entry::Right]).map(move |entry| (row, entry))
             })
             .collect();
+        // Known terms and factors of inputs stand behind each other.
+        let sides_of = |scratch: &Scratch, sides: &mut [f64]| {
+            sides[..dims.rows].copy_from_slice(&scratch.known);
+            sides[dims.rows..].copy_from_slice(&scratch.map);
+        };
+        let value = |scratch: &Scratch, sides: &[f64], (row, entry): (usize, Entry), k: usize| match entry {
+            Entry::Parameter(j) => scratch.regressor[row * dims.parameters + j],
+            _ => self.acting(sides, (row, entry), path, k),
+        };
+        let deep = dims.rows + dims.input_map_len();
         let mut present = vec![false; all.len()];
-        let mut scratch = self.scratch();
+        let (mut scratch, mut sides) = (self.scratch(), vec![0.0; deep]);
         let step = (path.points / PROBES).max(1);
         for k in (0..path.points).step_by(step) {
             self.evaluate(path.instant(k), &mut scratch)?;
+            sides_of(&scratch, &mut sides);
             for (at, entry) in all.iter().enumerate() {
-                present[at] |= entry.1 == Entry::Right || self.entry(&scratch, *entry, path, k) != 0.0;
+                present[at] |= entry.1 == Entry::Right || value(&scratch, &sides, *entry, k) != 0.0;
             }
         }
+        let mut sides = vec![0.0; path.points * deep];
         loop {
             let entries: Vec<(usize, Entry)> =
                 all.iter().zip(&present).filter(|(_, present)| **present).map(|(entry, _)| *entry).collect();
             let absent: Vec<usize> = (0..all.len()).filter(|&at| !present[at]).collect();
             let width = entries.len();
             let mut values = vec![0.0; path.points * width];
-            let tasks = values.par_chunks_mut(width * POINTS_PER_TASK).enumerate();
+            let tasks =
+                values.par_chunks_mut(width * POINTS_PER_TASK).zip(sides.par_chunks_mut(deep * POINTS_PER_TASK));
             let seen: Vec<Vec<usize>> = tasks
-                .map(|(task, values)| -> Result<Vec<usize>, EvalError> {
+                .enumerate()
+                .map(|(task, (values, sides))| -> Result<Vec<usize>, EvalError> {
                     let mut scratch = self.scratch();
                     let mut instant = vec![0.0; slots];
                     let mut seen = Vec::new();
-                    for (i, values) in values.chunks_exact_mut(width).enumerate() {
+                    let points = values.chunks_exact_mut(width).zip(sides.chunks_exact_mut(deep));
+                    for (i, (values, sides)) in points.enumerate() {
                         let k = task * POINTS_PER_TASK + i;
                         self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
-                        for (value, entry) in values.iter_mut().zip(&entries) {
-                            *value = self.entry(&scratch, *entry, path, k);
+                        sides_of(&scratch, sides);
+                        for (own, entry) in values.iter_mut().zip(&entries) {
+                            *own = value(&scratch, sides, *entry, k);
                         }
-                        seen.extend(absent.iter().filter(|&&at| self.entry(&scratch, all[at], path, k) != 0.0));
+                        seen.extend(absent.iter().filter(|&&at| value(&scratch, sides, all[at], k) != 0.0));
                     }
                     Ok(seen)
                 })
@@ -607,7 +643,8 @@ impl<'a> Rows<'a> {
                     what: what.to_string(),
                 });
             }
-            return Ok(Along { entries, values });
+            let column = |at: usize| Arc::new(values.iter().skip(at).step_by(width).copied().collect());
+            return Ok(Along { columns: (0..width).map(column).collect(), entries, sides: Arc::new(sides) });
         }
     }
 

@@ -6,12 +6,11 @@ use crate::information::{beside, beside_known, set_apart};
 use crate::likelihood::library::{Scales, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines};
 use crate::likelihood::noise::{Noise, triangle};
-use crate::likelihood::pass::{Look, Pass};
+use crate::likelihood::pass::{Known, Look, Pass};
 use crate::likelihood::path::{Along, Columns, Felt, Path, Paths};
 use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::MOST_NOISE_INFORMATION;
-use crate::time_domain::motion::{Motion, TimeRecord};
 use tpm_numerics::singular::{Singular, unit_columns};
 use tpm_numerics::{DMatrix, DVector};
 
@@ -23,14 +22,16 @@ pub(super) const KNOWN_SHARE: f64 = 1e-3;
 impl<'a> Pass<'a> {
     pub(super) fn new(
         rows: Rows<'a>,
-        (record, motion, circular): (&'a TimeRecord<'a>, &'a Motion, bool),
+        (record, motion, circular, memory): Known<'a>,
         look: &Look,
         free: &Free,
         settings: &Settings,
     ) -> Result<Self, EstimateError> {
         let dims = rows.model.dims();
         let paths = Paths::new(rows, record, motion, circular, (&look.inputs, &look.taken));
-        let along: Vec<Along> = paths.paths.iter().map(|path| rows.along(path)).collect::<Result<_, _>>()?;
+        let ground = memory.of(look, &paths)?;
+        let along: Vec<Along> =
+            ground.along.iter().zip(&paths.paths).map(|(own, path)| own.under_inputs_of(rows, path)).collect();
         let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
         let scales = Scales::of(rows, &paths.paths, &along, deviations);
         let theta = settings.start(dims.parameters);
@@ -39,6 +40,7 @@ impl<'a> Pass<'a> {
             record,
             motion,
             look: look.clone(),
+            ground,
             paths,
             along,
             scales,
@@ -123,7 +125,10 @@ impl<'a> Pass<'a> {
     }
 
     /// What noise of the sensors makes of the columns of the parameters: lines of all rows.
-    fn noise_lines(&self) -> Result<Vec<RowLines>, EstimateError> {
+    fn noise_lines(&self) -> Result<&[RowLines], EstimateError> {
+        if let Some(known) = self.ground.noise.get() {
+            return Ok(known);
+        }
         let noisy = self.paths.with_noise(self.motion);
         let along: Vec<Along> = noisy.paths.iter().map(|path| self.rows.along(path)).collect::<Result<_, _>>()?;
         let of_row = |row: usize| {
@@ -139,7 +144,8 @@ impl<'a> Pass<'a> {
             let signals: Vec<Signals> = self.along.iter().zip(&along).zip(&self.paths.paths).map(of).collect();
             row_lines(&self.paths.paths, self.views[row], &signals).ok_or(EstimateError::NoSignal)
         };
-        (0..self.rows.model.dims().rows).map(of_row).collect()
+        let lines = (0..self.rows.model.dims().rows).map(of_row).collect::<Result<_, _>>()?;
+        Ok(self.ground.noise.get_or_init(|| lines))
     }
 
     /// What the lines do not show, and which parameters are estimated.
@@ -166,7 +172,7 @@ impl<'a> Pass<'a> {
         for (mut column, value) in shown.column_iter_mut().zip(singular.values.iter()) {
             column /= *value;
         }
-        let of_noise = triangle(&self.noise_lines()?, &noise.variance, &free.indices, self.right());
+        let of_noise = triangle(self.noise_lines()?, &noise.variance, &free.indices, self.right());
         let mut of_noise = of_noise.view((0, 0), (n, n)).into_owned();
         for (mut column, scale) in of_noise.column_iter_mut().zip(&scale) {
             column /= *scale;

@@ -5,9 +5,10 @@
 //! which this makes no more than the noise needs no notch.
 
 use crate::error::EstimateError;
-use crate::likelihood::lines::{Masks, is_enough};
+use crate::likelihood::lines::{Masks, View, is_enough};
 use crate::likelihood::noise::Noise;
 use crate::likelihood::pass::Pass;
+use rayon::prelude::*;
 use tpm_numerics::{Cholesky, DMatrix};
 
 /// Highest frequency up to which a motion may be taken, over the one at which it stands out of its noise: beyond, its forces have next to
@@ -101,16 +102,21 @@ impl Pass<'_> {
             };
             let mut left = vec![0.0; path.points];
             let mut spread = DMatrix::<f64>::zeros(columns.len(), path.points);
-            for (number, signal) in signals {
-                let passed = view.passed(path, signal);
-                let factor = match *number {
-                    j if j == right => 1.0,
-                    j if j < p => -values[j],
-                    j => -missing[j - p],
-                };
-                left.iter_mut().zip(&passed).for_each(|(sum, x)| *sum += factor * x);
-                if let Some(at) = columns.iter().position(|column| column == number) {
-                    spread.row_mut(at).copy_from_slice(&passed);
+            let shares = view.shares(path);
+            let factor = |number: usize| match number {
+                j if j == right => 1.0,
+                j if j < p => -values[j],
+                j => -missing[j - p],
+            };
+            let place = |number: usize| columns.iter().position(|column| *column == number);
+            let own = signals.iter().filter(|(number, _)| factor(*number) != 0.0 || place(*number).is_some());
+            let own: Vec<&(usize, Vec<f64>)> = own.collect();
+            let passed: Vec<Vec<f64>> = own.par_iter().map(|(_, signal)| View::passed(path, &shares, signal)).collect();
+            for ((number, _), passed) in own.into_iter().zip(&passed) {
+                let factor = factor(*number);
+                left.iter_mut().zip(passed).for_each(|(sum, x)| *sum += factor * x);
+                if let Some(at) = place(*number) {
+                    spread.row_mut(at).copy_from_slice(passed);
                 }
             }
             let spread = lower.tr_mul(&spread);

@@ -72,16 +72,26 @@ impl Transform {
         self.bins[k]
     }
 
+    /// The signal with the share of every bin that is given, at `points` even times over the time of the transform.
+    pub(crate) fn weighted(&self, points: usize, shares: &[f64]) -> Vec<f64> {
+        self.by_bin(points, |k| shares[k].into())
+    }
+
     /// What a filter makes of the signal, at `points` even times over the time of the transform; the response, given the angular
     /// frequency (rad/s), must be nothing from half of that rate on.
     pub(crate) fn filtered(&self, points: usize, response: impl Fn(f64) -> Complex<f64>) -> Vec<f64> {
+        let spacing = self.spacing();
+        self.by_bin(points, |k| response(k as f64 * spacing))
+    }
+
+    /// The signal with every bin multiplied by a factor.
+    fn by_bin(&self, points: usize, factor: impl Fn(usize) -> Complex<f64>) -> Vec<f64> {
         let plan = inverse(points);
         let mut bins = plan.make_input_vec();
-        let spacing = self.spacing();
         let scale = 1.0 / self.points as f64;
         let last = bins.len() - 1;
         for (k, (slot, bin)) in bins.iter_mut().zip(&self.bins).enumerate() {
-            *slot = bin * response(k as f64 * spacing) * scale;
+            *slot = bin * factor(k) * scale;
         }
         // A real signal has real bins at no frequency and at half of the rate.
         for end in [0, last] {
