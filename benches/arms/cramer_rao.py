@@ -90,9 +90,10 @@ def imported(tpm, urdf, folder, losses="viscous,coulomb,rotor"):
     return file
 
 
-def identified(tpm, model, log):
-    """Exit code and result."""
-    run = subprocess.run([tpm, "identify", model, "--log", log, "--hold", "none", "--json"], capture_output=True, text=True)
+def identified(tpm, model, log, *more):
+    """Exit code and result; `more` are further options."""
+    command = [tpm, "identify", model, "--log", log, "--hold", "none", "--json", *more]
+    run = subprocess.run(command, capture_output=True, text=True)
     return run.returncode, json.loads(run.stdout)
 
 

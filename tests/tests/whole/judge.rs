@@ -101,6 +101,7 @@ fn findings() -> Vec<Warning> {
         Warning::NotVisible { parameter: m(), data: Data::Log },
         Warning::PoorlyDetermined { parameter: m(), value: 1.0, std: 0.9 },
         Warning::OnlyInCombinations { parameters: vec![m(), "c".into()], data: Data::Log },
+        Warning::CommonFactor { factor: 0.08, std: 0.01, count: 7 },
         Warning::GoesAgainst { parameter: m(), value: -2.0, std: 0.1 },
         Warning::NegativeInertia { parameter: m(), value: -1.0 },
         Warning::GivesEnergy { parameter: m(), value: -1.0, std: 0.1 },
@@ -153,6 +154,7 @@ fn findings() -> Vec<Warning> {
             | Warning::PoorlyDetermined { .. }
             | Warning::OnlyInCombinations { .. }
             | Warning::NegativeInertia { .. }
+            | Warning::CommonFactor { .. }
             | Warning::GoesAgainst { .. }
             | Warning::GivesEnergy { .. }
             | Warning::Run { .. }

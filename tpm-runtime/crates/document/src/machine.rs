@@ -190,7 +190,7 @@ fn next(result: &Identification, mechanism: bool, command: &Direct<'_>) -> Vec<N
             let list = own.collect::<Vec<&str>>().join(", ");
             if !list.is_empty() {
                 let text = format!(
-                    "Check the {what} of {list}, or state how well they are known: this log would not show a wrong one."
+                    "Check the {what} of {list}, or state how well they are known: this log may not show a wrong one."
                 );
                 say(text, None);
             }

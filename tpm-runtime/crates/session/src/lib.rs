@@ -19,6 +19,7 @@
 
 #[cfg(test)]
 mod actuator_tests;
+mod against_prior;
 mod agreeing;
 mod between_stamps;
 #[cfg(test)]

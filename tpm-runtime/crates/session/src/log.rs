@@ -1,5 +1,6 @@
 //! From a log to parameters.
 
+use crate::against_prior;
 use crate::entry::Entry;
 use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, LogFingerprint, Provenance};
@@ -194,6 +195,9 @@ pub fn from_logs<R: Into<LogRequest>>(
     }
     if let Some(declared) = &declared {
         summary::warn_of_negative_gains(&mut result, &declared.prepared().model);
+        if declared.parsed().mechanism.is_some() {
+            against_prior::warn_of_common_factor(&mut result);
+        }
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),

@@ -107,7 +107,7 @@ pub struct SpectralReport {
     pub missing: Vec<MissingTerm>,
 }
 
-/// A fault of a sensor that a log would not show, though it would move parameters by more than their deviations.
+/// A fault of a sensor that a log would not show for certain, though it would move parameters by more than their deviations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnseenFaultReport {
     /// The input or coordinate.

@@ -108,6 +108,7 @@ impl Warning {
             Warning::Physical { remark } => (Remark, Parameters, Concern::Parameters(remark.parameters())),
             Warning::NegativeInertia { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
             Warning::GivesEnergy { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
+            Warning::CommonFactor { .. } => (Distrust, Record, All),
             Warning::GoesAgainst { parameter, .. } => (Distrust, Estimation, Concern::one(parameter)),
             Warning::FarFromLinear { .. } => (Distrust, Estimation, All),
             Warning::EndOfInterval { .. } => (Distrust, Estimation, All),

@@ -111,7 +111,7 @@ pub enum Warning {
         /// The inputs of the model.
         inputs: Vec<String>,
     },
-    /// Faults of sensors that would move parameters, and that the log would not show.
+    /// Faults of sensors that would move parameters, and that the log would not show for certain.
     UnseenFaults {
         /// The faults.
         faults: Vec<UnseenFaultReport>,
@@ -246,6 +246,15 @@ pub enum Warning {
         parameter: String,
         /// Its value, in its unit.
         value: f64,
+    },
+    /// Masses and moments of the bodies of a mechanism are all the same multiple of their priors: another unit of the inputs.
+    CommonFactor {
+        /// Identified values over priors.
+        factor: f64,
+        /// Its standard deviation, where every prior is off by a fifth.
+        std: f64,
+        /// Values that tell it.
+        count: usize,
     },
     /// The gain of an input came out negative, so that the machine goes against it.
     GoesAgainst {
@@ -499,7 +508,7 @@ impl fmt::Display for Warning {
                 let most = faults.iter().map(|fault| fault.deviations).fold(0.0, f64::max);
                 write!(
                     f,
-                    "this log would not show {}, though one of these sizes moves a parameter by up to {most:.0} of its \
+                    "this log may not show {}, though one of these sizes moves a parameter by up to {most:.0} of its \
                      deviations: make sure of them before the numbers are relied on",
                     named.collect::<Vec<_>>().join(", nor ")
                 )
@@ -597,6 +606,13 @@ impl fmt::Display for Warning {
                 f,
                 "{parameter} = {} is negative, so that its term gives energy to the machine, which damping and friction do not: a term may be missing, or a scale, a sign or a column may be wrong",
                 plus_minus(*value, *std)
+            ),
+            Warning::CommonFactor { factor, std, count } => write!(
+                f,
+                "{count} masses and moments are one multiple of their priors, {}: the inputs may be recorded in another unit, such as amperes \
+                 in place of newton metres, or behind a gear; state it (--scale INPUT=FACTOR), or no priors if \
+                 they are those of another machine",
+                plus_minus(*factor, *std)
             ),
             Warning::GoesAgainst { parameter, value, std } => write!(
                 f,

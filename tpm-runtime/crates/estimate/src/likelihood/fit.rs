@@ -52,6 +52,8 @@ const GAIN_FAULT: f64 = 0.05;
 const ZERO_FAULT: f64 = 0.01;
 /// One that moves no parameter by so many deviations does no harm.
 const HARMFUL: f64 = 2.0;
+/// A record shows a fault when it does so 95 times in 100: what is told of it lies by so many of its deviations below the fault once in twenty.
+const SURELY: f64 = 1.645;
 /// Longest delay that is looked for, s.
 const LONGEST_DELAY: f64 = 0.05;
 /// Largest share of the force of a row without an input, in which no force is recorded with noise, that may be left when the terms that the
@@ -80,11 +82,11 @@ pub struct CalibrationFault {
     pub std: f64,
     /// Change of every parameter by a fault of one of these units that the model knows nothing of.
     pub change: Vec<f64>,
-    /// One that the record would not show, though it would move parameters.
+    /// One that the record would not show for certain, though it would move parameters.
     pub unseen: Option<UnseenFault>,
 }
 
-/// A fault that a record would not show.
+/// A fault that a record would not show for certain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnseenFault {
     /// How far it would be off, in the unit of [`CalibrationFault::std`].
@@ -530,7 +532,7 @@ impl Pass<'_> {
     }
 
     /// What faults of gains and zeros would do to the parameters, whose covariance is given. One is unseen where its term takes no part, since
-    /// the parameters make up for nearly all of it, or where it stays below what makes a term enter.
+    /// the parameters make up for nearly all of it, or where noise can leave it below what makes a term enter.
     fn calibration(&self, asked: &Asked, split: &Split, covariance: &DMatrix<f64>) -> Vec<CalibrationFault> {
         let p = self.rows.model.dims().parameters;
         let of = |(at, &column): (usize, &usize)| {
@@ -547,7 +549,7 @@ impl Pass<'_> {
             }
             let deviations = (0..self.kept.len()).map(|a| size * moved[a].abs() / covariance[(a, a)].sqrt());
             let moves = deviations.filter(|share| share.is_finite()).fold(0.0, f64::max);
-            let below = !split.counts[at] || (size * told).powi(2) < asked.threshold;
+            let below = !split.counts[at] || size * told < asked.threshold.sqrt() + SURELY;
             let mut change = vec![0.0; p];
             self.kept.iter().zip(moved.iter()).for_each(|(&j, own)| change[j] = *own);
             let unseen = (below && moves > HARMFUL).then_some(UnseenFault { size, moves });
