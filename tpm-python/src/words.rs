@@ -96,6 +96,10 @@ pub(crate) fn remedy(found: &Remedy) -> Option<String> {
             format!("map={{{}}}", columns.join(", "))
         }
         Remedy::Scale { signal } => format!("scale={{\"{signal}\": FACTOR}}"),
+        Remedy::Scales { signals } => {
+            let factors: Vec<String> = signals.iter().map(|signal| format!("\"{signal}\": FACTOR")).collect();
+            format!("scale={{{}}}", factors.join(", "))
+        }
         Remedy::PeriodAndStart => "period=SECONDS, from_sample=N".to_owned(),
         Remedy::Period => "period=SECONDS".to_owned(),
         Remedy::FromSample => "from_sample=N".to_owned(),

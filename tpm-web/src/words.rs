@@ -57,6 +57,7 @@ pub(crate) fn remedy(found: &Remedy) -> Option<String> {
         Remedy::MapColumns { signals } => format!("choose the columns of {} under Signals", signals.join(", ")),
         Remedy::Time => "choose the column of the time under Signals, or give the time from row to row".to_owned(),
         Remedy::Scale { signal } => format!("give the factor of {signal} under Signals"),
+        Remedy::Scales { signals } => format!("give the factors of {} under Signals", signals.join(", ")),
         Remedy::PeriodAndStart => "give the period and the first sample under More settings".to_owned(),
         Remedy::Period => "give the period under More settings".to_owned(),
         Remedy::FromSample => "give the first sample under More settings".to_owned(),

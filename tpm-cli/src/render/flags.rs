@@ -40,6 +40,9 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
             signals.iter().map(|signal| format!("--map {signal}=COLUMN")).collect::<Vec<_>>().join(" ")
         }
         Remedy::Scale { signal } => format!("--scale {signal}=FACTOR"),
+        Remedy::Scales { signals } => {
+            signals.iter().map(|signal| format!("--scale {signal}=FACTOR")).collect::<Vec<_>>().join(" ")
+        }
         Remedy::PeriodAndStart => "--period SECONDS, --from-sample N".to_owned(),
         Remedy::Period => "--period SECONDS".to_owned(),
         Remedy::FromSample => "--from-sample N".to_owned(),

@@ -52,10 +52,10 @@ impl Rows<'_> {
         self.model.input_map(instant, self.constants, work, map)
     }
 
-    /// What a row does not owe to parameters: forces of inputs less known terms.
-    pub(crate) fn right_of(self, scratch: &Scratch, row: usize, inputs: &dyn Fn(usize) -> f64) -> f64 {
+    /// What a row does not owe to parameters: forces of inputs less known terms. Known terms and factors of inputs are those of all rows.
+    pub(crate) fn right_of(self, (known, map): (&[f64], &[f64]), row: usize, inputs: &dyn Fn(usize) -> f64) -> f64 {
         let count = self.model.dims().inputs;
-        (0..count).map(|i| scratch.map[row * count + i] * inputs(i)).sum::<f64>() - scratch.known[row]
+        (0..count).map(|i| map[row * count + i] * inputs(i)).sum::<f64>() - known[row]
     }
 
     /// What the parameters make in a row.

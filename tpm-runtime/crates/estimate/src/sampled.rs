@@ -148,7 +148,7 @@ fn equations(
                 let phi = |j: usize| scratch.regressor[row * dims.parameters + j];
                 let held: f64 = settings.frozen.iter().map(|frozen| frozen.value * phi(frozen.parameter)).sum();
                 own.extend(free.indices.iter().map(|&j| phi(j)));
-                own.push(of.right_of(&scratch, row, &|i| inputs[i]) - held);
+                own.push(of.right_of((&scratch.known, &scratch.map), row, &|i| inputs[i]) - held);
             }
         }
     }

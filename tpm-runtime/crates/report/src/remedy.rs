@@ -27,6 +27,11 @@ pub enum Remedy {
         /// The signal, as the model names it; `t_s` for the time.
         signal: String,
     },
+    /// State the factors from the columns of these signals to the signals' units.
+    Scales {
+        /// The signals, as the model names them.
+        signals: Vec<String>,
+    },
     /// State from which sample on the motion repeats, and its period.
     PeriodAndStart,
     /// State the period in seconds.

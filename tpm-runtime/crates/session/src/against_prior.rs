@@ -7,6 +7,7 @@
 
 use crate::identification::Identification;
 use crate::warning::Warning;
+use tpm_numerics::Iteration;
 use tpm_units::Unit;
 
 /// Error of a description's masses and moments, as a share, each for itself.
@@ -16,17 +17,17 @@ const SPREAD: f64 = 0.2;
 const ANOTHER: f64 = 2.0;
 /// Standard deviations of a factor within which it is no other unit, and beside which a value tells nothing of it.
 const DEVIATIONS: f64 = 3.0;
-/// Rounds in which the factor enters its own weights.
-const ROUNDS: usize = 20;
+/// Steps in which the factor enters its own weights, and the last change of it as a share.
+const WEIGHING: Iteration = Iteration { most: 20, settled: 1e-9 };
 
-/// Warns of masses and moments that are all the same multiple of what the description of a mechanism says.
-pub(super) fn warn_of_common_factor(result: &mut Identification) {
+/// Warns of masses and moments that are all the same multiple of what the description of a mechanism with these inputs says.
+pub(super) fn warn_of_common_factor(result: &mut Identification, inputs: Vec<String>) {
     let one_by_one = result.parameters.iter().filter_map(|own| Some((&own.unit, own.prior?, own.value?, own.std?)));
     let together = result.combinations.iter().filter_map(|own| Some((&own.unit, own.prior?, own.value, own.std)));
     let of_bodies = one_by_one.chain(together).filter(|(unit, ..)| unit.as_deref().is_some_and(is_inertial));
     let values: Vec<[f64; 3]> = of_bodies.map(|(_, prior, value, std)| [prior, value, std]).collect();
     if let Some((factor, std, count)) = common_factor(&values) {
-        result.warnings.push(Warning::CommonFactor { factor, std, count });
+        result.warnings.push(Warning::CommonFactor { inputs, factor, std, count });
     }
 }
 
@@ -40,17 +41,19 @@ fn is_inertial(unit: &str) -> bool {
 /// would make, or where they do not agree in it. Every value has its prior, itself and its deviation.
 fn common_factor(values: &[[f64; 3]]) -> Option<(f64, f64, usize)> {
     let variance = |factor: f64, [prior, _, std]: [f64; 3]| std * std + (SPREAD * factor * prior).powi(2);
-    let mut factor = 1.0_f64;
-    let mut std = f64::INFINITY;
-    for _ in 0..ROUNDS {
+    let (mut factor, mut std) = (1.0_f64, f64::INFINITY);
+    for _ in 0..WEIGHING.most {
         let (mut own, mut square) = (0.0, 0.0);
         for value in values {
             let variance = variance(factor, *value).max(f64::MIN_POSITIVE);
             own += value[0] * value[1] / variance;
             square += value[0] * value[0] / variance;
         }
-        factor = own / square;
+        let before = std::mem::replace(&mut factor, own / square);
         std = 1.0 / square.sqrt();
+        if (factor - before).abs() <= WEIGHING.settled * before.abs() {
+            break;
+        }
     }
     let tells = |value: &&[f64; 3]| (factor * value[0]).abs() > DEVIATIONS * value[2];
     let count = values.iter().filter(tells).count();
@@ -65,14 +68,11 @@ fn common_factor(values: &[[f64; 3]]) -> Option<(f64, f64, usize)> {
 #[cfg(test)]
 mod tests {
     use super::{common_factor, is_inertial};
+    use crate::arm_log;
     use crate::identification::Identification;
     use crate::log::{LogRequest, from_log};
     use crate::model::{DeclaredModel, Identifiable as _};
     use crate::warning::Warning;
-    use rand::SeedableRng;
-    use rand_distr::{Distribution, StandardNormal};
-    use std::f64::consts::PI;
-    use std::fmt::Write;
     use tpm_core::harmonics::Hold;
 
     const ARM: &str = "model Arm {
@@ -98,36 +98,9 @@ mod tests {
     fn identified(recorded: f64, described: f64) -> Identification {
         let arm = DeclaredModel::parse("Arm", ARM).expect("a model");
         let model = arm.evaluated();
-        let dims = model.dims();
-        let truth: Vec<f64> = (0..dims.parameters)
-            .map(|j| BODIES.iter().find(|(name, _)| *name == model.parameter(j).name).map_or(0.5, |(_, value)| *value))
-            .collect();
-        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
-        let mut draw = move || -> f64 { StandardNormal.sample(&mut rng) };
-        let (mut work, mut rows) = (vec![0.0; model.workspace_len()], vec![0.0; dims.regressor_len()]);
-        let mut text = String::from("t_s,q1,q2,u1,u2\n");
-        for k in 0..3000 {
-            let t = f64::from(k) * 5e-3;
-            let mut motion = [0.0; 6];
-            for (c, lines) in [[(0.21, 0.5), (0.57, 0.3)], [(0.34, 0.6), (0.83, 0.2)]].iter().enumerate() {
-                for (frequency, size) in lines {
-                    let w = 2.0 * PI * frequency;
-                    let (s, cosine) = (w * t + 0.3 + frequency).sin_cos();
-                    motion[c] += size * s;
-                    motion[2 + c] += size * w * cosine;
-                    motion[4 + c] -= size * w * w * s;
-                }
-            }
-            model.regressor(&motion, &[], &mut work, &mut rows).expect("lengths fit");
-            let torques =
-                rows.chunks(dims.parameters).map(|row| row.iter().zip(&truth).map(|(a, b)| a * b).sum::<f64>());
-            let torques: Vec<f64> = torques.map(|torque| recorded * (torque + 0.02 * draw())).collect();
-            let read = [motion[0] + 1e-5 * draw(), motion[1] + 1e-5 * draw()];
-            writeln!(text, "{t:.3},{:.9},{:.9},{:.9},{:.9}", read[0], read[1], torques[0], torques[1])
-                .expect("a string");
-        }
-        let file = tempfile::NamedTempFile::new().expect("a file");
-        std::fs::write(file.path(), text).expect("written");
+        let value = |name: &str| BODIES.iter().find(|(own, _)| *own == name).map_or(0.5, |(_, value)| *value);
+        let truth: Vec<f64> = (0..model.dims().parameters).map(|j| value(model.parameter(j).name)).collect();
+        let file = arm_log::log(&arm, &truth, 0.0, [recorded; 2]);
         let mut request = LogRequest::new(file.path()).hold(Hold::None);
         request.estimation.prior = BODIES.iter().map(|(name, own)| ((*name).to_owned(), described * own)).collect();
         from_log(&arm, request).expect("identifies")

@@ -1,15 +1,12 @@
 //! Logs of an arm of two joints whose sensors are off: what the log would not show is said, and what is stated of them enters the deviations.
 
+use crate::arm_log;
 use crate::error::SessionError;
 use crate::identification::Identification;
 use crate::log::{LogRequest, from_log, from_logs};
 use crate::log_fault::LogFault;
-use crate::model::{DeclaredModel, Identifiable as _};
+use crate::model::DeclaredModel;
 use crate::warning::Warning;
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-use std::f64::consts::PI;
-use std::fmt::Write;
 use tpm_core::harmonics::Hold;
 use tpm_estimate::named::ParameterReport;
 
@@ -24,8 +21,6 @@ const ARM: &str = "model Arm {
         + c*(cos(q2)*ddot(q1) + sin(q2)*dot(q1)^2) + s*(sin(q2)*ddot(q1) - cos(q2)*dot(q1)^2) = u2;
 }";
 const TRUTH: [f64; 10] = [0.9, 0.15, 0.3, 0.02, 20.0, 1.0, 6.0, 0.4, 0.8, 0.5];
-const SAMPLES: usize = 6000;
-const SAMPLE_TIME: f64 = 4e-3;
 
 fn arm() -> DeclaredModel {
     DeclaredModel::parse("Arm", ARM).expect("a model")
@@ -33,36 +28,7 @@ fn arm() -> DeclaredModel {
 
 /// A log in which the second joint reads so much more, rad, and the second torque so many times what it is.
 fn log(zero: f64, gain: f64) -> tempfile::NamedTempFile {
-    let arm = arm();
-    let model = arm.evaluated();
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(11);
-    let mut draw = move || -> f64 { StandardNormal.sample(&mut rng) };
-    let mut text = String::from("t_s,q1,q2,u1,u2\n");
-    let (mut work, mut rows) = (vec![0.0; model.workspace_len()], vec![0.0; model.dims().regressor_len()]);
-    for k in 0..SAMPLES {
-        let t = k as f64 * SAMPLE_TIME;
-        let mut motion = [0.0; 6];
-        for (c, lines) in
-            [[(0.21, 0.5, 0.3), (0.57, 0.2, 1.0)], [(0.34, 0.6, 2.0), (0.83, 0.2, 0.1)]].iter().enumerate()
-        {
-            for (frequency, size, phase) in lines {
-                let w = 2.0 * PI * frequency;
-                let (s, cosine) = (w * t + phase).sin_cos();
-                motion[c] += size * s;
-                motion[2 + c] += size * w * cosine;
-                motion[4 + c] -= size * w * w * s;
-            }
-        }
-        model.regressor(&motion, &[], &mut work, &mut rows).expect("lengths fit");
-        let force = |row: usize| rows[10 * row..][..10].iter().zip(TRUTH).map(|(own, truth)| own * truth).sum::<f64>();
-        let read = [motion[0], motion[1] + zero].map(|q| q + 1e-5 * draw());
-        let torque = [force(0), gain * force(1)].map(|u| u + 0.05 * draw());
-        writeln!(text, "{t:.3},{:.9},{:.9},{:.9},{:.9}", read[0], read[1], torque[0], torque[1])
-            .expect("a string takes everything");
-    }
-    let file = tempfile::NamedTempFile::new().expect("a file");
-    std::fs::write(file.path(), text).expect("written");
-    file
+    arm_log::log(&arm(), &TRUTH, zero, [1.0, gain])
 }
 
 fn request(file: &tempfile::NamedTempFile, stated: &[(&str, f64)]) -> LogRequest {

@@ -21,6 +21,8 @@
 mod actuator_tests;
 mod against_prior;
 mod agreeing;
+#[cfg(test)]
+mod arm_log;
 mod between_stamps;
 #[cfg(test)]
 mod calibration_tests;

@@ -196,7 +196,8 @@ pub fn from_logs<R: Into<LogRequest>>(
     if let Some(declared) = &declared {
         summary::warn_of_negative_gains(&mut result, &declared.prepared().model);
         if declared.parsed().mechanism.is_some() {
-            against_prior::warn_of_common_factor(&mut result);
+            let inputs = (0..evaluated.dims().inputs).map(|i| evaluated.input(i).name.to_string()).collect();
+            against_prior::warn_of_common_factor(&mut result, inputs);
         }
     }
     result.provenance = Provenance {

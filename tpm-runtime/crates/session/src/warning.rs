@@ -249,6 +249,8 @@ pub enum Warning {
     },
     /// Masses and moments of the bodies of a mechanism are all the same multiple of their priors: another unit of the inputs.
     CommonFactor {
+        /// The inputs of the model.
+        inputs: Vec<String>,
         /// Identified values over priors.
         factor: f64,
         /// Its standard deviation, where every prior is off by a fifth.
@@ -431,6 +433,7 @@ impl Warning {
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation(_) => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
+            Warning::CommonFactor { inputs, .. } => Some(Remedy::Scales { signals: inputs.clone() }),
             Warning::UnseenFaults { faults } => {
                 Some(Remedy::Calibration { signals: faults.iter().map(|fault| fault.signal.clone()).collect() })
             }
@@ -607,11 +610,11 @@ impl fmt::Display for Warning {
                 "{parameter} = {} is negative, so that its term gives energy to the machine, which damping and friction do not: a term may be missing, or a scale, a sign or a column may be wrong",
                 plus_minus(*value, *std)
             ),
-            Warning::CommonFactor { factor, std, count } => write!(
+            Warning::CommonFactor { factor, std, count, .. } => write!(
                 f,
                 "{count} masses and moments are one multiple of their priors, {}: the inputs may be recorded in another unit, such as amperes \
-                 in place of newton metres, or behind a gear; state it (--scale INPUT=FACTOR), or no priors if \
-                 they are those of another machine",
+                 in place of newton metres, or behind a gear; state the factor, or no priors if they are those of \
+                 another machine",
                 plus_minus(*factor, *std)
             ),
             Warning::GoesAgainst { parameter, value, std } => write!(

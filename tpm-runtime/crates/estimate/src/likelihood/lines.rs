@@ -303,17 +303,20 @@ pub(super) fn weights(variance: &[f64]) -> Vec<f64> {
 /// The signals of a stretch, by their numbers.
 pub(super) type Signals = Vec<(usize, Vec<f64>)>;
 
-/// Lines of columns that stay what they are as long as the motion does, in every view of a row: by stretch, and by the number of the column.
+/// Lines of the columns of a stretch, by the numbers of the columns.
+type ColumnLines = BTreeMap<usize, Vec<f64>>;
+
+/// Lines of columns that stay what they are as long as the motion does, in every view of a row, stretch by stretch.
 #[derive(Debug, Default)]
 pub(super) struct Remembered {
-    of_view: Vec<(View, Vec<BTreeMap<usize, Vec<f64>>>)>,
+    of_view: Vec<(View, Vec<ColumnLines>)>,
 }
 
 impl Remembered {
     /// What is known in a view, which is remembered from now on.
-    fn of(&mut self, view: View, stretches: usize) -> &mut [BTreeMap<usize, Vec<f64>>] {
+    fn of(&mut self, view: View, stretches: usize) -> &mut [ColumnLines] {
         let at = self.of_view.iter().position(|(own, _)| *own == view).unwrap_or_else(|| {
-            self.of_view.push((view, vec![BTreeMap::new(); stretches]));
+            self.of_view.push((view, vec![ColumnLines::new(); stretches]));
             self.of_view.len() - 1
         });
         &mut self.of_view[at].1

@@ -512,9 +512,7 @@ impl<'a> Rows<'a> {
         match entry {
             Entry::Force(i) => factor(i) * path.inputs[i][k],
             Entry::Rate(i) => factor(i) * path.input_rates[i][k],
-            Entry::Parameter(_) | Entry::Right => {
-                (0..dims.inputs).map(|i| factor(i) * path.inputs[i][k]).sum::<f64>() - known[row]
-            }
+            Entry::Parameter(_) | Entry::Right => self.right_of((known, map), row, &|i| path.inputs[i][k]),
         }
     }
 
@@ -658,7 +656,7 @@ impl<'a> Rows<'a> {
         for (k, instant) in path.motion.chunks_exact(path.slots).enumerate() {
             self.sides(instant, &mut scratch)?;
             for (row, right) in right.iter_mut().enumerate() {
-                right.push(self.right_of(&scratch, row, &|i| inputs[i][k]));
+                right.push(self.right_of((&scratch.known, &scratch.map), row, &|i| inputs[i][k]));
             }
         }
         Ok(right)
@@ -673,7 +671,8 @@ impl<'a> Rows<'a> {
         scratch: &mut Scratch,
     ) -> Result<Vec<f64>, EvalError> {
         self.evaluate(instant, scratch)?;
-        let of = |row: usize| self.made(scratch, row, theta) - self.right_of(scratch, row, inputs);
+        let of =
+            |row: usize| self.made(scratch, row, theta) - self.right_of((&scratch.known, &scratch.map), row, inputs);
         Ok((0..self.model.dims().rows).map(of).collect())
     }
 }
