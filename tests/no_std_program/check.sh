@@ -7,7 +7,7 @@ export CARGO_TARGET_DIR="${CARGO_TARGET_DIR:-../../target}/no_std"
 # The workspace's versions; cargo drops what these programs do not need.
 cp ../../Cargo.lock Cargo.lock
 cargo build --release --quiet
-for program in estimator standalone core_parts; do
+for program in estimator standalone controller_parts; do
     needed=$(nm --undefined-only "$CARGO_TARGET_DIR/release/$program" | awk '{ sub(/@.*/, "", $NF); print $NF }')
     for symbol in $needed; do
         case "$symbol" in
@@ -23,7 +23,7 @@ for program in estimator standalone core_parts; do
         exit 1
     fi
     # The generated estimator has no path to a panic, so that nothing of the panic machinery is in the program.
-    if [ "$program" != core_parts ] && nm "$CARGO_TARGET_DIR/release/$program" | grep -E 'panicking|panic_fmt' >&2; then
+    if [ "$program" != controller_parts ] && nm "$CARGO_TARGET_DIR/release/$program" | grep -E 'panicking|panic_fmt' >&2; then
         echo "$program refers to the panic machinery (above)" >&2
         exit 1
     fi

@@ -11,7 +11,7 @@ mod readme {
     #[doc = include_str!("../../tpm-codegen/README.md")]
     struct Codegen;
 
-    #[doc = include_str!("../../tpm-core/README.md")]
+    #[doc = include_str!("../../tpm-controller/README.md")]
     struct Core;
 
     #[doc = include_str!("../../tpm-macros/README.md")]

@@ -6,7 +6,7 @@
 //!
 //! ```
 //! tpm_macros::model! {
-//!     crate = tpm_core; // left out by users of `tpm-runtime`, which re-exports the macros
+//!     crate = tpm_controller; // left out by users of `tpm-runtime`, which re-exports the macros
 //!     model Slider {
 //!         coordinate x [m];
 //!         input u [N];
@@ -55,7 +55,7 @@ use std::path::Path;
 /// `identified(NAME = VALUE, ...);` the constant `IDENTIFIED` with a value for every parameter.
 ///
 /// `model! { crate = path::to::runtime; model Name { ... } }` names the crate that the code uses, when it is not `::tpm_runtime`;
-/// `crate = tpm_core;` is enough for a controller.
+/// `crate = tpm_controller;` is enough for a controller.
 #[proc_macro]
 pub fn model(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     tpm_codegen::inline::model(input.into()).into()

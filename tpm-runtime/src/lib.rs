@@ -21,7 +21,7 @@
 //! (D. Feng, chapters 2 to 4). Estimates come with their covariance, rank first: nothing is estimated along a direction that the data
 //! do not show.
 //!
-//! Without the feature `std` the crate is `tpm-core` and the macros: neither an operating system nor memory allocation.
+//! Without the feature `std` the crate is `tpm-controller` and the macros: neither an operating system nor memory allocation.
 #![no_std]
 
 #[cfg(feature = "document")]
@@ -37,7 +37,7 @@ pub use {
     tpm_study as study,
 };
 
-pub use tpm_core::{
+pub use tpm_controller::{
     Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter,
     harmonics, least_squares, linear, model, support, weighted_least_squares,
 };

@@ -2,7 +2,7 @@
 #![no_std]
 
 tpm_macros::model! {
-    crate = tpm_core;
+    crate = tpm_controller;
     with(campaign, mass_matrix, forward_dynamics, monitor, strokes);
     filter(200:0.7, sample_time = 1e-3);
     model Slide {

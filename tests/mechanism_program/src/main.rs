@@ -6,7 +6,7 @@ use mechanism_program::slide::run::{
     Applied, Campaign, CampaignPhase, CampaignRules, Limits, Measured, PARAMETERS, Parameters, RunSampling, Sample, Stage,
 };
 use mechanism_program::slide::{self, Inputs, Motion, Pattern, QMotion, XMotion};
-use tpm_core::Real;
+use tpm_controller::Real;
 
 const STEP: f64 = 1e-3;
 const NOISE: f64 = 1e-4;

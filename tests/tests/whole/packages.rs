@@ -25,7 +25,7 @@ const PUBLISHED: [&str; 24] = [
     "tpm-campaign",
     "tpm-cli",
     "tpm-codegen",
-    "tpm-core",
+    "tpm-controller",
     "tpm-document",
     "tpm-elementary",
     "tpm-estimate",

@@ -1,6 +1,6 @@
 //! C code of a campaign, before its names and sizes are filled in.
 //!
-//! Invariant: the order of a campaign is that of `tpm_core::support` (`campaign`), in the caller's memory.
+//! Invariant: the order of a campaign is that of `tpm_controller::support` (`campaign`), in the caller's memory.
 
 /// Declarations.
 pub(super) const HEADER: &str = "

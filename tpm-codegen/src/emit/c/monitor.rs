@@ -1,6 +1,6 @@
 //! The watch over a machine's base parameters, as C.
 //!
-//! Invariant: the method is that of `tpm_core::support::monitor`, in the caller's memory, over the estimator of base parameters, which holds
+//! Invariant: the method is that of `tpm_controller::support::monitor`, in the caller's memory, over the estimator of base parameters, which holds
 //! the block.
 
 use super::super::requested;

@@ -1,7 +1,7 @@
 //! Functions that are emitted on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in
 //! base parameters.
 //!
-//! Invariant: the methods are those of `tpm_core::support` (`accelerations`, `square_root`), in the caller's memory.
+//! Invariant: the methods are those of `tpm_controller::support` (`accelerations`, `square_root`), in the caller's memory.
 
 use super::super::code::Expression;
 use super::super::function::{Body, Function};

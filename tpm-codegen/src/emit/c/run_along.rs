@@ -1,6 +1,6 @@
 //! C code of the rows of a run along its measured motion, before names and sizes are filled in.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_workspace`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_workspace`), in the caller's memory.
 
 /// The rows along the motion.
 pub(super) const ALONG: &str = "

@@ -1,6 +1,6 @@
 //! C code of the weighted equations of a run, before names and sizes are filled in.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_estimate`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_estimate`), in the caller's memory.
 
 /// The equations, and their solution.
 pub(super) const EQUATIONS: &str = "

@@ -1,7 +1,7 @@
 //! C code of the estimators that are linearised about the reference of a run, before names and sizes are filled in, and what it adds to
 //! the code of every run.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_linearised`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_linearised`), in the caller's memory.
 
 use super::super::run::{ABOUT, REFERENCE};
 use super::context::{Context, Parameter};

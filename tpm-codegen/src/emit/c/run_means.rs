@@ -1,6 +1,6 @@
 //! C code of what motion that noise makes adds to the means of the rows, before names and sizes are filled in.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_means`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_means`), in the caller's memory.
 
 /// What the inputs hold above the lines, sample by sample.
 pub(super) const PASSED: &str = "

@@ -1,6 +1,6 @@
 //! C code of the noise of a run, before names and sizes are filled in.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_noise`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_noise`), in the caller's memory.
 
 /// The noise, read halfway between the harmonics.
 pub(super) const NOISE: &str = "

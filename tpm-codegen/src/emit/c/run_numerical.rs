@@ -1,6 +1,6 @@
 //! C code of the estimator by differences of runs.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_numerical`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_numerical`), in the caller's memory.
 
 use super::super::names::Names;
 use super::super::run::NUMERICAL;

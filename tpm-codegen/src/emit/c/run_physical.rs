@@ -1,6 +1,6 @@
 //! The physical parameters from a run in C, where those of its equations are products and sums of them.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_physical`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_physical`), in the caller's memory.
 
 use tpm_symbolic::plan::leaf::Leaf;
 

@@ -1,6 +1,6 @@
 //! C code of the samples of a run, before its names and sizes are filled in.
 //!
-//! Invariant: the method is that of `tpm_core::support` (`run_lines`), in the caller's memory.
+//! Invariant: the method is that of `tpm_controller::support` (`run_lines`), in the caller's memory.
 
 /// Declarations behind the structures of samples and parameters.
 pub(super) const HEADER: &str = "

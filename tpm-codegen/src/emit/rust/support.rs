@@ -1,11 +1,11 @@
-//! The code of the core crate that a self-contained file includes.
+//! The code of `tpm-controller` that a self-contained file includes.
 //!
 //! Invariant: the included text is unchanged; every module imports its names from the surrounding module, which is
 //! written here.
 
-use tpm_core::source::SUPPORT;
+use tpm_controller::source::SUPPORT;
 
-/// The items of the core crate that the code needs in addition to scalars and labels.
+/// The items of `tpm-controller` that the code needs in addition to scalars and labels.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Needs {
     /// Least squares of harmonics, which a pattern with a table needs.

@@ -5,7 +5,7 @@
 
 use num_complex::Complex;
 use serde::Serialize;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::Trial;
 use tpm_numerics::fourier::analyse;
 use tpm_plant::stability::natural_modes;

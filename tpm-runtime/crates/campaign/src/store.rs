@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_log::{fingerprint, rate_column};
 use tpm_motion::smoothing::Smoothing;
 use tpm_motion::{Ending, GainManifest, Record, RunEnding, Trial};

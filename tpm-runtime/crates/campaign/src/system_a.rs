@@ -2,8 +2,8 @@
 
 use crate::procedure::{Campaign, Outcome, Procedure, Setup, Stage};
 use std::f64::consts::PI;
-use tpm_core::control::Gain;
-use tpm_core::harmonics::Hold;
+use tpm_controller::control::Gain;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::{Estimate, Method, Run, Settings};
 use tpm_motion::smoothing::Smoothing;
 use tpm_motion::{HoldCompensation, Loop, Record, Spectra, Trial, Velocity};

@@ -9,8 +9,8 @@
 
 use std::fmt::Write as _;
 use std::path::Path;
-use tpm_core::control::Gain;
-use tpm_core::model::Model;
+use tpm_controller::control::Gain;
+use tpm_controller::model::Model;
 use tpm_motion::{GainManifest, RUN_FILE, RunFile, Trial, Velocity};
 
 /// The earlier schema, which has neither feedback law nor timing. Files of this schema can still be read.

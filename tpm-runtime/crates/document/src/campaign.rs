@@ -4,7 +4,7 @@
 use crate::identification::RMS;
 use crate::page::Document;
 use tpm_campaign::RunReport;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::{Record, Trial};
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_report::number;

@@ -9,7 +9,7 @@ use crate::error::EstimateError;
 use crate::information::Information;
 use crate::table::{LineTable, RowLines};
 use num_complex::Complex;
-use tpm_core::model::{Dims, Model};
+use tpm_controller::model::{Dims, Model};
 use tpm_motion::Trial;
 use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::DMatrix;

@@ -1,7 +1,7 @@
 //! Whether an estimator has a meaning for a campaign, before anything moves.
 
 use crate::error::EstimateError;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::{Driven, Trial};
 
 /// An estimator from the feedback's effort needs an input in every row.

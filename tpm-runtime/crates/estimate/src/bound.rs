@@ -16,7 +16,7 @@
 use crate::along::Along;
 use crate::error::EstimateError;
 use std::f64::consts::PI;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::DMatrix;
 use tpm_numerics::differences::FIVE_POINT;

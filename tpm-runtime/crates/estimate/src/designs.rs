@@ -8,7 +8,7 @@ use crate::error::EstimateError;
 use crate::information::Information;
 use crate::run::reach;
 use crate::settings::Settings;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::Trial;
 use tpm_motion::trajectory::Trajectory;
 

@@ -1,6 +1,6 @@
 //! Why there is no estimate.
 
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 
 /// Why an estimator gave no estimate.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -9,7 +9,7 @@ use crate::error::EstimateError;
 use crate::physical_remark::PhysicalRemark;
 use crate::result::Estimate;
 use crate::run::Run;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::Trial;
 
 /// Learns parameters from the runs of a campaign.

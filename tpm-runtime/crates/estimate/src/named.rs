@@ -4,7 +4,7 @@ use crate::result::Estimate;
 use crate::verdict::Status;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::DVector;
 use tpm_numerics::tolerance;
 

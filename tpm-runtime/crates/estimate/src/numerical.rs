@@ -32,7 +32,7 @@ use crate::stack::solve_reweighted;
 use crate::table::LineTable;
 use num_complex::Complex;
 use std::sync::Arc;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::Trial;
 use tpm_numerics::{Cholesky, DMatrix, DVector, alarm};
 

@@ -12,8 +12,8 @@ use crate::along::Along;
 use crate::error::EstimateError;
 use crate::first_order::fed_back;
 use num_complex::Complex;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::{Dims, Model};
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{Dims, Model};
 use tpm_motion::Trial;
 use tpm_numerics::{DMatrix, DVector};
 

@@ -1,6 +1,6 @@
 //! The rows of a model at one instant of a motion.
 
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 
 /// A model with what is known when it is evaluated.
 #[derive(Clone, Copy)]

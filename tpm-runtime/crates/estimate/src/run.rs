@@ -5,7 +5,7 @@ use crate::settings::Settings;
 use num_complex::Complex;
 use std::borrow::Cow;
 use std::fmt::Debug;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 use tpm_motion::{Spectra, Trial};
 use tpm_numerics::alarm;

@@ -13,7 +13,7 @@ use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::{Stretch, TimeRecord, WEIGHING_PASSES};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::{DMatrix, DVector, Matrix};
 
 /// An estimate from the rows at the samples.

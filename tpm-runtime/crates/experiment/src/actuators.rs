@@ -8,7 +8,7 @@ use crate::error::ExperimentError;
 use crate::file::{ActuatorSection, Experiment, MotorsSection};
 use crate::names::{coordinates, inputs, positive, require};
 use std::collections::BTreeMap;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::{Dynamics, LowPass};
 use tpm_plant::actuator::{FileFault, Limited, MotorFile, Mounted};
 

@@ -1,7 +1,7 @@
 //! Why an experiment cannot be carried out.
 
 use tpm_campaign::{CampaignError, StoreError};
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 use tpm_estimate::EstimateError;
 use tpm_plant::stability::StabilityError;
 use tpm_report::number;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Method, NumericalSettings, Refine, Weights};
 use tpm_motion::HoldCompensation;
 use tpm_motion::smoothing::Smoothing;

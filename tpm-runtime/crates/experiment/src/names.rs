@@ -2,7 +2,7 @@
 
 use crate::error::ExperimentError;
 use crate::file::Named;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 
 /// Smallest Jaro-Winkler similarity, from 0 to 1, at which a known name is suggested in place of an unknown one.
 const SIMILAR: f64 = 0.7;

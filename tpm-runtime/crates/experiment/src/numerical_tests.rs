@@ -2,7 +2,7 @@
 
 use crate::Experiment;
 use tpm_campaign::Campaign;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_plant::simulated::simulate;
 use tpm_test_support::models::MassSpringDrag;
 use tpm_test_support::rest_to_rest_3;

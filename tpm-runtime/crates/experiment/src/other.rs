@@ -5,7 +5,7 @@
 use crate::error::ExperimentError;
 use crate::file::{Experiment, Named, OtherMachine, PlantModelSection};
 use std::sync::Arc;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_plant::simulated::ClosedLoopArm;
 
 impl Experiment {

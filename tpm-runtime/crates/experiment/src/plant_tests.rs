@@ -2,7 +2,7 @@
 
 use crate::Experiment;
 use tpm_campaign::Campaign;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_motion::Ending;
 use tpm_plant::simulated::{SimulatedRun, simulate_continuous};
 use tpm_test_support::models::MassSpringDrag;

@@ -7,9 +7,9 @@ use crate::names::{Names, coordinates, inputs, near, parameters, positive, requi
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use tpm_campaign::{Procedure, Setup, Stage, StageStroke};
-use tpm_core::control::Gain;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_controller::control::Gain;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model;
 use tpm_estimate::{Frozen, Method, Settings, Weights};
 use tpm_log::unit_of;
 use tpm_motion::smoothing::Smoothing;

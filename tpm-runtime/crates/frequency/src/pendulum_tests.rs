@@ -12,7 +12,7 @@ use crate::structured::{StructuredSettings, fit_structured};
 use crate::transfer::TransferFunction;
 use num_complex::Complex;
 use std::f64::consts::PI;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 
 const M2: f64 = 0.022;
 const L1: f64 = 0.16;

@@ -221,7 +221,7 @@ mod tests {
     use crate::excitation::Excitation;
     use crate::rational::{Delay, FitError, RationalSettings};
     use crate::response::Welch;
-    use tpm_core::harmonics::Hold;
+    use tpm_controller::harmonics::Hold;
 
     /// y' = -3 y + u from y(0), exact at the samples.
     fn lag(u: &[f64], start: f64) -> Vec<f64> {

@@ -15,7 +15,7 @@
 
 use num_complex::Complex;
 use std::f64::consts::PI;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_motion::{Window, held};
 use tpm_numerics::fourier::forward;
 use tpm_numerics::{alarm, tolerance};
@@ -490,7 +490,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
     use std::f64::consts::PI;
-    use tpm_core::harmonics::Hold;
+    use tpm_controller::harmonics::Hold;
 
     fn white(n: usize, seed: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -6,7 +6,7 @@
 use crate::interval::Interval;
 use crate::leaves::{Leaves, require_motion};
 use crate::program::Program;
-use tpm_core::model::{Buffer, Dims, EvalError, require_len};
+use tpm_controller::model::{Buffer, Dims, EvalError, require_len};
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::number::rational;

@@ -3,7 +3,7 @@
 use crate::{BaseRows, Interpreted, Interval};
 use tpm_codegen::parse_model;
 use tpm_codegen::source::Source;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// A planar arm whose tool is known, and one with a slide and a joint about another axis.

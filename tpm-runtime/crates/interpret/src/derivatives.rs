@@ -2,8 +2,8 @@
 
 use crate::leaves::{Leaves, require_motion};
 use crate::program::Program;
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::{Buffer, Dims, EvalError, require_len, split_workspace};
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::model::{Buffer, Dims, EvalError, require_len, split_workspace};
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::plan::derivatives::Derivatives;
 use tpm_symbolic::plan::evaluation::Evaluation;

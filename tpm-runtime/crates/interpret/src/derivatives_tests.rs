@@ -1,7 +1,7 @@
 //! Derivatives of rows as numbers, against difference quotients of the rows.
 
-use tpm_core::derivatives::RowDerivatives as _;
-use tpm_core::model::{Buffer, EvalError, Model};
+use tpm_controller::derivatives::RowDerivatives as _;
+use tpm_controller::model::{Buffer, EvalError, Model};
 use tpm_test_support::models::differentiable;
 
 const ARM: &str = "model Arm {

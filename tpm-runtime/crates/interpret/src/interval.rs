@@ -1,14 +1,14 @@
 //! Intervals of real numbers, for statements that hold on all of a range and not only at samples.
 //!
 //! Invariant: the result of an operation contains the results for all members of its arguments. Bounds are rounded outward: by one
-//! step of the number format after an operation that rounds correctly, by [`FUNCTION_STEPS`] after a function of `tpm-core`.
+//! step of the number format after an operation that rounds correctly, by [`FUNCTION_STEPS`] after a function of `tpm-controller`.
 
 use core::f64::consts::{FRAC_PI_2, PI};
 use core::ops::{Add, Div, Mul, Neg, Sub};
-use tpm_core::{Hyperbolic, Real};
+use tpm_controller::{Hyperbolic, Real};
 use tpm_symbolic::expr::graph::Function;
 
-/// Largest error of a function of `tpm-core`, in steps of the number format.
+/// Largest error of a function of `tpm-controller`, in steps of the number format.
 const FUNCTION_STEPS: usize = 4;
 /// Beyond this magnitude the reduction of an angle is no longer exact enough to tell where a sine has its peak.
 const MOST_ANGLE: f64 = 1e6;
@@ -193,7 +193,7 @@ impl Div for Interval {
 mod tests {
     use super::Interval;
     use std::f64::consts::{FRAC_PI_2, PI};
-    use tpm_core::{Hyperbolic, Real};
+    use tpm_controller::{Hyperbolic, Real};
     use tpm_symbolic::expr::graph::Function;
 
     fn contains(interval: Interval, value: f64) -> bool {

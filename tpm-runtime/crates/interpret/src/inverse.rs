@@ -1,7 +1,7 @@
 //! The exact pseudo-inverse of a pattern's estimator matrix as numbers.
 
 use crate::program::Program;
-use tpm_core::model::{Buffer, EvalError, require_len, split_workspace};
+use tpm_controller::model::{Buffer, EvalError, require_len, split_workspace};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::plan::leaf::Leaf;
 use tpm_symbolic::plan::pattern::PatternPlan;

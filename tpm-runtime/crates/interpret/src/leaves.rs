@@ -1,6 +1,6 @@
 //! The leaves (inputs) of the compiled programs of a model.
 
-use tpm_core::model::{Buffer, Dims, EvalError, require_len};
+use tpm_controller::model::{Buffer, Dims, EvalError, require_len};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::plan::evaluation::Evaluation;

@@ -2,8 +2,8 @@
 
 use crate::leaves::{Leaves, require_motion};
 use crate::program::Program;
-use tpm_core::linear;
-use tpm_core::model::{
+use tpm_controller::linear;
+use tpm_controller::model::{
     Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
     require_len, split_workspace,
 };
@@ -268,7 +268,7 @@ impl Model<f64> for Interpreted {
 #[cfg(test)]
 mod tests {
     use super::Interpreted;
-    use tpm_core::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
+    use tpm_controller::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
     use tpm_symbolic::expr::graph::Function;
     use tpm_symbolic::mechanics::model::{Equation, ExactModel as Declared, Kind, SourceTerm, TermId};
     use tpm_symbolic::regressor::form::regressor_form;

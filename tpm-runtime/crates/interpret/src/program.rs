@@ -1,7 +1,7 @@
 //! A plan of the exact algebra, executed in double precision, forward, backward for gradients, or on intervals.
 
 use crate::interval::Interval;
-use tpm_core::{Hyperbolic, Real};
+use tpm_controller::{Hyperbolic, Real};
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::leaf::Leaf;
@@ -200,7 +200,7 @@ impl Program {
     }
 }
 
-/// Applies a function of `tpm-core` instead of the standard library, so that every platform gets the same bits.
+/// Applies a function of `tpm-controller` instead of the standard library, so that every platform gets the same bits.
 fn apply(function: Function, x: f64) -> f64 {
     match function {
         Function::Sin => Real::sin(x),

@@ -15,7 +15,7 @@
 use crate::leaves::{Leaves, require_motion};
 use crate::model::Interpreted;
 use crate::program::Program;
-use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_forward, require_len, split_workspace};
+use tpm_controller::model::{Buffer, Dims, EvalError, Label, Model, require_forward, require_len, split_workspace};
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::derivatives::Derivatives;

@@ -2,8 +2,8 @@
 
 use crate::{InterpretedDerivatives, Separable};
 use tpm_codegen::source::Source;
-use tpm_core::derivatives::RowDerivatives as _;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::derivatives::RowDerivatives as _;
+use tpm_controller::model::{EvalError, Model};
 
 const MACHINE: &str = "model Machine {
     coordinate q;

@@ -17,7 +17,7 @@ use crate::steps::Steps;
 use crate::table::Table;
 use crate::wraps::followed;
 use std::collections::BTreeSet;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 
 /// Time that goes back by more usual steps than this begins another recording.
 const MOST_BACK: f64 = 20.0;

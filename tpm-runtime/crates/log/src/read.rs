@@ -17,7 +17,7 @@ use crate::steps::Steps;
 use crate::table::{LEAST_SAMPLES, Table};
 use std::io::Read;
 use std::path::Path;
-use tpm_core::model::{Label, Model};
+use tpm_controller::model::{Label, Model};
 
 /// Measured rates by coordinate, nothing for a coordinate whose rate is not measured; an empty list where none is.
 pub type Rates = Vec<Option<Vec<f64>>>;

@@ -24,7 +24,7 @@ use crate::wraps::followed;
 use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::root_mean_square;
 
 /// Everything that a file holds of a model's signals.

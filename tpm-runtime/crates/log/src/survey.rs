@@ -10,7 +10,7 @@ use crate::recording::Recording;
 use crate::source::LogSource;
 use crate::table::{Table, Unread};
 use serde::Serialize;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 
 /// The role of a channel in a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -12,7 +12,7 @@
 //! runs straight between its samples, and what is told is the force at the sample.
 
 use crate::actuator::{Dynamics, Lags, LowPass};
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_numerics::{DMatrix, DVector, exponential};
 
 /// What is left of an older command is this many time constants old.
@@ -138,7 +138,7 @@ fn between(at: &dyn Fn(isize) -> f64, k: isize, before: f64) -> f64 {
 mod tests {
     use super::Dynamics;
     use crate::LowPass;
-    use tpm_core::harmonics::Hold;
+    use tpm_controller::harmonics::Hold;
 
     const STEP: f64 = 2e-3;
 

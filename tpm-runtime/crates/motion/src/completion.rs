@@ -16,8 +16,8 @@ use crate::driven::Driven;
 use crate::dry::FrictionJump;
 use crate::trajectory::{HarmonicSeries, Line, Trajectory};
 use num_complex::Complex;
-use tpm_core::Real;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::Real;
+use tpm_controller::model::{EvalError, Model};
 use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::fourier::forward;
 use tpm_numerics::{DMatrix, DVector, Doubling, Iteration};
@@ -421,8 +421,8 @@ fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize
 mod tests {
     use super::{CompletionError, OpenReason, complete};
     use crate::trajectory::{HarmonicSeries, Line, Trajectory};
-    use tpm_core::Real;
-    use tpm_core::model::{Dims, EvalError, Label, Model};
+    use tpm_controller::Real;
+    use tpm_controller::model::{Dims, EvalError, Label, Model};
     use tpm_test_support::models::TwoCarts;
 
     fn trajectory() -> Trajectory {

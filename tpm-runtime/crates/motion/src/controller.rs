@@ -7,8 +7,8 @@ use crate::feedback::Velocity;
 use crate::record::Ending;
 use crate::smoothing::Smoother;
 use crate::trial::Trial;
-use tpm_core::control::{Differentiator, Feedback};
-use tpm_core::model::{Dims, EvalError};
+use tpm_controller::control::{Differentiator, Feedback};
+use tpm_controller::model::{Dims, EvalError};
 
 /// The controller of one run. It sees every sample once, from the first on.
 #[derive(Debug)]

@@ -1,6 +1,6 @@
 //! The rows of a model on which inputs act.
 
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 
 /// Collects the rows on which an input acts, over the instants seen so far.
 pub struct Driven {

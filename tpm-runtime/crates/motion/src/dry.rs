@@ -2,7 +2,7 @@
 //!
 //! Invariant: a row is evaluated on either side of rest at a velocity so small that only its sign has an effect.
 
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 
 /// Magnitude of a velocity, unit of the coordinate per second, so small that only its sign has an effect on a row; its
 /// square is zero in floating point.

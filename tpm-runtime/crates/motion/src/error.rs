@@ -1,7 +1,7 @@
 //! Why a run cannot be prepared.
 
 use crate::completion::OpenReason;
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 
 /// Why an experiment cannot be played.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -7,9 +7,9 @@ use crate::actuator::Dynamics;
 use crate::error::TrialError;
 use crate::hold::held;
 use serde::{Deserialize, Serialize};
-use tpm_core::harmonics::Hold;
-use tpm_core::linear;
-use tpm_core::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::linear;
+use tpm_controller::model::Model;
 use tpm_numerics::{DMatrix, fourier};
 
 /// Largest factor by which a harmonic is amplified to make up for an actuator that attenuates it.

@@ -15,8 +15,8 @@ use crate::feed_forward::HoldCompensation;
 use crate::hold::held;
 use crate::smoothing::Smoothing;
 use num_complex::Complex;
-use tpm_core::control::{Differentiator, Gain};
-use tpm_core::harmonics::Hold;
+use tpm_controller::control::{Differentiator, Gain};
+use tpm_controller::harmonics::Hold;
 
 /// Where the rate of the tracking error comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,7 @@
 //! next begins, since the rule is of the fourth order only where the rows do not jump.
 
 use crate::friction::{Forces, Friction};
-use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_controller::model::{Buffer, EvalError, Model, require_len};
 use tpm_numerics::Iteration;
 
 /// Magnitude of a state beyond which the terms of a model are taken to overflow.
@@ -391,7 +391,7 @@ mod tests {
     use super::{Plant, PlantError};
     use ode_solvers::dop_shared::OutputType;
     use ode_solvers::{Dop853, SVector, System};
-    use tpm_core::model::EvalError;
+    use tpm_controller::model::EvalError;
     use tpm_test_support::models::{MassSpringDrag, RubbingSpring, TwoCarts};
 
     const CHAIN: [f64; 5] = [2.0, 1.0, 40.0, 300.0, 200.0];

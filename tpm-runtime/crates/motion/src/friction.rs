@@ -13,8 +13,8 @@
 //! rows are evaluated on the side of its direction, even where a step of the integration overshoots its rest.
 
 use crate::{CREEP, FrictionJump};
-use tpm_core::linear::solve_in_place;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::linear::solve_in_place;
+use tpm_controller::model::{EvalError, Model};
 
 /// The state of a coordinate with dry friction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

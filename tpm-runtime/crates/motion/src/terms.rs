@@ -9,8 +9,8 @@ use crate::smoothing::Smoothing;
 use crate::trial::Trial;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use tpm_core::control::{Differentiator, Gain};
-use tpm_core::model::Model;
+use tpm_controller::control::{Differentiator, Gain};
+use tpm_controller::model::Model;
 
 /// Schema of the terms of a run as they are written.
 pub const RUN_FILE: &str = "tpm.play/2";

@@ -9,7 +9,7 @@ use crate::error::TrialError;
 use crate::feed_forward::{HoldCompensation, demand, undo_drive};
 use crate::feedback::Loop;
 use crate::trajectory::Trajectory;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 
 /// A run, ready to be played on a plant.
 #[derive(Clone, Debug, PartialEq)]
@@ -189,8 +189,8 @@ mod tests {
     use crate::trajectory::tests::rest_to_rest_3;
     use crate::{HoldCompensation, Loop, TrialError, Velocity};
     use std::f64::consts::PI;
-    use tpm_core::control::Gain;
-    use tpm_core::harmonics::hold_factor;
+    use tpm_controller::control::Gain;
+    use tpm_controller::harmonics::hold_factor;
     use tpm_test_support::models::MassSpringDrag;
 
     fn trial(w: f64, compensation: HoldCompensation) -> Result<Trial, TrialError> {

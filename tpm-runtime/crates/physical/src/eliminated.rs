@@ -9,7 +9,7 @@
 
 use crate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
 use std::sync::Arc;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{
     Estimate, EstimateError, Estimator, Evidence, Fitted, Information, MeasuredMotion, POOR_DEVIATION, PhysicalRemark,
     ResidualOf, Run, Settings, Status, Structure, estimate_structured, refine_last,

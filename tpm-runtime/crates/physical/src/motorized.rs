@@ -6,7 +6,7 @@
 //! for every harmonic of a polynomial.
 
 use std::collections::BTreeMap;
-use tpm_core::model::Model as _;
+use tpm_controller::model::Model as _;
 use tpm_interpret::Interpreted;
 use tpm_motion::trajectory::{HarmonicSeries, Line, PatternError, ReferencePattern, Trajectory};
 use tpm_numerics::fourier;

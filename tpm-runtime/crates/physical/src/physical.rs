@@ -17,7 +17,7 @@
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Estimate, Evidence, Information, POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Status};
 use tpm_experiment::Experiment;
 use tpm_numerics::chance::deviation;

@@ -5,7 +5,7 @@
 //! leaves open, multiples of the frequency) has no table.
 
 use num_complex::Complex;
-use tpm_core::model::{Dims, Model};
+use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{LineTable, RowLines};
 use tpm_motion::trajectory::{ReferencePattern, Trajectory};
 use tpm_symbolic::algebra::fourier::Trig;

@@ -11,8 +11,8 @@ use num_complex::Complex;
 use rand::{Rng as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
-use tpm_core::control::Differentiator;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::control::Differentiator;
+use tpm_controller::model::{EvalError, Model};
 use tpm_motion::{Loop, TrialError, Velocity, demand};
 use tpm_numerics::differences::FIVE_POINT;
 use tpm_numerics::eigenvalues::eigenvalues;
@@ -496,7 +496,7 @@ impl Linear {
 #[cfg(test)]
 mod tests {
     use super::{Range, StabilityDomain, StabilityError, characteristic, check, natural_modes};
-    use tpm_core::control::Gain;
+    use tpm_controller::control::Gain;
     use tpm_motion::{HoldCompensation, Loop, Velocity};
     use tpm_numerics::DMatrix;
     use tpm_test_support::models::TwoCarts;

@@ -2,7 +2,7 @@
 
 use crate::displayed::displayed;
 use serde::Serialize;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 
 /// A setting that would remove a warning or an error. The library states it as data; a front end spells it in its own words, such
 /// as the name of a flag.

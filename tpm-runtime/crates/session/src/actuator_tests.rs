@@ -4,7 +4,7 @@ use crate::identify_log;
 use crate::{Identification, identify_simulated};
 use crate::{LogOptions, RecordSettings};
 use tpm_campaign::{Campaign, Outcome};
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_experiment::{Experiment, ExperimentError};
 use tpm_log::Log;
 use tpm_motion::{Dynamics, LowPass};

@@ -73,7 +73,7 @@ mod tests {
     use crate::log::{LogRequest, from_log};
     use crate::model::{DeclaredModel, Identifiable as _};
     use crate::warning::Warning;
-    use tpm_core::harmonics::Hold;
+    use tpm_controller::harmonics::Hold;
 
     const ARM: &str = "model Arm {
         coordinate q1 [rad], q2 [rad]; input u1 [N*m], u2 [N*m];

@@ -10,7 +10,7 @@ use crate::simulation::Fit;
 use crate::simulation_figure::drawn;
 use serde::Serialize;
 use tpm_codegen::identified::{Weights, display, remedy};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Followed, FollowedSensor, follow_recorded};
 use tpm_log::{AsRecorded, LogSource, ReadingReport};
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};

@@ -7,7 +7,7 @@ use crate::log::{LogRequest, from_log, from_logs};
 use crate::log_fault::LogFault;
 use crate::model::DeclaredModel;
 use crate::warning::Warning;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::named::ParameterReport;
 
 /// An arm in its base parameters: a link that is not symmetric about its axis has first moments in two directions (c and s, g and h).

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tpm_campaign::{Campaign, RunReport, Store};
 use tpm_codegen::identified::Identified;
-use tpm_core::derivatives::RowDerivatives;
+use tpm_controller::derivatives::RowDerivatives;
 use tpm_estimate::{Domain, ParameterReport, Refine, Status};
 use tpm_experiment::{Experiment, ExperimentError, Named, PlantModelSection, Value};
 use tpm_interpret::Interpreted;

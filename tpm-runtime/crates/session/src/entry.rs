@@ -12,7 +12,7 @@ use crate::recorded_log::{self, signal_name};
 use crate::rows::Rows;
 use crate::summary::lone_readings;
 use crate::warning::Warning;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::{Domain, EstimateError, LARGE_RESIDUAL, is_static};
 use tpm_log::{AsRecorded, Assumption, Log, LogSource, Lone, ReadingReport, Recording};
 

@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 use std::sync::OnceLock;
 use tpm_campaign::SteadyRun;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model;
 use tpm_estimate::{Course, Rate, Signals, Stretch};
 use tpm_log::Periodic;
 use tpm_motion::Dynamics;
@@ -286,7 +286,7 @@ fn within(lengths: impl Iterator<Item = usize>, range: std::ops::Range<usize>) -
 #[cfg(test)]
 mod tests {
     use super::{Excerpt, SAMPLES_OF_BLOCKS, within};
-    use tpm_core::harmonics::Hold;
+    use tpm_controller::harmonics::Hold;
     use tpm_estimate::Stretch;
     use tpm_motion::Dynamics;
 

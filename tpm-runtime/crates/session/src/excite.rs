@@ -1,7 +1,7 @@
 //! An excitation as a run: the files that a controller and the simulated machine play, and whose log shows a frequency response.
 
 use tpm_campaign::{RunFile, trial_samples};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_frequency::{Excitation, ExcitationError, crest_factor};
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 use tpm_motion::{HoldCompensation, Loop, Trial, Velocity};

@@ -131,7 +131,7 @@ fn unknown_fields_and_names_are_refused() {
     }
     let mut still = experiment();
     still.schedule.stages[0].values.insert("w".to_string(), 0.0);
-    let hold = tpm_core::harmonics::Hold::Zoh;
+    let hold = tpm_controller::harmonics::Hold::Zoh;
     assert!(matches!(still.setup(&MassSpringDrag, &rest_to_rest_3(), hold), Err(ExperimentError::Invalid { .. })));
     let mut share = experiment();
     share.limits.effort_share = 1.5;

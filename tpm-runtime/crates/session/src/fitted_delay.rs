@@ -10,7 +10,7 @@ use crate::log_report::LogReport;
 use crate::options::LogOptions;
 use crate::term_words;
 use std::collections::BTreeMap;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_numerics::Matrix;
 

@@ -12,7 +12,7 @@ use tpm_campaign::{
     Lock, LogFingerprints, Manifest, NearMode, Outcome, RunFile, RunReport, Store, StoreError, samples_text,
     trial_samples,
 };
-use tpm_core::model::Model as _;
+use tpm_controller::model::Model as _;
 use tpm_estimate::Sensor;
 use tpm_experiment::Experiment;
 use tpm_log::{Log, fingerprint};

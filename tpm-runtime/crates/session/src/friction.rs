@@ -1,6 +1,6 @@
 //! Friction of a row along a record: what acts in it beside all else that the model explains, over the rate of its coordinate.
 
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 
 /// Friction of a row.
 #[derive(Clone, Debug, Default, PartialEq)]

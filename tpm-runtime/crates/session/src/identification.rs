@@ -10,7 +10,7 @@ use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use tpm_campaign::{Outcome, RunReport};
 use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, ResidualOf, Status};
 use tpm_plant::actuator::LimitUse;

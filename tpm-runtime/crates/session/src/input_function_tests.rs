@@ -6,8 +6,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use tpm_codegen::identified::Identified;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::EvalError;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::EvalError;
 use tpm_log::Samples;
 use tpm_motion::Plant;
 

@@ -12,7 +12,7 @@ use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
 use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
-use tpm_core::model::{Dims, Label, Model};
+use tpm_controller::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
     ResidualOf, Sensor, Settings, Stretch, TermKind, best_arrangement, estimate_any_motion,

@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 use std::fmt::Write;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::Status;
 
 const SAMPLE_TIME: f64 = 1e-3;

@@ -3,7 +3,7 @@
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::LineReport;
 use tpm_log::ReadingReport;
 use tpm_report::{digits, number};

@@ -5,7 +5,7 @@ use std::path::Path;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, diagnostic, parse_model};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_interpret::{Interpreted, InterpretedDerivatives, Separable};
 use tpm_log::fingerprint;
 use tpm_report::{MOST_TEXT, read_input};

@@ -7,7 +7,7 @@ use crate::model::DeclaredModel;
 use crate::warning::Warning;
 use crate::{LogRequest, from_log};
 use std::collections::BTreeMap;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_experiment::{Experiment, PlantModelSection};
 use tpm_log::Samples;
 

@@ -10,8 +10,8 @@ use crate::refine::{Conditions, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
 use num_complex::Complex;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::{Label, Model};
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
     ASKED_ABOUT, Course, Differentiable, Estimate, EstimateError, MeasuredMotion, Settings, Untested,
     estimate_measured_motion,

@@ -5,7 +5,7 @@ use crate::identification::{Identification, Source};
 use crate::summary;
 use crate::truth::Truth;
 use tpm_campaign::{Campaign, RunReport, Store};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_experiment::{Experiment, ExperimentError};
 use tpm_motion::trajectory::ReferencePattern;
 use tpm_motion::{Record, RunEnding, Trial};

@@ -7,7 +7,7 @@ use crate::options::LogOptions;
 use crate::summary;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{Contribution, Estimate, EstimateError, common_factor, pool, pool_majority};
 use tpm_numerics::tail::chi_squared_upper;

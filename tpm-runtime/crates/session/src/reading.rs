@@ -1,6 +1,6 @@
 //! What a user may say of how a log is read.
 
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_log::ReadingSettings;
 use tpm_report::displayed;
 

@@ -5,7 +5,7 @@ use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::reading::RecordSettings;
 use crate::warning::Warning;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{EstimateError, Stretch, TimeRecord};
 use tpm_log::Log;
 use tpm_report::Remedy;

@@ -7,7 +7,7 @@ use crate::model::DeclaredModel;
 use crate::options::LogOptions;
 use crate::summary;
 use crate::warning::{Data, Warning};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Channel, RecordedFit, Sensed, SignalsAsRecorded, fit_recorded, is_static};
 use tpm_log::{AsRecorded, ChannelReadings, ReadingSettings, acceleration_column, rate_column};
 use tpm_motion::Dynamics;

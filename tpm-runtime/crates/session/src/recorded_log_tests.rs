@@ -4,7 +4,7 @@ use crate::{DeclaredModel, Identification, LogRequest, Warning, from_log};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_log::{InMemory, Samples};
 use tpm_motion::Plant;
 

@@ -5,8 +5,8 @@ use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 use crate::term_words::{self, Words};
 use crate::warning::Warning;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::{Label, Model};
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
     Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Refine, ResidualOf,
     Settings,

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::{Domain, Refine};
 use tpm_test_support::rig::{MODEL, Recorded, Rig, SAMPLE_TIME, TRUTH};
 

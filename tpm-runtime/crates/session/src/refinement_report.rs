@@ -2,7 +2,7 @@
 
 use serde::{Serialize, Serializer};
 use std::fmt;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{OutputErrorFault, RateFault, RateUse};
 use tpm_report::number;
 

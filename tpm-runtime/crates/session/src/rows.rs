@@ -7,7 +7,7 @@ use crate::log_fault::LogFault;
 use crate::model::{DeclaredModel, Identifiable};
 use crate::options::LogOptions;
 use crate::separable;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 use tpm_estimate::Differentiable;
 use tpm_interpret::{InterpretedDerivatives, Separable};
 use tpm_log::Log;

@@ -10,7 +10,7 @@ use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, nothing, period_not_u
 use crate::refine::{Conditions, Refined, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Course, Differentiable, EstimateError, Pace, Sampled, Stretch, estimate_sampled, is_static};
 use tpm_log::Log;
 

@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 use std::fmt::Write;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 
 /// The result of a model on the rows of a table.
 fn identified(model: &str, table: &str) -> Identification {

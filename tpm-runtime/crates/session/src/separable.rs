@@ -13,7 +13,7 @@ use crate::record::estimated;
 use crate::refinement_report::NotRefined;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 use tpm_estimate::{Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status};
 use tpm_interpret::{InterpretedDerivatives, Separable};
 use tpm_log::Log;

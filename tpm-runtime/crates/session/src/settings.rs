@@ -4,7 +4,7 @@ use crate::error::{SessionError, Setting};
 use crate::options::LogOptions;
 use crate::reading::RecordSettings;
 use std::collections::{BTreeMap, BTreeSet};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Domain, Frozen, Refine, Settings, Weights};
 use tpm_motion::Dynamics;
 use tpm_physical::PhysicalSettings;
@@ -138,7 +138,7 @@ impl EstimationSettings {
 #[cfg(test)]
 mod tests {
     use crate::LogRequest;
-    use tpm_core::harmonics::Hold;
+    use tpm_controller::harmonics::Hold;
 
     #[test]
     fn a_request_is_written_with_all_its_settings_side_by_side() {

@@ -18,7 +18,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use tpm_codegen::identified::{Weights, display, remedy};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Simulated, Stretch};
 use tpm_log::Log;
 use tpm_numerics::root_mean_square;

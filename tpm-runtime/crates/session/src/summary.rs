@@ -5,7 +5,7 @@ use crate::refine::Refined;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use tpm_campaign::{Campaign, Contradiction, RunReport};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::named::{EstimateReport, ParameterReport};
 use tpm_estimate::{Estimate, LARGE_RESIDUAL, ResidualOf, Status, Weights};
 use tpm_log::Lone;

@@ -23,8 +23,8 @@ use num_complex::Complex;
 use serde::Serialize;
 use std::f64::consts::PI;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::model::{Buffer, EvalError, Model, require_len};
 use tpm_estimate::{Differentiable, Domain, ForceCourse, LARGE_RESIDUAL, MeasuredMotion, Missed, predict_in_band};
 use tpm_log::{Log, ReadingReport, Recording};
 

@@ -5,7 +5,7 @@ use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined};
 use serde::Serialize;
 use std::fmt;
 use tpm_campaign::{NearMode, Outcome};
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::{CommonFactor, PhysicalRemark, ResidualOf};
 use tpm_log::Repeated;
 use tpm_motion::RunEnding;

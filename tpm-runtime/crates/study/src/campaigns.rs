@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use tpm_campaign::RunReport;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_experiment::Experiment;
 use tpm_motion::trajectory::ReferencePattern;
 use tpm_session::{Identification, Session, SessionError, identify_simulated};

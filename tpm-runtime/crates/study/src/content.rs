@@ -1,7 +1,7 @@
 //! Harmonics of the regressor's columns along a trajectory, by Jacobi-Anger series
 //! ([`tpm_symbolic::harmonic::content`]).
 
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 use tpm_symbolic::harmonic::bessel::Wave;
 use tpm_symbolic::harmonic::content::{EntryContent, PeriodicMotion, content};

@@ -12,7 +12,7 @@
 
 use crate::content::{entries_along, showing};
 use std::collections::BTreeMap;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 use tpm_interpret::Interpreted;
 use tpm_motion::trajectory::{PatternError, Trajectory};
 use tpm_motion::{CompletionError, OpenReason, complete};

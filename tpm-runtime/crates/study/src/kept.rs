@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tpm_campaign::{Lock, StoreError, read_json, write_json};
-use tpm_core::model::Model as _;
+use tpm_controller::model::Model as _;
 use tpm_log::fingerprint;
 use tpm_session::{Session, SessionError};
 

@@ -6,7 +6,7 @@
 
 use serde::Serialize;
 use std::f64::consts::PI;
-use tpm_core::linear::solve_in_place;
+use tpm_controller::linear::solve_in_place;
 use tpm_motion::trajectory::{HarmonicSeries, Line};
 use tpm_numerics::root_mean_square;
 

@@ -1,7 +1,7 @@
 //! Running sums over the campaigns of a study. Their size does not depend on the number of campaigns.
 
 use serde::{Deserialize, Serialize};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_estimate::{ParameterReport, Status};
 use tpm_experiment::Experiment;
 use tpm_numerics::tail::NORMAL_95;

@@ -1,7 +1,7 @@
 //! Models written by hand: the ground that tests stand on without the language or the macro.
 
-use tpm_core::Real;
-use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len};
+use tpm_controller::Real;
+use tpm_controller::model::{Buffer, Dims, EvalError, Label, Model, require_len};
 #[cfg(feature = "differentiable")]
 use tpm_interpret::{Interpreted, InterpretedDerivatives};
 
@@ -147,7 +147,7 @@ impl<T: Real> Model<T> for TwoCarts {
 #[cfg(test)]
 mod tests {
     use super::{Emps, MassSpringDrag, Silverbox, TwoCarts};
-    use tpm_core::model::{Buffer, EvalError, Model};
+    use tpm_controller::model::{Buffer, EvalError, Model};
 
     #[test]
     fn inverse_and_forward_dynamics_undo_each_other() {

@@ -14,7 +14,7 @@ use crate::settings::Settings;
 use crate::stack::solve_reweighted;
 use crate::table::LineTable;
 use std::sync::Arc;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::Trial;
 use tpm_motion::trajectory::Trajectory;
 

@@ -14,7 +14,7 @@ use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use rayon::prelude::*;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::singular::unit_columns;
 use tpm_numerics::{Cholesky, DMatrix, DVector, gram, root_mean_square};
 

@@ -16,7 +16,7 @@ use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use crate::verdict::LARGE_RESIDUAL;
 use serde::Serialize;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::singular::unit_columns;
 use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, gram as products, root_mean_square};
 

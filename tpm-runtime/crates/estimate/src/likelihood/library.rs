@@ -3,7 +3,7 @@
 use crate::likelihood::path::{Along, Columns, Entry, Path};
 use crate::rows::Rows;
 use std::f64::consts::{PI, SQRT_2};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::root_mean_square;
 
 /// Share of the root mean square velocity up to which friction is larger at low speed.

@@ -8,7 +8,7 @@ use crate::rows::Rows;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 
 /// Smallest factor by which the gain of an input is changed in a step: the column of a gain is the force at values that a wrong gain has moved.
 const LEAST_STEP: f64 = 0.1;

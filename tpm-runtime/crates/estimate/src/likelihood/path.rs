@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
 use tpm_numerics::root_mean_square;
 

@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_test_support::models::MassSpringDrag;
 
 const SAMPLE_TIME: f64 = 2e-3;

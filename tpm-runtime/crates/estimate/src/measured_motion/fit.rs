@@ -14,7 +14,7 @@ use crate::measured_motion::repeats::{Repeats, repeated};
 use crate::result::Estimate;
 use crate::settings::{Settings, Weights};
 use crate::verdict::{ResidualOf, Verdict};
-use tpm_core::model::Dims;
+use tpm_controller::model::Dims;
 use tpm_numerics::{DMatrix, Matrix};
 
 /// Relations among the parameters that are known beforehand.

@@ -7,7 +7,7 @@
 use crate::measured_motion::sampling::Jacobian;
 use crate::noise::mixing;
 use num_complex::Complex;
-use tpm_core::model::Dims;
+use tpm_controller::model::Dims;
 use tpm_numerics::DMatrix;
 use tpm_numerics::fourier::coefficient;
 

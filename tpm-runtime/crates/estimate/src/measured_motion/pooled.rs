@@ -11,7 +11,7 @@ use crate::measured_motion::refine::refine_last;
 use crate::result::Estimate;
 use crate::run::{Run, reach};
 use crate::settings::Settings;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::trajectory::Trajectory;
 
 /// The estimator `measured-motion`, over all runs that agree.

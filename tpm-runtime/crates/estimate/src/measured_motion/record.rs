@@ -12,8 +12,8 @@ use crate::measured_motion::sampling::{Context, Lines, drive_lines, hold_correct
 use crate::select::{highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use crate::settings::Settings;
 use num_complex::Complex;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::{Dims, Model};
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{Dims, Model};
 use tpm_motion::Spectra;
 use tpm_numerics::alarm;
 

@@ -5,8 +5,8 @@ use crate::measured_motion::record::MeasuredMotion;
 use crate::measured_motion::repeats::Repeats;
 use crate::noise::{Bins, row_variance, shifts, true_motion};
 use num_complex::Complex;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model;
 use tpm_motion::Spectra;
 
 /// The estimates from all records before the last one is refined.

@@ -5,8 +5,8 @@
 
 use crate::error::EstimateError;
 use num_complex::Complex;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::{Dims, Model};
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{Dims, Model};
 use tpm_motion::{Spectra, held};
 use tpm_numerics::fourier::{analyse, synthesise, two_sided};
 use tpm_numerics::{DMatrix, Doubling, RowDVector};

@@ -12,7 +12,7 @@ use crate::run::Run;
 use crate::settings::Settings;
 use crate::table::LineTable;
 use num_complex::Complex;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::{DMatrix, tolerance};
 

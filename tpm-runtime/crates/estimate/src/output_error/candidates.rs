@@ -3,7 +3,7 @@
 use crate::output_error::error::OutputErrorFault;
 use crate::output_error::problem::{Column, Place, Problem, Trajectory};
 use crate::output_error::signals::Signals;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_numerics::root_mean_square;
 
 /// Share of the root mean square velocity at which friction has turned.

@@ -11,7 +11,7 @@ use crate::output_error::problem::{Column, Place, Problem};
 use crate::output_error::signals::Signals;
 use crate::time_domain::typical_period;
 use std::ops::Range;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_numerics::{DMatrix, DVector, tolerance};
 
 /// Smaller limits are not tried where one leaves so many times the squares that are left without one.

@@ -1,6 +1,6 @@
 //! Why a record cannot be fitted sample by sample.
 
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 
 /// Why a record was not fitted sample by sample.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::sync::OnceLock;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_interpret::{Interpreted, InterpretedDerivatives};
 use tpm_motion::Spectra;
 use tpm_numerics::differences::white_noise;

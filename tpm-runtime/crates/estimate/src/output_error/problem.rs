@@ -7,10 +7,10 @@ use crate::output_error::signals::Signals;
 use crate::time_domain::LEAST_ARGUMENT;
 use rayon::prelude::*;
 use std::ops::Range;
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::harmonics::Hold;
-use tpm_core::linear;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::linear;
+use tpm_controller::model::{EvalError, Model};
 use tpm_numerics::{Doubling, root_mean_square};
 
 /// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.

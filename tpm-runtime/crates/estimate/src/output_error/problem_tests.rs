@@ -2,8 +2,8 @@
 
 use crate::output_error::chain::Chain;
 use crate::output_error::problem::{Column, Differentiable, Place, Problem, Trajectory};
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model as _;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model as _;
 use tpm_interpret::{Interpreted, InterpretedDerivatives};
 use tpm_test_support::models::differentiable;
 

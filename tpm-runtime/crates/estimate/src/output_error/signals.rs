@@ -4,7 +4,7 @@ use crate::local;
 use crate::output_error::noise::Noise;
 use num_complex::Complex;
 use std::sync::OnceLock;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_motion::equal_rounding_runs;
 use tpm_numerics::{root_mean_square, tolerance};
 

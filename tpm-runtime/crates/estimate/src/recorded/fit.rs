@@ -11,8 +11,8 @@ use crate::result::{Estimate, LeastSquares};
 use crate::sensor::Sensor;
 use crate::settings::Settings;
 use crate::verdict::{LARGE_RESIDUAL, ResidualOf};
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model;
 use tpm_motion::Plant;
 use tpm_numerics::{DMatrix, root_mean_square};
 

@@ -2,8 +2,8 @@
 
 use crate::recorded::signals::{Block, Clock, Reading, SignalsAsRecorded};
 use rayon::prelude::*;
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model;
 use tpm_motion::{Plant, PlantError};
 use tpm_numerics::DMatrix;
 

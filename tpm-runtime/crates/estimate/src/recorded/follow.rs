@@ -5,7 +5,7 @@ use crate::recorded::signals::SignalsAsRecorded;
 use crate::recorded::starts::{Pace, Unmeasured, first_state};
 use crate::recorded::steps::Point;
 use crate::settings::Settings;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 
 /// Steps in which the state at the beginning settles.
 const MOST_STEPS: usize = 30;

@@ -1,7 +1,7 @@
 //! What was recorded, each channel at its own times, and its division into blocks.
 
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Model;
 
 /// A silence of all channels is a break of the record when it is longer than so many usual steps.
 const LEAST_BREAK: f64 = 20.0;

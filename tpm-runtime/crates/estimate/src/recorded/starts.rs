@@ -8,7 +8,7 @@ use crate::recorded::flow::Flow;
 use crate::recorded::signals::{Block, Channel, Sensed, SignalsAsRecorded};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::model::{EvalError, Model};
 use tpm_numerics::{DMatrix, DVector, root_mean_square};
 
 /// Motions at which columns are evaluated for their size.

@@ -7,8 +7,8 @@ use crate::time_domain::transform::{Transform, quick};
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::{EvalError, Model};
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::model::{EvalError, Model};
 use tpm_motion::held;
 use tpm_numerics::{alarm, root_mean_square};
 

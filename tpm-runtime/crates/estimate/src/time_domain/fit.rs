@@ -5,7 +5,7 @@ use crate::information::{beside, beside_known, touched};
 use crate::result::{Estimate, LeastSquares};
 use crate::settings::Settings;
 use crate::time_domain::equations::{Equations, RowEquations};
-use tpm_core::model::Dims;
+use tpm_controller::model::Dims;
 use tpm_numerics::singular::{Singular, unit_columns};
 use tpm_numerics::{DMatrix, DVector, tolerance};
 

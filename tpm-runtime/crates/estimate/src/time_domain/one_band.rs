@@ -8,8 +8,8 @@ use crate::time_domain::equations::{Equations, Machine};
 use crate::time_domain::fit::fit;
 use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::motion::{Motion, TimeRecord};
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::Model;
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::model::Model;
 
 /// A record in one band.
 pub struct OneBand<'a> {

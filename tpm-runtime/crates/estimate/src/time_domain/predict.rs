@@ -6,8 +6,8 @@ use crate::time_domain::equations::{Equations, Machine, RowEquations};
 use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use std::f64::consts::PI;
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::Model;
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::model::Model;
 
 /// The force on one row behind the low pass, over time.
 #[derive(Clone, Debug, Default, PartialEq)]

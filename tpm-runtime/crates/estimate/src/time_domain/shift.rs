@@ -12,8 +12,8 @@ use crate::time_domain::fit::fit;
 use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use serde::Serialize;
-use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::Model;
+use tpm_controller::derivatives::RowDerivatives;
+use tpm_controller::model::Model;
 use tpm_motion::Dynamics;
 
 /// The search for the shift that leaves least.

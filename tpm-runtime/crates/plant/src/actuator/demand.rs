@@ -5,7 +5,7 @@
 //! 6.2). The split needs only the model's rows, so that hand-written, compiled and interpreted models are split alike;
 //! the symbolic parts are those of `tpm_symbolic::plan::split`.
 
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::trajectory::Trajectory;
 use tpm_motion::{TrialError, demand};
 

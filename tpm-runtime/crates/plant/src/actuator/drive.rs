@@ -17,9 +17,9 @@
 use crate::actuator::demand::{Demand, Parts};
 use crate::actuator::motor::{Limits, Motor};
 use num_complex::Complex;
-use tpm_core::control::Gain;
-use tpm_core::linear;
-use tpm_core::model::EvalError;
+use tpm_controller::control::Gain;
+use tpm_controller::linear;
+use tpm_controller::model::EvalError;
 use tpm_motion::trajectory::Trajectory;
 use tpm_motion::{LowPass, TrialError};
 use tpm_numerics::DMatrix;
@@ -528,7 +528,7 @@ mod tests {
     use crate::actuator::motor::Motor;
     use crate::actuator::motor::tests::feng;
     use crate::actuator::tests::{CartPendulum, FENG};
-    use tpm_core::control::Gain;
+    use tpm_controller::control::Gain;
     use tpm_motion::LowPass;
 
     fn scheme(split: bool) -> Scheme {

@@ -26,7 +26,7 @@
 
 use crate::actuator::motor::{Amplifier, Limits, Motor};
 use crate::actuator::placed::{self, FileFault, Placed, Table};
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::{Dynamics, LowPass};
 use tpm_report::Remedy;
 
@@ -349,7 +349,8 @@ mod tests {
         assert!(fault("").contains("lacks `motors`"));
         let file = MotorFile::parse(GOOD).expect("a motor file");
         let found = file.motors(&TwoCarts, &[vec![0, 1]]).expect_err("two coordinates");
-        let remedy = Some(Remedy::DrivenCoordinate { input: tpm_core::Model::<f64>::input(&TwoCarts, 0).name.into() });
+        let remedy =
+            Some(Remedy::DrivenCoordinate { input: tpm_controller::Model::<f64>::input(&TwoCarts, 0).name.into() });
         assert!(found.line == 1 && found.remedy == remedy, "{found}");
     }
 }

@@ -7,7 +7,7 @@
 
 use crate::actuator::mounted::{LimitUse, strongest};
 use num_complex::Complex;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_numerics::fourier::synthesise;
 
 /// Least amplitude of a harmonic of the force that must lie within the bandwidth, as a share of the strongest one.

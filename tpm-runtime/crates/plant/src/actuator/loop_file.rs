@@ -26,8 +26,8 @@
 
 use crate::actuator::drive::Scheme;
 use crate::actuator::placed::{self, FileFault, Placed, Table};
-use tpm_core::control::Gain;
-use tpm_core::model::Model;
+use tpm_controller::control::Gain;
+use tpm_controller::model::Model;
 use tpm_motion::LowPass;
 
 /// Periods before the one that is recorded, when the file gives none.

@@ -37,7 +37,7 @@ pub use requirement::{CutOff, Harmonic, Peak, Requirement, Sample, requirements}
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len, store};
+    use tpm_controller::model::{Buffer, Dims, EvalError, Label, Model, require_len, store};
 
     /// M, m L, m L^2 of Feng, section 6.3: M = 10 kg and m = 1 kg together, L = 0.4 m.
     pub(crate) const FENG: [f64; 3] = [11.0, 0.4, 0.16];

@@ -13,7 +13,7 @@ use crate::actuator::requirement::Requirement;
 use num_complex::Complex;
 use serde::Serialize;
 use std::fmt;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_report::digits;
 
 /// Significant digits of a value beside its limit.

@@ -1,7 +1,7 @@
 //! Errors of a machine behind a process.
 
 use crate::process::protocol::PROTOCOL;
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 use tpm_motion::RecordError;
 
 /// Why a run was not played.

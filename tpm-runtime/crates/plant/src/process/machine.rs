@@ -8,7 +8,7 @@ use crate::process::protocol::{FromMachine, PROTOCOL, Plays, ToMachine};
 use crate::process::talk::Talk;
 use crate::process::transcript::Transcript;
 use std::time::Duration;
-use tpm_core::model::Model;
+use tpm_controller::model::Model;
 use tpm_motion::{Bench, BenchError, Record, Trial};
 
 /// Longest wait for a program to end of itself once its input is closed.

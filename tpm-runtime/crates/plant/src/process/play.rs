@@ -5,7 +5,7 @@ use crate::process::protocol::{FromMachine, Signal, ToMachine};
 use crate::process::talk::Talk;
 use std::collections::BTreeMap;
 use std::time::Duration;
-use tpm_core::model::{Dims, Label, Model};
+use tpm_controller::model::{Dims, Label, Model};
 use tpm_motion::{Controller, Record, RunFile, Trial, Velocity};
 
 /// A record, and the machine's reason where it stopped the run.

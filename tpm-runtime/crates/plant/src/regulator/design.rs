@@ -7,7 +7,7 @@ use crate::regulator::controllability::{Mode, unreached_modes};
 use crate::regulator::margins::{Margins, margins};
 use crate::regulator::optimal::{ContinuousRegulator, Regulator, RegulatorWeights, held};
 use num_complex::Complex;
-use tpm_core::control::Differentiator;
+use tpm_controller::control::Differentiator;
 use tpm_numerics::eigenvalues::eigenvalues;
 use tpm_numerics::{DMatrix, Matrix, RiccatiError};
 
@@ -164,7 +164,7 @@ fn played(
 mod tests {
     use super::{DesignError, Rates, Weighted, design, played};
     use crate::regulator::optimal::{RegulatorWeights, held};
-    use tpm_core::control::Differentiator;
+    use tpm_controller::control::Differentiator;
     use tpm_numerics::{DMatrix, DVector, Matrix};
 
     fn unstable_mass() -> (Matrix, Matrix) {

@@ -6,7 +6,7 @@
 //! come from the same formulas by automatic differentiation, so that power balances to rounding.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
-use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len};
+use tpm_controller::model::{Buffer, Dims, EvalError, Label, Model, require_len};
 
 /// Geometry and masses of an arm (Feng, Figure 5.1), in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -237,7 +237,7 @@ impl Model<f64> for ClosedLoopArm {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::{ArmGeometry, ClosedLoopArm};
-    use tpm_core::model::Model as _;
+    use tpm_controller::model::Model as _;
     use tpm_motion::Plant;
 
     /// Two arms that fit the torques of Feng's Table 5.1 about equally well.

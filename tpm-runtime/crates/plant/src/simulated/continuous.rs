@@ -5,8 +5,8 @@
 //! integration. A loop that is sampled and held has images beyond the sampling frequency, which alias into the
 //! harmonics of the rates with the square of the time between samples.
 
-use tpm_core::control::Feedback;
-use tpm_core::model::Model;
+use tpm_controller::control::Feedback;
+use tpm_controller::model::Model;
 use tpm_motion::forward::{Instant, Plant, PlantError};
 use tpm_motion::{Ending, Record, Trial, TrialError, demand};
 

@@ -3,7 +3,7 @@
 use crate::simulated::rig::Rig;
 use crate::simulated::sensor::{Measurement, apply};
 use crate::simulated::transmission::Transmission;
-use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_controller::model::{Buffer, EvalError, Model, require_len};
 use tpm_motion::{Ending, Plant, Record};
 
 /// Plays the inputs (one column per input, a value per sample, held until the next) on the machine, which starts at

@@ -7,8 +7,8 @@ use crate::regulator::{Regulator, RegulatorWeights};
 use crate::simulated::rig::Rig;
 use crate::simulated::sensor::{Measurement, apply};
 use crate::simulated::transmission::Transmission;
-use tpm_core::control::Differentiator;
-use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_controller::control::Differentiator;
+use tpm_controller::model::{Buffer, EvalError, Model, require_len};
 use tpm_motion::{Ending, Plant, Record};
 
 /// A regulator with the run that it plays.

@@ -6,7 +6,7 @@
 use crate::simulated::rig::Rig;
 use crate::simulated::sensor::{Measurement, Sensor, apply};
 use crate::simulated::transmission::Transmission;
-use tpm_core::model::{Buffer, EvalError, Model, require_len};
+use tpm_controller::model::{Buffer, EvalError, Model, require_len};
 use tpm_motion::{Controller, Ending, Plant, Record, Trial};
 
 /// One run on a simulated machine.

@@ -7,7 +7,7 @@
 
 use crate::regulator::held;
 use crate::simulated::sensor::Actuator;
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 use tpm_motion::{Plant, PlantError};
 use tpm_numerics::DMatrix;
 

@@ -5,7 +5,7 @@ use crate::inspect::relation::RelationKind;
 use crate::warning::Warning;
 use serde::{Serialize, Serializer};
 use std::fmt;
-use tpm_core::harmonics::Hold;
+use tpm_controller::harmonics::Hold;
 use tpm_estimate::{Domain, InputShift};
 use tpm_log::Role;
 use tpm_report::{Remedy, number};

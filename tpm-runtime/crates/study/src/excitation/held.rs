@@ -5,7 +5,7 @@
 //! instant beyond is found.
 
 use super::series::excess;
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 use tpm_interpret::{BaseRows, Interval};
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
 

@@ -8,7 +8,7 @@ use super::settings::ExcitationSettings;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use tpm_core::model::{EvalError, Model as _};
+use tpm_controller::model::{EvalError, Model as _};
 use tpm_experiment::{Experiment, ExperimentError, StageSection};
 use tpm_interpret::Interpreted;
 use tpm_motion::trajectory::{Line, Trajectory};

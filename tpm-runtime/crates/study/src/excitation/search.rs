@@ -15,7 +15,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::DVector;
 

@@ -1,7 +1,7 @@
 //! What is asked of a search, and why it can fail.
 
 use super::criterion::Criterion;
-use tpm_core::model::EvalError;
+use tpm_controller::model::EvalError;
 use tpm_experiment::ExperimentError;
 use tpm_symbolic::plan::base::BasePlanError;
 

@@ -9,7 +9,7 @@ use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use tpm_core::model::Model as _;
+use tpm_controller::model::Model as _;
 use tpm_experiment::Experiment;
 use tpm_interpret::BaseRows;
 use tpm_motion::trajectory::Trajectory;

@@ -25,8 +25,8 @@
 //! # One sample, and the harmonics of a period
 //!
 //! ```
-//! use tpm_core::control::{Differentiator, Feedback, Gain};
-//! use tpm_core::harmonics::Accumulator;
+//! use tpm_controller::control::{Differentiator, Feedback, Gain};
+//! use tpm_controller::harmonics::Accumulator;
 //!
 //! # fn main() -> Result<(), Box<dyn core::error::Error>> {
 //! // Proportional and derivative feedback of one coordinate, sampled every millisecond.

@@ -2,9 +2,9 @@
 //! fundamental harmonic of what was measured and applied gives the mass m and the friction d.
 #![allow(clippy::print_stdout, reason = "an example shows what it finds")]
 
-use tpm_core::control::{Differentiator, Feedback, Gain};
-use tpm_core::harmonics::{Accumulator, hold_factor};
-use tpm_core::{Label, least_squares};
+use tpm_controller::control::{Differentiator, Feedback, Gain};
+use tpm_controller::harmonics::{Accumulator, hold_factor};
+use tpm_controller::{Label, least_squares};
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let (period, step, lambda, guess) = (1000, 1e-3, 0.1, 1.0); // samples, s, m, kg
