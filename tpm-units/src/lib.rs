@@ -1,11 +1,12 @@
 //! Units of measurement, exactly.
 //!
 //! Invariant: a [`Unit`] is a product of powers of the seven SI base units times a scale, and the scale is kept as the powers of
-//! 2, 3, 5 and pi that make it up. Every unit of the table has such a scale, products and roots of them do too, and so nothing
-//! is ever rounded: mm and m differ by exactly 2^-3 5^-3, deg and rad by pi/180. `rad` is 1.
+//! the factors that make it up, of which none is a product of powers of others: 2, 3, 5, pi, and the whole numbers in the
+//! definitions of the inch, the pound and the standard acceleration of gravity. Every unit of the table has such a scale, products
+//! and roots of them do too, and so nothing is ever rounded: mm and m differ by exactly 2^-3 5^-3, deg and rad by pi/180. `rad` is 1.
 //!
-//! The table: m, g, s, A, K, mol, cd, N, J, W, V, C, F, ohm, S, H, Wb, T, Pa, Hz, rad, each with the prefixes G, M, k, h, d,
-//! c, m, u, n, p; and without prefixes min, h, deg, rev, rpm (2 pi/60 rad/s), bar, and 1.
+//! The table: m, g, s, A, K, mol, cd, N, J, W, V, C, F, ohm, S, H, Wb, T, Pa, Hz, rad, l, each with the prefixes G, M, k, h, d,
+//! c, m, u, n, p; and without prefixes min, h, deg, rev, rpm (2 pi/60 rad/s), bar, in, ft, lb, lbf, ozf, psi, kgf, and 1.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -15,45 +16,64 @@ use num_traits::{CheckedAdd, CheckedMul, CheckedSub, Zero};
 /// An exponent; halves come from square roots.
 pub type Exponent = Ratio<i64>;
 
+/// Parentheses within parentheses that are read.
+const DEEPEST: usize = 16;
 const BASE: [&str; 7] = ["kg", "m", "s", "A", "K", "mol", "cd"];
-const PRIMES: [&str; 4] = ["2", "3", "5", "pi"];
+/// Factors of scales. An inch is 127/5000 m, a pound 45359237/10^8 kg, and the standard acceleration of gravity 196133/20000 m/s^2.
+const FACTORS: [(&str, f64); 7] = [
+    ("2", 2.0),
+    ("3", 3.0),
+    ("5", 5.0),
+    ("pi", std::f64::consts::PI),
+    ("127", 127.0),
+    ("45359237", 45_359_237.0),
+    ("196133", 196_133.0),
+];
 
-/// A unit: powers of kg, m, s, A, K, mol, cd, and of the scale's factors 2, 3, 5, pi.
+/// A unit: powers of kg, m, s, A, K, mol, cd, and of the scale's factors.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Unit {
     base: [Exponent; 7],
-    scale: [Exponent; 4],
+    scale: [Exponent; FACTORS.len()],
 }
 
-/// Name, powers of kg, m, s, A, K, powers of 2, 3, 5, pi of the scale, whether prefixes are allowed.
-type Row = (&'static str, [i8; 5], [i8; 4], bool);
+/// Name, powers of kg, m, s, A, K, powers of the scale's first factors, whether prefixes are allowed.
+type Row = (&'static str, [i8; 5], &'static [i8], bool);
 
 const TABLE: &[Row] = &[
-    ("m", [0, 1, 0, 0, 0], [0, 0, 0, 0], true),
-    ("g", [1, 0, 0, 0, 0], [-3, 0, -3, 0], true),
-    ("s", [0, 0, 1, 0, 0], [0, 0, 0, 0], true),
-    ("A", [0, 0, 0, 1, 0], [0, 0, 0, 0], true),
-    ("K", [0, 0, 0, 0, 1], [0, 0, 0, 0], true),
-    ("N", [1, 1, -2, 0, 0], [0, 0, 0, 0], true),
-    ("J", [1, 2, -2, 0, 0], [0, 0, 0, 0], true),
-    ("W", [1, 2, -3, 0, 0], [0, 0, 0, 0], true),
-    ("V", [1, 2, -3, -1, 0], [0, 0, 0, 0], true),
-    ("C", [0, 0, 1, 1, 0], [0, 0, 0, 0], true),
-    ("F", [-1, -2, 4, 2, 0], [0, 0, 0, 0], true),
-    ("ohm", [1, 2, -3, -2, 0], [0, 0, 0, 0], true),
-    ("S", [-1, -2, 3, 2, 0], [0, 0, 0, 0], true),
-    ("H", [1, 2, -2, -2, 0], [0, 0, 0, 0], true),
-    ("Wb", [1, 2, -2, -1, 0], [0, 0, 0, 0], true),
-    ("T", [1, 0, -2, -1, 0], [0, 0, 0, 0], true),
-    ("Pa", [1, -1, -2, 0, 0], [0, 0, 0, 0], true),
-    ("Hz", [0, 0, -1, 0, 0], [0, 0, 0, 0], true),
-    ("rad", [0, 0, 0, 0, 0], [0, 0, 0, 0], true),
-    ("min", [0, 0, 1, 0, 0], [2, 1, 1, 0], false),
-    ("h", [0, 0, 1, 0, 0], [4, 2, 2, 0], false),
-    ("deg", [0, 0, 0, 0, 0], [-2, -2, -1, 1], false),
-    ("rev", [0, 0, 0, 0, 0], [1, 0, 0, 1], false),
-    ("rpm", [0, 0, -1, 0, 0], [-1, -1, -1, 1], false),
-    ("bar", [1, -1, -2, 0, 0], [5, 0, 5, 0], false),
+    ("m", [0, 1, 0, 0, 0], &[], true),
+    ("g", [1, 0, 0, 0, 0], &[-3, 0, -3], true),
+    ("s", [0, 0, 1, 0, 0], &[], true),
+    ("A", [0, 0, 0, 1, 0], &[], true),
+    ("K", [0, 0, 0, 0, 1], &[], true),
+    ("N", [1, 1, -2, 0, 0], &[], true),
+    ("J", [1, 2, -2, 0, 0], &[], true),
+    ("W", [1, 2, -3, 0, 0], &[], true),
+    ("V", [1, 2, -3, -1, 0], &[], true),
+    ("C", [0, 0, 1, 1, 0], &[], true),
+    ("F", [-1, -2, 4, 2, 0], &[], true),
+    ("ohm", [1, 2, -3, -2, 0], &[], true),
+    ("S", [-1, -2, 3, 2, 0], &[], true),
+    ("H", [1, 2, -2, -2, 0], &[], true),
+    ("Wb", [1, 2, -2, -1, 0], &[], true),
+    ("T", [1, 0, -2, -1, 0], &[], true),
+    ("Pa", [1, -1, -2, 0, 0], &[], true),
+    ("Hz", [0, 0, -1, 0, 0], &[], true),
+    ("rad", [0, 0, 0, 0, 0], &[], true),
+    ("min", [0, 0, 1, 0, 0], &[2, 1, 1], false),
+    ("h", [0, 0, 1, 0, 0], &[4, 2, 2], false),
+    ("deg", [0, 0, 0, 0, 0], &[-2, -2, -1, 1], false),
+    ("rev", [0, 0, 0, 0, 0], &[1, 0, 0, 1], false),
+    ("rpm", [0, 0, -1, 0, 0], &[-1, -1, -1, 1], false),
+    ("bar", [1, -1, -2, 0, 0], &[5, 0, 5], false),
+    ("l", [0, 3, 0, 0, 0], &[-3, 0, -3], true),
+    ("in", [0, 1, 0, 0, 0], &[-3, 0, -4, 0, 1], false),
+    ("ft", [0, 1, 0, 0, 0], &[-1, 1, -4, 0, 1], false),
+    ("lb", [1, 0, 0, 0, 0], &[-8, 0, -8, 0, 0, 1], false),
+    ("kgf", [1, 1, -2, 0, 0], &[-5, 0, -4, 0, 0, 0, 1], false),
+    ("lbf", [1, 1, -2, 0, 0], &[-13, 0, -12, 0, 0, 1, 1], false),
+    ("ozf", [1, 1, -2, 0, 0], &[-17, 0, -12, 0, 0, 1, 1], false),
+    ("psi", [1, -1, -2, 0, 0], &[-7, 0, -4, 0, -2, 1, 1], false),
 ];
 
 const PREFIXES: [(&str, i8); 10] =
@@ -68,7 +88,7 @@ impl Unit {
     /// The unit 1, which is also rad.
     #[must_use]
     pub fn one() -> Self {
-        Self { base: [Exponent::zero(); 7], scale: [Exponent::zero(); 4] }
+        Self { base: [Exponent::zero(); 7], scale: [Exponent::zero(); FACTORS.len()] }
     }
 
     /// The second.
@@ -100,24 +120,47 @@ impl Unit {
         })
     }
 
-    /// The unit of a product of names with integer powers, such as `kg*m^2/s`, as results write it; none where a name is not one of
-    /// the table.
+    /// The unit of a product of powers of names, such as `kg*m^2/s`, `N/(m/s)^2` or `m^(5/2)/s`, as results write it; none where a
+    /// name is not one of the table.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
+        let mut rest = text;
+        let unit = Self::product(&mut rest, 0)?;
+        rest.is_empty().then_some(unit)
+    }
+
+    /// Takes a product from the beginning of a text.
+    fn product(rest: &mut &str, depth: usize) -> Option<Self> {
         let mut product = Self::one();
-        let mut rest = text.trim();
         let mut sign = 1;
         loop {
-            let end = rest.find(['*', '/']).unwrap_or(rest.len());
-            let factor = rest[..end].trim();
-            if factor != "1" {
-                let (name, exponent) = factor.split_once('^').unwrap_or((factor, "1"));
-                let exponent: i64 = exponent.parse().ok()?;
-                product = product.times(&Self::named(name)?.power(Ratio::from_integer(sign * exponent))?)?;
-            }
-            let Some(operator) = rest[end..].chars().next() else { return Some(product) };
-            sign = if operator == '*' { 1 } else { -1 };
-            rest = &rest[end + 1..];
+            *rest = rest.trim_start();
+            let base = if let Some(inner) = rest.strip_prefix('(').filter(|_| depth < DEEPEST) {
+                *rest = inner;
+                let unit = Self::product(rest, depth + 1)?;
+                *rest = rest.strip_prefix(')')?;
+                unit
+            } else {
+                let end = rest.find(['*', '/', '^', '(', ')']).unwrap_or(rest.len());
+                let name = rest[..end].trim_end();
+                *rest = &rest[end..];
+                if name == "1" { Self::one() } else { Self::named(name)? }
+            };
+            let exponent = match rest.strip_prefix('^') {
+                Some(power) => {
+                    *rest = power;
+                    exponent(rest)?
+                }
+                None => Exponent::from_integer(1),
+            };
+            product = product.times(&base.power(exponent.checked_mul(&Exponent::from_integer(sign))?)?)?;
+            *rest = rest.trim_start();
+            sign = match rest.chars().next() {
+                Some('*') => 1,
+                Some('/') => -1,
+                _ => return Some(product),
+            };
+            *rest = &rest[1..];
         }
     }
 
@@ -126,7 +169,7 @@ impl Unit {
         for (to, &from) in unit.base.iter_mut().zip(&row.1) {
             *to = Exponent::from_integer(from.into());
         }
-        for (to, &from) in unit.scale.iter_mut().zip(&row.2) {
+        for (to, &from) in unit.scale.iter_mut().zip(row.2) {
             *to = Exponent::from_integer(from.into());
         }
         unit.scale[0] += i64::from(ten);
@@ -139,7 +182,7 @@ impl Unit {
         for index in 0..7 {
             unit.base[index] = join(&self.base[index], &other.base[index])?;
         }
-        for index in 0..4 {
+        for index in 0..FACTORS.len() {
             unit.scale[index] = join(&self.scale[index], &other.scale[index])?;
         }
         Some(unit)
@@ -180,15 +223,10 @@ impl Unit {
         self.base == other.base
     }
 
-    /// Names and powers of the base units; none when the unit has a scale or a power that is no integer.
-    pub fn base_powers(&self) -> Option<impl Iterator<Item = (&'static str, i64)> + '_> {
-        let plain = self.scale.iter().all(Zero::is_zero) && self.base.iter().all(Exponent::is_integer);
-        plain.then(|| {
-            BASE.into_iter()
-                .zip(&self.base)
-                .filter(|(_, power)| !power.is_zero())
-                .map(|(name, power)| (name, power.to_integer()))
-        })
+    /// Names and powers of the base units; none when the unit has a scale.
+    pub fn base_powers(&self) -> Option<impl Iterator<Item = (&'static str, Exponent)> + '_> {
+        let plain = self.scale.iter().all(Zero::is_zero);
+        plain.then(|| BASE.into_iter().zip(self.base).filter(|(_, power)| !power.is_zero()))
     }
 
     /// How many of `other` one of this is, written as a quotient of products such as `1/1000` or `pi/180`; for units of the
@@ -204,7 +242,7 @@ impl Unit {
         let ratio = self.over(other).filter(|ratio| ratio.base.iter().all(Zero::is_zero))?;
         // Numerator and denominator are whole numbers of few digits, and so only the division and the product with pi round.
         let (mut above, mut below) = (1.0, 1.0);
-        for (factor, exponent) in [2.0, 3.0, 5.0, std::f64::consts::PI].into_iter().zip(&ratio.scale) {
+        for (factor, exponent) in FACTORS.iter().map(|factor| factor.1).zip(&ratio.scale) {
             let size = if *exponent < Exponent::zero() { -exponent } else { *exponent };
             let size = *size.numer() as f64 / *size.denom() as f64;
             *(if *exponent < Exponent::zero() { &mut below } else { &mut above }) *= f64::powf(factor, size);
@@ -215,7 +253,7 @@ impl Unit {
     fn scale_text(&self) -> String {
         let mut numbers = [1_u128, 1];
         let mut rest: [Vec<String>; 2] = [Vec::new(), Vec::new()];
-        for (name, exponent) in PRIMES.iter().zip(&self.scale) {
+        for ((name, _), exponent) in FACTORS.iter().zip(&self.scale) {
             if exponent.is_zero() {
                 continue;
             }
@@ -245,6 +283,23 @@ impl Unit {
             several => format!("{}/({})", above.join("*"), several.join("*")),
         }
     }
+}
+
+/// Takes an exponent from the beginning of a text: an integer, or a fraction in parentheses.
+fn exponent(rest: &mut &str) -> Option<Exponent> {
+    let (inside, text) = match rest.strip_prefix('(') {
+        Some(inner) => (true, &inner[..inner.find(')')?]),
+        None => {
+            let digit = |(at, c): &(usize, char)| c.is_ascii_digit() || *at == 0 && *c == '-';
+            let end = rest.char_indices().find(|place| !digit(place)).map_or(rest.len(), |(at, _)| at);
+            (false, &rest[..end])
+        }
+    };
+    *rest = &rest[text.len() + if inside { 2 } else { 0 }..];
+    // A fraction of zero denominator is no number, which `Ratio` panics at.
+    let (above, below) = text.split_once('/').unwrap_or((text, "1"));
+    let (above, below) = (above.trim().parse().ok()?, below.trim().parse().ok().filter(|below| *below > 0)?);
+    Some(Exponent::new(above, below))
 }
 
 fn power_text(name: &str, exponent: Exponent) -> String {
@@ -323,6 +378,16 @@ mod tests {
         assert_eq!(unit("deg").ratio(&unit("rad")), Some(std::f64::consts::PI / 180.0));
         assert_eq!(unit("us").ratio(&unit("s")), Some(1e-6));
         assert_eq!(unit("m").ratio(&unit("s")), None);
+        // Inches, pounds and the standard acceleration of gravity are defined so; roots of them cancel as those of others do.
+        assert_eq!(unit("in").factor(&unit("mm")), "127/5");
+        assert_eq!(unit("ft").factor(&unit("in")), "12");
+        assert_eq!(unit("lbf").over(&unit("lb")), unit("kgf").over(&unit("kg")));
+        assert_eq!(unit("lbf").factor(&unit("ozf")), "16");
+        assert_eq!(unit("lbf").over(&unit("in")).and_then(|force| force.over(&unit("in"))), Some(unit("psi")));
+        assert_eq!(unit("kgf").ratio(&unit("N")), Some(9.80665));
+        assert_eq!(unit("l").factor(&unit("m").power(Ratio::from_integer(3)).expect("small")), "1/1000");
+        let root = |name: &str| unit(name).power(Ratio::new(1, 2)).expect("small");
+        assert_eq!(root("psi").times(&root("psi")), Some(unit("psi")));
     }
 
     #[test]
@@ -342,7 +407,21 @@ mod tests {
         assert_eq!(Unit::parse("1/s"), unit("s").power(Ratio::from_integer(-1)));
         assert_eq!(Unit::parse("1"), Some(Unit::one()));
         assert_ne!(Unit::parse("mm"), Unit::parse("m"));
-        assert!(["", "N*", "frog", "m^x"].into_iter().all(|text| Unit::parse(text).is_none()));
+        assert_eq!(Unit::parse("N/(m/s)^2"), Unit::parse("kg/m"));
+        assert_eq!(
+            Unit::parse("m^(5/2) / s"),
+            unit("m").power(Ratio::new(5, 2)).and_then(|root| root.over(&unit("s")))
+        );
+        assert_eq!(Unit::parse("m^-2"), Unit::parse("1/m^(2/1)"));
+        let no_units =
+            ["", "N*", "frog", "m^x", "m^", "m^(1/0)", "m^(1/2", "(m", "m)", "m^2^2", "m^9223372036854775808"];
+        assert!(no_units.into_iter().all(|text| Unit::parse(text).is_none()));
+        for written in ["m^(5/2)/s", "kg*m^(1/2)", "1/s", "1/1000*m"] {
+            assert_eq!(
+                Unit::parse(written).map(|unit| unit.to_string()),
+                (written != "1/1000*m").then(|| written.into())
+            );
+        }
     }
 
     #[test]

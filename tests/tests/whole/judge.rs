@@ -61,7 +61,13 @@ fn findings() -> Vec<Warning> {
     let m = || "m".to_owned();
     let x = || "x".to_owned();
     let all = vec![
-        Warning::OtherHold { stated: Hold::None, left: 0.1, better: Hold::Zoh, left_by_better: 0.01 },
+        Warning::OtherHold {
+            stated: Hold::None,
+            left: 0.1,
+            better: Hold::Zoh,
+            left_by_better: 0.01,
+            of: ResidualOf::Force,
+        },
         Warning::Exchanged {
             exchange: Exchange::Columns { signals: vec![x(), "u".into()] },
             left: 0.5,

@@ -63,6 +63,7 @@ impl ColumnArgs {
             scale: once("--scale", &self.scale)?,
             offset: once("--offset", &self.offset)?,
             sample_time: self.sample_time,
+            ..ReadingSettings::default()
         })
     }
 }

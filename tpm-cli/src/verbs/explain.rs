@@ -148,8 +148,9 @@ pub(crate) fn language() -> Outcome {
         page.push_str(&format!("| `{}` | {} |\n", function.usage(), function.meaning()));
     }
     page.push_str(
-        "\n## Units\n\nIn brackets behind a name, as products with integer powers: `[kg*m^2/s]`. Values are never converted silently; sums of \
-         different\nquantities are faults. These names are known, those of the SI with its prefixes too:\n\n",
+        "\n## Units\n\nIn brackets behind a name, as products of powers: `[kg*m^2/s]`, `[N/(m/s)^2]`, and `[m^(5/2)/s]` where a root is taken, \
+         as of the level of a\ntank or the pressure across a valve. Values are never converted silently; sums of different quantities are \
+         faults. These names are known,\nthose of the SI with its prefixes too:\n\n",
     );
     let mut line = String::new();
     for name in tpm_units::names() {

@@ -9,6 +9,7 @@ pub mod mechanism;
 
 use crate::language::ast::mechanism::MechanismDeclaration;
 use crate::source::Span;
+use tpm_units::Exponent;
 
 use expr::forget;
 pub use expr::{Expr, ExprKind, Ident, Operation, Sign};
@@ -144,7 +145,7 @@ pub struct NonlinearParameter {
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct UnitExpr {
     /// Names with their exponents, in the order in which they are written.
-    pub factors: Vec<(Ident, i32)>,
+    pub factors: Vec<(Ident, Exponent)>,
     /// The place of the bracket.
     pub span: Span,
 }

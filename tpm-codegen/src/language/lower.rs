@@ -390,17 +390,14 @@ impl<'a> Lowering<'a, '_, '_> {
 
 /// A unit as written, for display.
 fn formal(unit: &UnitExpr) -> FormalUnit {
-    unit.factors
-        .iter()
-        .fold(FormalUnit::one(), |product, (name, exponent)| product.mul(&FormalUnit::named(&name.name).pow(*exponent)))
+    let powers = unit.factors.iter().map(|(name, exponent)| FormalUnit::power_of(&name.name, *exponent));
+    powers.fold(FormalUnit::one(), |product, power| product.mul(&power))
 }
 
-/// A derived unit as a product of base units; `None` when it has a scale factor or a root, which have no name.
+/// A derived unit as a product of base units; `None` when it has a scale factor, which has no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
-    let product = unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
-        i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
-    });
-    product.map(FormalUnit::with_torque)
+    let powers = unit.base_powers()?.map(|(name, exponent)| FormalUnit::power_of(name, exponent));
+    Some(powers.fold(FormalUnit::one(), |product, power| product.mul(&power)).with_torque())
 }
 
 /// The fault that a term is too long to be multiplied out, as `what` requires.

@@ -21,9 +21,15 @@ use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
 use crate::language::token::{Token, TokenKind};
 use crate::source::{Source, Span};
+use num_traits::{CheckedDiv, CheckedMul};
+use tpm_units::Exponent;
 
 /// Deepest nesting of parentheses, calls and minus signs; a stack of this depth fits the smallest usual thread.
 pub const DEEPEST_NESTING: usize = 128;
+/// Highest power of a unit.
+const HIGHEST_UNIT_POWER: i64 = 1000;
+/// Largest denominator of a power of a unit: all fractions of such have a common denominator of five digits.
+const LARGEST_ROOT: i64 = 12;
 
 /// Results of parsing.
 pub(crate) struct Syntax {
@@ -367,6 +373,10 @@ impl<'a, 'd> Parser<'a, 'd> {
             "coordinate" => self.declaration(Role::Coordinate).map(Item::Declaration),
             "unmeasured" => {
                 let unmeasured = true;
+                // `unmeasured coordinate y` says the same as `unmeasured y`.
+                if self.text(self.nth(1)) == "coordinate" && self.nth(2).kind == TokenKind::Ident {
+                    self.bump();
+                }
                 self.declaration(Role::Coordinate).map(|own| Item::Declaration(Declaration { unmeasured, ..own }))
             }
             "input" => self.declaration(Role::Input).map(Item::Declaration),
@@ -549,6 +559,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen if !self.on_new_line() => {
                     "a product is written with `*`"
                 }
+                TokenKind::OpenBracket => "units stand where names are declared: `constant g = 9.81 [m/s^2];`",
                 _ => "an equation of motion is `left = right;`",
             };
             return Err(self.report(error.help(help)));
@@ -672,7 +683,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
         let open = self.bump().span;
         let mut factors = Vec::new();
-        self.unit_product(1, &mut factors, 0)?;
+        self.unit_product(&mut factors, 0)?;
         let close = match self.kind() {
             TokenKind::CloseBracket => self.bump().span,
             TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen => {
@@ -685,10 +696,17 @@ impl<'a, 'd> Parser<'a, 'd> {
         Ok(Some(UnitExpr { factors, span: open.to(close) }))
     }
 
-    fn unit_product(&mut self, outer: i32, factors: &mut Vec<(Ident, i32)>, depth: usize) -> Parse<()> {
+    fn unit_product(&mut self, factors: &mut Vec<(Ident, Exponent)>, depth: usize) -> Parse<()> {
         let mut sign = 1;
         loop {
-            self.unit_factor(outer, sign, factors, depth)?;
+            let first = factors.len();
+            let begun = self.peek().span;
+            self.unit_base(factors, depth)?;
+            let exponent = self.unit_exponent()? * Exponent::from_integer(sign);
+            for (_, power) in &mut factors[first..] {
+                *power =
+                    power.checked_mul(&exponent).filter(is_bounded).ok_or_else(|| self.report(unit_power(begun)))?;
+            }
             sign = match self.kind() {
                 TokenKind::Star => 1,
                 TokenKind::Slash => -1,
@@ -698,13 +716,12 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
     }
 
-    fn unit_factor(&mut self, outer: i32, sign: i32, factors: &mut Vec<(Ident, i32)>, depth: usize) -> Parse<()> {
+    /// A name, `1`, or a product in parentheses.
+    fn unit_base(&mut self, factors: &mut Vec<(Ident, Exponent)>, depth: usize) -> Parse<()> {
         let token = self.peek();
         match token.kind {
             TokenKind::Ident => {
-                let name = self.name("a unit")?;
-                let exponent = self.unit_exponent()?;
-                factors.push((name, outer * sign * exponent));
+                factors.push((self.name("a unit")?, Exponent::from_integer(1)));
                 Ok(())
             }
             TokenKind::Number if self.text(token) == "1" => {
@@ -717,44 +734,62 @@ impl<'a, 'd> Parser<'a, 'd> {
             )),
             TokenKind::OpenParen if depth < DEEPEST_NESTING => {
                 self.bump();
-                self.unit_product(outer * sign, factors, depth + 1)?;
+                self.unit_product(factors, depth + 1)?;
                 self.expect(TokenKind::CloseParen)?;
-                if self.kind() == TokenKind::Caret {
-                    return Err(self.report(
-                        Diagnostic::error(self.peek().span, "a unit in parentheses has no exponent")
-                            .help("give every unit its own exponent, as in `[m^2/s^2]`"),
-                    ));
-                }
                 Ok(())
             }
             _ => Err(self.unexpected("a unit, such as `kg*m/s^2`, or `1`")),
         }
     }
 
-    fn unit_exponent(&mut self) -> Parse<i32> {
+    /// `^2`, `^-1`, `^0.5`, `^(5/2)`, or nothing, which is 1.
+    fn unit_exponent(&mut self) -> Parse<Exponent> {
         if let TokenKind::Superscript(digit) = self.kind() {
             self.bump();
-            return Ok(i32::from(digit));
+            return Ok(Exponent::from_integer(digit.into()));
         }
         if !self.eat(TokenKind::Caret) {
-            return Ok(1);
+            return Ok(Exponent::from_integer(1));
         }
+        let inside = self.eat(TokenKind::OpenParen);
         let sign = if self.eat(TokenKind::Minus) { -1 } else { 1 };
+        let above = self.unit_number()?;
+        let below = if inside && self.eat(TokenKind::Slash) { self.unit_number()? } else { Exponent::from_integer(1) };
+        let end = self.peek().span;
+        if inside {
+            self.expect(TokenKind::CloseParen)?;
+        }
+        let exponent = above.checked_div(&below).map(|exponent| exponent * Exponent::from_integer(sign));
+        exponent.filter(is_bounded).ok_or_else(|| self.report(unit_power(end)))
+    }
+
+    /// A number of an exponent, exactly.
+    fn unit_number(&mut self) -> Parse<Exponent> {
         let token = self.peek();
-        // The bound is far above the exponents of any unit, and small enough that products of exponents stay exact.
-        match self.text(token).parse::<i32>() {
-            Ok(value) if token.kind == TokenKind::Number && value <= 1000 => {
+        let text = self.text(token);
+        let (whole, part) = text.split_once('.').unwrap_or((text, ""));
+        let digits = format!("{whole}{part}").parse::<i64>().ok();
+        let ten = 10_i64.checked_pow(u32::try_from(part.len()).unwrap_or(u32::MAX));
+        match digits.zip(ten).map(|(digits, ten)| Exponent::new(digits, ten)) {
+            Some(value) if token.kind == TokenKind::Number && is_bounded(&value) => {
                 self.bump();
-                Ok(sign * value)
+                Ok(value)
             }
             _ => {
-                let note = self.found();
-                Err(self.report(
-                    Diagnostic::error(token.span, "a unit's exponent is an integer of at most 1000")
-                        .note(note)
-                        .help("write, for example, `[m^-1]`"),
-                ))
+                let fault = unit_power(token.span).note(self.found());
+                Err(self.report(fault))
             }
         }
     }
+}
+
+fn unit_power(span: Span) -> Diagnostic {
+    let bounds = format!("of at most {HIGHEST_UNIT_POWER}, with a denominator of at most {LARGEST_ROOT}");
+    Diagnostic::error(span, format!("a unit's exponent is a whole number or a fraction {bounds}"))
+        .help("write, for example, `[m^-1]` or `[m^(5/2)/s]`")
+}
+
+/// Whether an exponent of a unit is one that is kept: far above those of any unit, and so small that sums and products stay exact.
+fn is_bounded(exponent: &Exponent) -> bool {
+    exponent.numer().abs() <= HIGHEST_UNIT_POWER * exponent.denom() && *exponent.denom() <= LARGEST_ROOT
 }

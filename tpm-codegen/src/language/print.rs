@@ -8,7 +8,7 @@ use std::fmt::{self, Display, Formatter, Write as _};
 
 use num_bigint::BigInt;
 use num_integer::Integer;
-use num_traits::One;
+use num_traits::{One, Signed};
 use tpm_symbolic::number::rational::Rational;
 
 use crate::language::ast::{
@@ -125,7 +125,7 @@ fn number(f: &mut Formatter<'_>, value: &Rational) -> fmt::Result {
 impl Display for UnitExpr {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_char('[')?;
-        if self.factors.first().is_none_or(|&(_, exponent)| exponent < 0) {
+        if self.factors.first().is_none_or(|&(_, exponent)| exponent.is_negative()) {
             f.write_char('1')?;
         }
         for (index, (name, exponent)) in self.factors.iter().enumerate() {
@@ -135,8 +135,10 @@ impl Display for UnitExpr {
                 (_, true) => f.write_char('/')?,
             }
             f.write_str(&name.name)?;
-            if exponent.unsigned_abs() != 1 {
-                write!(f, "^{}", exponent.unsigned_abs())?;
+            match exponent.abs() {
+                one if one.is_one() => {}
+                whole if whole.is_integer() => write!(f, "^{whole}")?,
+                root => write!(f, "^({root})")?,
             }
         }
         f.write_char(']')

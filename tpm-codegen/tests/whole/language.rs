@@ -135,6 +135,7 @@ mod built {
     };
     use tpm_codegen::source::Span;
     use tpm_symbolic::number::rational::Rational;
+    use tpm_units::Exponent;
 
     const NOWHERE: Span = Span { start: 0, end: 0 };
 
@@ -183,9 +184,13 @@ mod built {
         })
     }
 
+    fn power() -> impl Strategy<Value = Exponent> {
+        (-9_i64..10, 1_i64..13).prop_map(|(above, below)| Exponent::new(above, below))
+    }
+
     fn unit() -> impl Strategy<Value = Option<UnitExpr>> {
         prop::option::of(
-            prop::collection::vec((ident(), -9_i32..10), 0..4).prop_map(|factors| UnitExpr { factors, span: NOWHERE }),
+            prop::collection::vec((ident(), power()), 0..4).prop_map(|factors| UnitExpr { factors, span: NOWHERE }),
         )
     }
 

@@ -3,13 +3,15 @@
 //! Invariant: the factors are sorted by name with non-zero exponents. Whether units agree is checked where a model is
 //! read; here units are only stored and multiplied.
 
-use crate::algebra::polynomial::Monomial;
+use num_rational::Ratio;
+use num_traits::{One, Signed, Zero};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt;
 
-/// A formal product of integer powers of unit names, such as `kg*m^2/s`.
+/// A formal product of rational powers of unit names, such as `kg*m^2/s` or `m^(5/2)/s`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Unit(Monomial<String>);
+pub struct Unit(BTreeMap<String, Ratio<i64>>);
 
 impl Unit {
     /// The dimensionless unit.
@@ -21,19 +23,34 @@ impl Unit {
     /// A named unit.
     #[must_use]
     pub fn named(name: &str) -> Self {
-        Self(Monomial::power_of(name.to_owned(), 1))
+        Self::power_of(name, Ratio::one())
+    }
+
+    /// A power of a named unit.
+    #[must_use]
+    pub fn power_of(name: &str, exponent: Ratio<i64>) -> Self {
+        Self::one().mul_power(name, exponent)
     }
 
     /// The product.
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
-        Self(self.0.mul(&other.0))
+        other.0.iter().fold(self.clone(), |product, (name, exponent)| product.mul_power(name, *exponent))
+    }
+
+    fn mul_power(mut self, name: &str, exponent: Ratio<i64>) -> Self {
+        let sum = self.0.remove(name).unwrap_or_else(Ratio::zero) + exponent;
+        if !sum.is_zero() {
+            self.0.insert(name.to_owned(), sum);
+        }
+        self
     }
 
     /// An integer power.
     #[must_use]
     pub fn pow(&self, exponent: i32) -> Self {
-        Self(self.0.pow(exponent))
+        let powers = self.0.iter().map(|(name, of)| (name.as_str(), *of * i64::from(exponent)));
+        powers.fold(Self::one(), |product, (name, of)| product.mul_power(name, of))
     }
 
     /// The unit with `kg*m^2/s^2` written as `N*m`: a product of parameter units with this value is the torque on a
@@ -43,29 +60,26 @@ impl Unit {
         let torque = Self::named("kg").mul(&Self::named("m").pow(2)).mul(&Self::named("s").pow(-2));
         if self == torque { Self::named("N").mul(&Self::named("m")) } else { self }
     }
-
-    /// The names and exponents in increasing order of the names.
-    pub fn factors(&self) -> impl Iterator<Item = (&str, i32)> {
-        self.0.factors().map(|(name, exponent)| (name.as_str(), exponent))
-    }
 }
 
 impl fmt::Display for Unit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let write = |f: &mut fmt::Formatter<'_>, name: &str, exponent: i32| {
-            if exponent == 1 { write!(f, "{name}") } else { write!(f, "{name}^{exponent}") }
+        let write = |f: &mut fmt::Formatter<'_>, name: &str, exponent: Ratio<i64>| match exponent {
+            one if one.is_one() => f.write_str(name),
+            whole if whole.is_integer() => write!(f, "{name}^{whole}"),
+            root => write!(f, "{name}^({root})"),
         };
         let mut first = true;
-        for (name, exponent) in self.0.factors().filter(|(_, e)| *e > 0) {
+        for (name, exponent) in self.0.iter().filter(|(_, exponent)| exponent.is_positive()) {
             if !std::mem::replace(&mut first, false) {
                 write!(f, "*")?;
             }
-            write(f, name, exponent)?;
+            write(f, name, *exponent)?;
         }
         if first {
             write!(f, "1")?;
         }
-        for (name, exponent) in self.0.factors().filter(|(_, e)| *e < 0) {
+        for (name, exponent) in self.0.iter().filter(|(_, exponent)| exponent.is_negative()) {
             write!(f, "/")?;
             write(f, name, -exponent)?;
         }
@@ -76,6 +90,7 @@ impl fmt::Display for Unit {
 #[cfg(test)]
 mod tests {
     use super::Unit;
+    use num_rational::Ratio;
 
     #[test]
     fn a_product_that_comes_to_a_torque_is_written_as_one() {
@@ -84,5 +99,13 @@ mod tests {
         assert_eq!(kg.mul(&acceleration).mul(&m).with_torque().to_string(), "N*m");
         assert_eq!(kg.mul(&acceleration).with_torque().to_string(), "kg*m/s^2");
         assert_eq!(Unit::named("J").with_torque().to_string(), "J");
+    }
+
+    #[test]
+    fn roots_are_written_in_parentheses_and_what_cancels_is_left_out() {
+        let root = Unit::power_of("m", Ratio::new(5, 2)).mul(&Unit::named("s").pow(-1));
+        assert_eq!(root.to_string(), "m^(5/2)/s");
+        assert_eq!(root.mul(&Unit::power_of("m", Ratio::new(1, 2))).to_string(), "m^3/s");
+        assert_eq!(root.mul(&root.pow(-1)), Unit::one());
     }
 }

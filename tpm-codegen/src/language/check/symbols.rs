@@ -5,8 +5,6 @@
 
 use std::collections::HashMap;
 
-use num_rational::Ratio;
-
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
     Declaration, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role, UnitExpr,
@@ -209,8 +207,7 @@ pub(super) fn resolve(expr: &UnitExpr, diagnostics: &mut Diagnostics) -> Option<
             product = None;
             continue;
         };
-        let power = unit.power(Ratio::from_integer(i64::from(*exponent)));
-        product = product.and_then(|product| product.times(&power?));
+        product = product.and_then(|product| product.times(&unit.power(*exponent)?));
     }
     product
 }

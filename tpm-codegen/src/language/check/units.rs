@@ -71,12 +71,12 @@ fn written_torque(model: &ModelDeclaration) -> String {
 #[derive(Clone, PartialEq, Debug)]
 enum Dimension {
     Unknown,
-    Known(Unit, BTreeMap<usize, Exponent>),
+    Known(Box<Unit>, BTreeMap<usize, Exponent>),
 }
 
 impl Dimension {
     fn of(unit: Unit) -> Self {
-        Self::Known(unit, BTreeMap::new())
+        Self::Known(Box::new(unit), BTreeMap::new())
     }
 
     fn one() -> Self {
@@ -97,7 +97,7 @@ impl Dimension {
                 unknowns.insert(index, sum);
             }
         }
-        Some(Self::Known(left.times(&right.power(exponent)?)?, unknowns))
+        Some(Self::Known(Box::new(left.times(&right.power(exponent)?)?), unknowns))
     }
 }
 
@@ -402,7 +402,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     /// The dimension in which the unknowns that were determined so far are replaced by their units.
     fn settle(&self, dimension: &Dimension) -> Dimension {
         let Dimension::Known(unit, unknowns) = dimension else { return Dimension::Unknown };
-        let mut settled = Some(Dimension::of(unit.clone()));
+        let mut settled = Some(Dimension::of(unit.as_ref().clone()));
         for (&index, &exponent) in unknowns {
             let factor = self.series(index);
             settled = settled.and_then(|settled| settled.times_power(&factor, exponent));
@@ -413,7 +413,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     fn series(&self, index: usize) -> Dimension {
         match self.bound.get(index) {
             Some(Some(unit)) => Dimension::of(unit.clone()),
-            Some(None) => Dimension::Known(Unit::one(), BTreeMap::from([(index, Exponent::from_integer(1))])),
+            Some(None) => Dimension::Known(Box::new(Unit::one()), BTreeMap::from([(index, Exponent::from_integer(1))])),
             None => Dimension::Unknown,
         }
     }

@@ -1,6 +1,6 @@
 //! What the readings of a sensor say of the sensor itself: its noise, and the step of its counts.
 
-use tpm_motion::step;
+use tpm_motion::{grid, step};
 use tpm_numerics::differences::white_noise;
 use tpm_numerics::{root_mean_square, tolerance};
 
@@ -22,11 +22,20 @@ impl Sensor {
         let power: f64 = signals.iter().map(|signal| white_noise(signal).powi(2) * signal.len() as f64).sum();
         let size = root_mean_square(signals.iter().flat_map(|signal| signal.iter().copied()));
         // A record may begin with a state that no sensor read, which lies on no grid.
-        let steps = signals.iter().map(|signal| step(signal).max(step(signal.get(1..).unwrap_or_default())));
-        let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
-        let step = if step.is_finite() { step } else { 0.0 };
-        let seen = (power / count).sqrt().max(step / 12.0_f64.sqrt());
+        let of_all = |told: fn(&[f64]) -> f64| {
+            let steps = signals.iter().map(|signal| told(signal).max(told(signal.get(1..).unwrap_or_default())));
+            let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
+            if step.is_finite() { step } else { 0.0 }
+        };
+        let step = of_all(step);
+        let seen = (power / count).sqrt().max(rounding(step));
         let least = tolerance::READING * size;
-        Sensor { noise: seen.max(least), step, noisy: seen > least }
+        // Rounding is there however many counts the motion passes between two readings.
+        Sensor { noise: seen.max(rounding(of_all(grid))).max(least), step, noisy: seen > least }
     }
+}
+
+/// Deviation of what is lost in rounding to multiples of a step.
+fn rounding(step: f64) -> f64 {
+    step / 12.0_f64.sqrt()
 }

@@ -101,6 +101,8 @@ pub enum Assumption {
         /// Time from row to row, s.
         seconds: f64,
     },
+    /// The file has no time, which what is read does not depend on.
+    Timeless,
     /// A signal was found in a column of another name, or converted.
     Column {
         /// The signal.
@@ -190,6 +192,9 @@ impl fmt::Display for Assumption {
             }
             Assumption::SampleTime { seconds } => {
                 write!(f, "rows are taken as {} s apart, as stated; no column of time is read", number(*seconds))
+            }
+            Assumption::Timeless => {
+                f.write_str("no column of time is read: the model has no derivative, so that rows stand for themselves")
             }
             Assumption::Column { signal, column, unit, model_unit, factor } => {
                 write!(f, "`{signal}` is column `{column}`")?;

@@ -251,8 +251,11 @@ impl Names<'_> {
             [index] => {
                 // The signal's own name holds no unit; the name of a column that was stated may.
                 let unitless = wanted == signal || self.header[index].computed;
-                let (_, unit, bracketed) =
-                    if unitless { (wanted, None, false) } else { split_unit(&self.header[index].text) };
+                let text = &self.header[index].text;
+                let (_, own, bracketed) = if unitless { (wanted, None, false) } else { split_unit(text) };
+                // A column that is called `rpm` is in revolutions per minute; single letters are names of many things.
+                let is_unit = |unit: &str| !unitless && text.len() > 1 && conversion(text, unit).is_ok();
+                let unit = own.or(unit.filter(|unit| is_unit(unit)).map(|_| text.as_str()));
                 return Ok(Some(Fitting { index, unit, bracketed }));
             }
             [] => {}
@@ -435,7 +438,13 @@ impl Names<'_> {
                 }
             }
         };
-        let found = found.ok_or_else(|| self.missing(TIME))?;
+        let Some(found) = found else {
+            if !self.options.timeless || wanted != TIME {
+                return Err(self.missing(TIME));
+            }
+            said.push(Assumption::Timeless);
+            return Ok(Time::Rows { seconds: 1.0 });
+        };
         let column = self.header[found.index].text.clone();
         // The name `t_s` states seconds; a row of units may state another unit.
         let stated = self.stated(&found).or((column == TIME).then_some(("s", true)));

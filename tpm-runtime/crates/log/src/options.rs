@@ -21,4 +21,8 @@ pub struct ReadingSettings {
     /// Time from row to row, s, of a log that has no column of time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sample_time: Option<f64>,
+    /// Whether rows stand for themselves, as for a model without derivatives: a log without a column of time is read all the same, and no
+    /// reading is judged by those of the rows about it.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub timeless: bool,
 }

@@ -115,6 +115,12 @@ fn dialects_hold_the_samples_and_say_what_was_assumed() {
             mapped(&[("u", "force")]),
             vec!["time is column `t_us` in us", "converted from cm to m"],
         ),
+        // Columns that are called as their units, but for single letters.
+        (
+            Style { head: "t_s,mm,kN\n", factors: [1.0, 1e3, 1e-3], ..PLAIN },
+            mapped(&[("x", "mm"), ("u", "kN")]),
+            vec!["`x` is column `mm`, converted from mm to m", "`u` is column `kN`, converted from kN to N"],
+        ),
         (Style { head: "timestamp,x,u\n", ..PLAIN }, all(), vec!["states no unit: read as s"]),
         (
             Style { head: "", ..PLAIN },

@@ -121,6 +121,8 @@ impl Recording {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         let mut table = Table::read(columns, name, signals, rates, options)?;
+        // Where rows stand for themselves, nothing is said of one by those about it: wraps, readings that repeat, recordings that begin.
+        let coordinates = if options.timeless { &[] } else { coordinates };
         let wrapped = table.with_steps(coordinates.len(), |table| follow_wraps(table, coordinates))?;
         let repeated = replace_repeated(&mut table, coordinates);
         let mut read = Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))?;

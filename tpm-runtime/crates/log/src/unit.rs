@@ -6,7 +6,7 @@
 use tpm_units::Unit;
 
 /// Spellings in headers besides the names of the language, and the products that they mean.
-const SPELLINGS: [(&str, &str); 45] = [
+const SPELLINGS: [(&str, &str); 55] = [
     ("-", "1"),
     ("°", "deg"),
     ("degree", "deg"),
@@ -52,6 +52,16 @@ const SPELLINGS: [(&str, &str); 45] = [
     ("amps", "A"),
     ("ampere", "A"),
     ("Ω", "ohm"),
+    ("L", "l"),
+    ("mL", "ml"),
+    ("litre", "l"),
+    ("liter", "l"),
+    ("lpm", "l/min"),
+    ("inch", "in"),
+    ("inches", "in"),
+    ("feet", "ft"),
+    ("lbs", "lb"),
+    ("kp", "kgf"),
 ];
 
 /// Why a column cannot be converted to the unit of a signal.
@@ -175,6 +185,14 @@ mod tests {
             ("-", "rad", 1.0),
             ("rad", "1", 1.0),
             ("rad_per_s", "rad/s", 1.0),
+            ("L/min", "m^3/s", 1.0 / 60_000.0),
+            ("LPM", "m^3/s", 1.0 / 60_000.0),
+            ("ml/s", "m^3/s", 1e-6),
+            ("in", "m", 0.0254),
+            ("ft/s", "m/s", 0.3048),
+            ("ozf in", "N*m", 0.028_349_523_125 * 9.806_65 * 0.0254),
+            ("lbf*ft", "N*m", 0.453_592_37 * 9.806_65 * 0.3048),
+            ("psi", "Pa", 0.453_592_37 * 9.806_65 / (0.0254 * 0.0254)),
         ] {
             let found = conversion(header, signal).unwrap_or_else(|fault| panic!("{header}: {fault:?}"));
             assert!((found / factor - 1.0).abs() < 1e-15, "{header} to {signal}: {found} {factor}");

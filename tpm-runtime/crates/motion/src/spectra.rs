@@ -17,6 +17,10 @@ const HIGHEST_FITTED: usize = 256;
 /// Tolerance on a grid: largest distance of a difference of two values from a whole number of steps, as a share of a
 /// step.
 const MOST_OFF_GRID: f64 = 1e-3;
+/// The same of values that a file rounds once more: it gives a step with two digits or more.
+const MOST_ROUNDED: f64 = 0.05;
+/// Differences of fewer steps than this are counted before the step is known better than its rounding.
+const FEW_STEPS: f64 = 5.0;
 /// Least noise variance, in counts squared, that dithers the quantiser: from it on the mean rounding error is less
 /// steep than the motion, since its slope 2 exp(-2 pi^2 s^2) is below one.
 const LEAST_DITHER: f64 = std::f64::consts::LN_2 / (2.0 * PI * PI);
@@ -360,11 +364,25 @@ pub fn step(values: &[f64]) -> f64 {
 pub fn grid(values: &[f64]) -> f64 {
     let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
     let least = apart().fold(f64::INFINITY, f64::min);
-    let fits = |difference: f64| {
-        let steps = difference / least;
-        (steps - steps.round()).abs() < MOST_OFF_GRID
-    };
-    if least.is_finite() && apart().all(fits) { least } else { 0.0 }
+    if !least.is_finite() {
+        return 0.0;
+    }
+    let off = |difference: f64, step: f64| (difference / step - (difference / step).round()).abs();
+    if apart().all(|difference| off(difference, least) < MOST_OFF_GRID) {
+        return least;
+    }
+    // Counts that were converted to another unit are rounded once more by the digits of the file. The mean of many small differences has
+    // lost that rounding, and is the step to which the large ones are held.
+    let (mut sum, mut steps) = (0.0, 0.0);
+    for difference in apart().filter(|difference| *difference < FEW_STEPS * least) {
+        if off(difference, least) > 2.0 * MOST_ROUNDED {
+            return 0.0;
+        }
+        sum += difference;
+        steps += (difference / least).round();
+    }
+    let step = sum / steps;
+    if apart().all(|difference| off(difference, step) < MOST_ROUNDED) { step } else { 0.0 }
 }
 
 /// Covariance of the noise in the first `count` lines, estimated from the bins between lines, and the least number of
@@ -509,12 +527,35 @@ fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Spectra, Window, analyse};
+    use super::{Spectra, Window, analyse, grid};
     use num_complex::Complex;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
     use std::f64::consts::PI;
+
+    /// Counts of an encoder in degrees as a file gives them, with so many digits behind the point.
+    fn degrees(count: f64, digits: i32) -> Vec<f64> {
+        let counts =
+            (0..3000).map(|i| (2000.0 * (0.01 * f64::from(i)).sin() + 300.0 * (0.047 * f64::from(i)).cos()).round());
+        let written = 10.0_f64.powi(digits);
+        counts.map(|counts| (counts * count * written).round() / written).collect()
+    }
+
+    #[test]
+    fn counts_are_seen_through_the_digits_of_a_file() {
+        let count = 360.0 / 4096.0;
+        for digits in [3, 4, 6] {
+            let found = grid(&degrees(count, digits));
+            assert!((found / count - 1.0).abs() < 1e-3, "{digits}: {found}");
+        }
+        // Digits that are as coarse as the counts are the grid, or hide it.
+        assert!([1, 2].iter().all(|digits| (grid(&degrees(count, *digits)) / count - 1.0).abs() > 0.1));
+        // Noise lies on the grid of its own digits alone.
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let noise: Vec<f64> = StandardNormal.sample_iter(&mut rng).take(3000).collect();
+        assert_eq!(grid(&noise), 0.0);
+    }
 
     fn series(period: f64, n: usize) -> Vec<f64> {
         (0..n)

@@ -102,7 +102,8 @@ impl Entry<'_> {
         }
         let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
         let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
-        for log in &mut recording.segments {
+        let timeless = self.options.reading.columns.timeless;
+        for log in recording.segments.iter_mut().filter(|_| !timeless) {
             let mended = log.mend(coordinates).into_iter();
             let lone: Vec<Lone> =
                 mended.map(|(coordinate, sample, by)| Lone { coordinate, line: log.lines[sample], by }).collect();

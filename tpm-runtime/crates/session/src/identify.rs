@@ -3,7 +3,7 @@
 use crate::found::Found;
 use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
-use crate::log_report::{ActuatorReport, HoldResiduals, LogReport, Way};
+use crate::log_report::{ActuatorReport, CLEARLY_BETTER, HoldResiduals, LogReport, Way};
 use crate::options::LogOptions;
 use crate::record::nothing;
 use crate::simulation::{Extent, simulate};
@@ -13,12 +13,12 @@ use tpm_codegen::identified::Identified;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
-use tpm_estimate::{Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, TermKind, is_static};
+use tpm_estimate::{
+    Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, ResidualOf, TermKind, is_static,
+};
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
 
-/// The other hold explains a log clearly better when it leaves less than this share of the residual.
-const CLEARLY_BETTER: f64 = 0.7;
 /// Share of the record that must be unexplained for exchanged columns to be looked for.
 const NOTICED: f64 = 0.1;
 /// Columns are exchanged when the model then leaves less than this share of the residual.
@@ -373,8 +373,11 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         hold_residuals,
         refinement,
     };
-    let mut all: Vec<Warning> = other_hold(options.reading.hold, hold_residuals).into_iter().collect();
-    all.extend(warnings);
+    let mut all = warnings;
+    // A simulation that tells the holds apart has said so.
+    if !all.iter().any(|warning| matches!(warning, Warning::OtherHold { .. })) {
+        all.splice(0..0, other_hold(options.reading.hold, hold_residuals));
+    }
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
         EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
     let mut result = Identification {
@@ -419,5 +422,6 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
 fn other_hold(stated: Hold, residuals: HoldResiduals) -> Option<Warning> {
     let better = stated.other();
     let (left, left_by_better) = (residuals.with(stated)?, residuals.with(better)?);
-    (left_by_better < CLEARLY_BETTER * left).then_some(Warning::OtherHold { stated, left, better, left_by_better })
+    let of = ResidualOf::Force;
+    (left_by_better < CLEARLY_BETTER * left).then_some(Warning::OtherHold { stated, left, better, left_by_better, of })
 }

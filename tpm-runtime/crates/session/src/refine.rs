@@ -1,10 +1,12 @@
 //! Estimates of a log or a campaign refined by simulating the model sample by sample.
 
 use crate::excerpt::{Excerpt, accelerated};
+use crate::log_report::CLEARLY_BETTER;
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 use crate::term_words::{self, Words};
 use crate::warning::Warning;
+use std::ops::RangeInclusive;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
@@ -20,6 +22,8 @@ const LEAST_MOVE: f64 = 1e-3;
 /// Most work of one linearisation of a record about a motion, in floating-point operations, that is done without being asked for. A fit
 /// that does not settle at once takes some hundred linearisations: two and a half minutes at 2.5e8 operations.
 const MOST_WORK: f64 = 1.5e8;
+/// Delays, samples, that the other hold would explain.
+const HALF_A_SAMPLE: RangeInclusive<f64> = 0.25..=0.75;
 /// Evaluations of the derivatives in one step of the integration.
 const EVALUATIONS_PER_STEP: f64 = 4.0;
 
@@ -172,6 +176,11 @@ fn refine(
     let lacking = matters(&|a| shift[a].hypot(range[a]));
     let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
     let mut warnings: Vec<Warning> = report.note.iter().cloned().map(|reason| Warning::NotRefined { reason }).collect();
+    let held = |hold: Hold| {
+        let signals = excerpt.signals(dims.coordinates, start.sample_time, hold, (start.course.clone(), &start.steps));
+        OutputError::fit(machine, conditions.constants, &signals, &found.values, &free, &hidden).ok()
+    };
+    warnings.extend(other_hold(&found, conditions, start.sample_time, held));
     let (limits, others) = report.missing.split_at(usize::from(misfit.limited));
     warnings.extend(limits.iter().cloned().map(|term| Warning::Limited { term }));
     if lacking {
@@ -200,6 +209,27 @@ fn refine(
         (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
     }
     Ok(Refined { estimate: restated, report: Some(report), warnings })
+}
+
+/// The other hold, where a simulation with it leaves clearly less. It is asked for where an input seems to act half a sample later or earlier
+/// than it is recorded, which is what the wrong hold makes of it.
+fn other_hold(
+    found: &OutputError,
+    conditions: Conditions<'_>,
+    sample_time: f64,
+    held: impl Fn(Hold) -> Option<OutputError>,
+) -> Option<Warning> {
+    let shifted = |term: &Candidate| {
+        matches!(term.term, CandidateKind::Delay { .. }) && HALF_A_SAMPLE.contains(&(term.value.abs() / sample_time))
+    };
+    if !(found.misfit.terms.iter().any(shifted) && conditions.actuators.iter().all(Dynamics::is_ideal)) {
+        return None;
+    }
+    let (stated, better) = (conditions.hold, conditions.hold.other());
+    let other = held(better).filter(|other| other.iterations.is_some())?;
+    let (left, left_by_better) = (found.share, other.share);
+    let warning = Warning::OtherHold { stated, left, better, left_by_better, of: ResidualOf::Motion };
+    (left_by_better < CLEARLY_BETTER * left).then_some(warning)
 }
 
 fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {

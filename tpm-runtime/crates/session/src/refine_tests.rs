@@ -15,6 +15,10 @@ use tpm_test_support::rig::{MODEL, Recorded, Rig, SAMPLE_TIME, TRUTH};
 /// Logs of every spoilt machine.
 const SEEDS: u64 = 4;
 
+fn draw(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
 fn written(recorded: &Recorded) -> tempfile::NamedTempFile {
     let mut text = String::from("t_s,x,u\n");
     for (i, (x, u)) in recorded.position.iter().zip(&recorded.force).enumerate() {
@@ -141,6 +145,39 @@ fn a_delay_by_a_sample_is_named() {
 #[test]
 fn deviations_under_a_delay_by_a_sample_hold_the_truth() {
     names_and_holds(Rig { delay: 1, ..Rig::default() }, "rate of u", TRUTH);
+}
+
+/// A wheel on a held torque that steps: without its hold the torque seems to act half a sample late, which is not what is wrong.
+#[test]
+fn an_input_that_is_held_is_told_from_one_that_is_late() {
+    let (inertia, damping, sample_time) = (1.5e-3, 3e-3, 5e-3);
+    let decay = f64::exp(-damping / inertia * sample_time);
+    let model =
+        "model Wheel { coordinate q [rad]; input u [N*m]; parameter J [kg*m^2], d [N*m*s]; J*ddot(q) + d*dot(q) = u; }";
+    let model = DeclaredModel::parse("Wheel", model).expect("a model");
+    for seed in 0..SEEDS {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (mut angle, mut rate, mut torque, mut text) = (0.0, 0.0, 0.0, String::from("t_s,q,u\n"));
+        for i in 0..3000 {
+            if i % 80 == 0 {
+                torque = 0.2 * draw(&mut rng);
+            }
+            let read = angle + 3e-4 * draw(&mut rng);
+            writeln!(text, "{:.3},{read:.6},{torque:.4}", f64::from(i) * sample_time)
+                .expect("a string takes everything");
+            let settled = torque / damping;
+            angle += settled * sample_time + (rate - settled) * (1.0 - decay) * inertia / damping;
+            rate = settled + (rate - settled) * decay;
+        }
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        let held = |hold| from_log(&model, LogRequest::new(file.path()).hold(hold)).expect("identifies");
+        let other = |result: &Identification| {
+            result.warnings.iter().any(|warning| matches!(warning, Warning::OtherHold { better: Hold::Zoh, .. }))
+        };
+        let (none, zoh) = (held(Hold::None), held(Hold::Zoh));
+        assert!(other(&none) && !other(&zoh), "{seed}: {:?} {:?}", texts(&none), texts(&zoh));
+    }
 }
 
 #[test]

@@ -8,7 +8,9 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 use std::fmt::Write;
+use std::io::Write as _;
 use tpm_controller::harmonics::Hold;
+use tpm_log::Assumption;
 
 /// The result of a model on the rows of a table.
 fn identified(model: &str, table: &str) -> Identification {
@@ -48,6 +50,43 @@ fn a_static_map_is_a_regression_whose_deviations_hold_the_truth() {
     }
     // 95 % of 120, give or take three deviations of so many draws.
     assert!((107..=120).contains(&inside), "{inside} of {}", 3 * seeds);
+}
+
+/// A bench steps through its speeds and holds each for a while: readings repeat and jump, none is one of a motion, and there is no time.
+#[test]
+fn a_static_map_needs_no_time_and_its_rows_are_not_judged_by_their_neighbours() {
+    let truth = [0.4, 30.0];
+    let model = "model Map { coordinate w [rad/s]; input u [V]; parameter b [V*s/rad], c [V]; b*w + c*sign(w) = u; }";
+    let seeds = 40;
+    let mut inside = 0;
+    for seed in 0..seeds {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut draw = || -> f64 { StandardNormal.sample(&mut rng) };
+        let mut table = String::from("w,u\n");
+        for i in 0..240 {
+            let w = f64::from((i / 10 * 7) % 24) * 10.0 - 115.0;
+            writeln!(table, "{w},{}", truth[0] * w + truth[1] * w.signum() + draw())
+                .expect("a string takes everything");
+        }
+        let result = identified(model, &table);
+        let reading = &result.log.as_ref().expect("a log").reading;
+        assert!(reading.assumptions.contains(&Assumption::Timeless), "{reading:?}");
+        assert!(
+            reading.repeated.is_empty() && reading.left_out.is_empty() && reading.segments.len() < 2,
+            "{reading:?}"
+        );
+        assert_eq!((reading.rows, result.warnings.len()), (240, 0), "{:?}", result.warnings);
+        inside += scores(&result, &truth).iter().filter(|z| z.abs() < 1.96).count();
+    }
+    // 95 % of 80, give or take three deviations of so many draws.
+    assert!((70..=80).contains(&inside), "{inside} of {}", 2 * seeds);
+    // Where something depends on the time, it is asked for.
+    let moving = "model M { coordinate w [rad/s]; input u [V]; parameter b [V*s/rad], J; J*dot(w) + b*w = u; }";
+    let mut file = tempfile::NamedTempFile::new().expect("a file");
+    file.write_all(b"w,u\n1,1\n2,2\n3,1\n").expect("written");
+    let model = DeclaredModel::parse("M", moving).expect("a model");
+    let error = from_log(&model, LogRequest::new(file.path())).expect_err("an error").to_string();
+    assert!(error.contains("no column `t_s`"), "{error}");
 }
 
 /// A hundred and fifty readings of a chirp, in the steps of a servo's encoder.

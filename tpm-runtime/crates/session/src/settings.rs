@@ -5,7 +5,7 @@ use crate::options::LogOptions;
 use crate::reading::RecordSettings;
 use std::collections::{BTreeMap, BTreeSet};
 use tpm_controller::model::Model;
-use tpm_estimate::{Domain, Frozen, Refine, Settings, Weights};
+use tpm_estimate::{Domain, Frozen, Refine, Settings, Weights, is_static};
 use tpm_motion::Dynamics;
 use tpm_physical::PhysicalSettings;
 
@@ -100,8 +100,10 @@ impl EstimationSettings {
             return Err(SessionError::Deviation { name: name.clone(), value });
         }
         let held = |(parameter, name): (usize, &String)| Some(Frozen { parameter, value: *self.frozen.get(name)? });
+        let mut reading = reading.clone();
+        reading.columns.timeless = is_static(model);
         let mut options = LogOptions {
-            reading: reading.clone(),
+            reading,
             actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
             fitted_delays: (0..inputs.len()).filter(|&i| self.fitted_delays.contains(&inputs[i])).collect(),
             domain: self.domain,

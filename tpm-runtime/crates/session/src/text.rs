@@ -5,6 +5,7 @@ use crate::log_report::{LogReport, PeriodicReport, PoolReport, SensorReport, Way
 use crate::refinement_report::RateReport;
 use std::fmt::{self, Write as _};
 use tpm_estimate::{CombinationReport, ParameterReport, Status};
+use tpm_log::Assumption;
 use tpm_plant::stability::LoopStability;
 use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash, plus_minus};
 
@@ -197,7 +198,12 @@ fn pool_head(result: &Identification, pool: &PoolReport) -> String {
 
 fn log_head(result: &Identification, log: &LogReport) -> String {
     let (model, path, samples, hold) = (&result.model, &log.path, log.samples, result.hold);
-    let mut text = format!("model {model} from {path}\n{samples} samples every {} s; ", number(log.sample_time));
+    let mut text = format!("model {model} from {path}\n");
+    text.push_str(&if log.reading.assumptions.contains(&Assumption::Timeless) {
+        format!("{samples} rows; ")
+    } else {
+        format!("{samples} samples every {} s; ", number(log.sample_time))
+    });
     text.push_str(&match &log.way {
         Way::Harmonics(found) => format!(
             "{} periods of {} s from sample {} (line {}); hold {hold}; {} window; harmonics up to {}\n\n",

@@ -69,13 +69,16 @@ pub enum Warning {
         /// The hold that was assumed.
         #[serde(serialize_with = "displayed")]
         stated: Hold,
-        /// Share of the force that it leaves unexplained.
+        /// Share that it leaves unexplained.
         left: f64,
         /// The hold that explains the log better.
         #[serde(serialize_with = "displayed")]
         better: Hold,
-        /// Share of the force that the better hold leaves unexplained.
+        /// Share that the better hold leaves unexplained.
         left_by_better: f64,
+        /// What they are shares of.
+        #[serde(skip_serializing_if = "ResidualOf::is_force")]
+        of: ResidualOf,
     },
     /// The model explains the log with other columns, or with other signs, and not as they are.
     Exchanged {
@@ -461,9 +464,9 @@ impl fmt::Display for Exchange {
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Warning::OtherHold { stated, left, better, left_by_better } => write!(
+            Warning::OtherHold { stated, left, better, left_by_better, of } => write!(
                 f,
-                "hold {better} explains the log clearly better: it leaves {:.3} % of the force, hold {stated} leaves {:.3} %",
+                "hold {better} explains the log clearly better: it leaves {:.3} % of {of}, hold {stated} leaves {:.3} %",
                 100.0 * left_by_better,
                 100.0 * left
             ),
@@ -668,11 +671,11 @@ impl fmt::Display for Warning {
             ),
             Warning::MissingTerm { term } => write!(
                 f,
-                "the model leaves something unexplained, of which a term {} * {}{} can take {:.0} %: {}; deviations contain how far the parameters would move with it",
+                "the model leaves something unexplained, of which a term {} * {}{} can take {}: {}; deviations contain how far the parameters would move with it",
                 digits(term.value, TERM_DIGITS),
                 term.term,
                 term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),
-                100.0 * term.gain,
+                if term.gain < 0.005 { "less than 1 %".to_owned() } else { format!("{:.0} %", 100.0 * term.gain) },
                 term.meaning
             ),
             Warning::Halves { parameter, moved, deviation } => write!(
