@@ -281,9 +281,10 @@ fn found(
                 && !other.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. }))
                 && (dims.coordinates > 1 || other.estimate.rank >= found.estimate.rank)
         };
-        // Where neither explains the record, the way that names what the model lacks says more.
+        // Where neither explains the record, a simulation is far from it, and what it names is what would bring it nearer. The rows stay on
+        // the measured motion.
         let named = |own: &Found| own.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }));
-        let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other) && !named(&found);
+        let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other);
         let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
         let other = if enough { None } else { by_lines().ok().filter(|other| better(other) || says_more(other)) };
         return Ok(other.unwrap_or(found));

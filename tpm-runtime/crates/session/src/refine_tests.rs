@@ -180,6 +180,43 @@ fn an_input_that_is_held_is_told_from_one_that_is_late() {
     }
 }
 
+/// A pendulum on an encoder whose counts are written in radians, in a periodic motion, and a cosine where the sine belongs: the harmonics name
+/// powers of the angle that would take a part, the rows the sine that takes all.
+#[test]
+fn what_takes_most_is_named_where_nothing_explains() {
+    let (inertia, damping, friction, weight) = (0.012, 0.01, 0.013, 0.45);
+    let model = "model P { coordinate q [rad]; input u [N*m]; parameter J [kg*m^2], d [N*m*s], f [N*m], mgl [N*m];
+        J*ddot(q) + d*dot(q) + f*sign(dot(q)) + mgl*cos(q) = u; }";
+    let model = DeclaredModel::parse("P", model).expect("a model");
+    for seed in 0..SEEDS / 2 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut text = String::from("t_s,q,u\n");
+        for i in 0..25_000 {
+            let t = 1e-3 * f64::from(i);
+            let of = |amplitude: f64, harmonic: f64, phase: f64| {
+                let (w, at) = (0.2 * PI * harmonic, 0.2 * PI * harmonic * t + phase);
+                [amplitude * at.sin(), amplitude * w * at.cos(), -amplitude * w * w * at.sin()]
+            };
+            let parts = [of(0.75, 3.0, 1.2), of(0.53, 7.0, 3.1), of(0.33, 11.0, 3.3)];
+            let [q, v, a] = [0, 1, 2].map(|order| parts.iter().map(|part| part[order]).sum::<f64>());
+            let u = inertia * a
+                + damping * v
+                + friction * v.signum()
+                + 9e-3 * v * v.abs()
+                + weight * q.sin()
+                + 4e-3 * draw(&mut rng);
+            let count = 2.0 * PI / 4096.0;
+            writeln!(text, "{t:.3},{:.6},{u:.6}", (q / count).round() * count).expect("a string takes everything");
+        }
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        std::fs::write(file.path(), text).expect("written");
+        let result = from_log(&model, LogRequest::new(file.path())).expect("identifies");
+        let named = texts(&result).into_iter().find(|text| text.contains("of which a term"));
+        assert!(named.as_ref().is_some_and(|text| text.contains("sin(q)")), "{seed}: {:?}", texts(&result));
+        assert!(result.shortfall.is_some(), "{seed}");
+    }
+}
+
 #[test]
 fn a_clipped_input_is_named_with_its_limit() {
     // The last is a hundredth of the largest command: the input is at its limit but for 50 of 8000 samples.
