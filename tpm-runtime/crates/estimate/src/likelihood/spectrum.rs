@@ -17,6 +17,8 @@ const SHARE_SEGMENT: f64 = 1.0;
 const FOLLOWED: f64 = 3.0;
 /// Where the power of a motion falls below this many times that of the noise, its equations are no longer used.
 const USED: f64 = 100.0;
+/// Share of the power of a motion beyond which it may end.
+const NEARLY_ALL: f64 = 0.999;
 /// The median of a power whose mean is one, for averages of a few overlapping segments.
 const MEDIAN_POWER: f64 = 0.9;
 /// Corner frequencies at which colours of a sensor's noise are tried, per octave: neighbours differ by less than their spectra can be told
@@ -111,14 +113,29 @@ impl Spectrum {
         let white = high.get(high.len() / 2).copied().unwrap_or(0.0) / MEDIAN_POWER;
         let white = Floor { level: white, correlation: 0.0, h };
         let first = MAIN_LOBE.max(3);
+        let end = fine.density.len();
         let smooth = |k: usize| {
-            let near = &fine.density[k.saturating_sub(1)..(k + 2).min(fine.density.len())];
+            let near = &fine.density[k.saturating_sub(1)..(k + 2).min(end)];
             near.iter().sum::<f64>() / near.len() as f64
         };
+        let under = |k: usize, ratio: f64, floor: &Floor| smooth(k) < ratio * floor.at(k as f64 * fine.spacing);
+        // The bin up to which nearly all of the motion's power lies: a motion of a few sines falls to the noise between them, too.
+        let most = |floor: &Floor| {
+            let own = || {
+                let bins = fine.bins().enumerate().take_while(|(_, (f, _))| *f <= quarter);
+                bins.map(|(k, (_, power))| if under(k, FOLLOWED, floor) { 0.0 } else { power })
+            };
+            let nearly_all = NEARLY_ALL * own().sum::<f64>();
+            let mut sum = 0.0;
+            let reached = |power: f64| {
+                sum += power;
+                sum >= nearly_all
+            };
+            own().position(reached).unwrap_or(0)
+        };
         let below = |ratio: f64, floor: &Floor| {
-            let under = |k: &usize| smooth(*k) < ratio * floor.at(*k as f64 * fine.spacing);
-            let end = (first..fine.density.len()).find(under);
-            end.map_or(quarter, |k| (k as f64 * fine.spacing).min(quarter))
+            let edge = (first.max(most(floor))..end).find(|k| under(*k, ratio, floor));
+            edge.map_or(quarter, |k| (k as f64 * fine.spacing).min(quarter))
         };
         // The noise is seen above the motion, whose band is known by the noise.
         let mut floor = white;
@@ -243,6 +260,22 @@ mod tests {
         assert!((found.noise / noise - 1.0).abs() < 0.1, "{}", found.noise);
         assert!(found.used > 7.0 && found.followed >= found.used && found.followed < 16.0, "{found:?}");
         assert!(found.share(4.0) > 0.999 && found.share(100.0) < 0.5);
+    }
+
+    /// Sines with nothing between them and nothing below them, and the hum of the mains on the sensor.
+    #[test]
+    fn a_motion_of_a_few_sines_ends_above_the_last_of_them() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        let sine = |frequency: f64, t: f64| (2.0 * std::f64::consts::PI * frequency * t + frequency).sin();
+        let signal: Vec<f64> = (0..20_000)
+            .map(|k| {
+                let t = 1e-3 * f64::from(k);
+                let motion: f64 = [2.3, 5.1, 9.2].iter().map(|f| sine(*f, t) / f).sum();
+                motion + 1e-3 * sine(50.0, t) + 1e-5 * Distribution::<f64>::sample(&StandardNormal, &mut rng)
+            })
+            .collect();
+        let found = Spectrum::of(&[&signal], 1e-3);
+        assert!(found.used > 9.2 && found.followed >= found.used && found.followed < 14.0, "{found:?}");
     }
 
     #[test]
