@@ -302,7 +302,9 @@ fn exponent(rest: &mut &str) -> Option<Exponent> {
     Some(Exponent::new(above, below))
 }
 
-fn power_text(name: &str, exponent: Exponent) -> String {
+/// A power of a name, as units are written: `m`, `m^2`, `m^(5/2)`.
+#[must_use]
+pub fn power_text(name: &str, exponent: Exponent) -> String {
     if exponent == Exponent::from_integer(1) {
         name.to_owned()
     } else if exponent.is_integer() {

@@ -390,14 +390,12 @@ impl<'a> Lowering<'a, '_, '_> {
 
 /// A unit as written, for display.
 fn formal(unit: &UnitExpr) -> FormalUnit {
-    let powers = unit.factors.iter().map(|(name, exponent)| FormalUnit::power_of(&name.name, *exponent));
-    powers.fold(FormalUnit::one(), |product, power| product.mul(&power))
+    FormalUnit::product(unit.factors.iter().map(|(name, exponent)| (name.name.as_str(), *exponent)))
 }
 
 /// A derived unit as a product of base units; `None` when it has a scale factor, which has no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
-    let powers = unit.base_powers()?.map(|(name, exponent)| FormalUnit::power_of(name, exponent));
-    Some(powers.fold(FormalUnit::one(), |product, power| product.mul(&power)).with_torque())
+    Some(FormalUnit::product(unit.base_powers()?).with_torque())
 }
 
 /// The fault that a term is too long to be multiplied out, as `what` requires.

@@ -21,7 +21,7 @@ use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
 use crate::language::token::{Token, TokenKind};
 use crate::source::{Source, Span};
-use num_traits::{CheckedDiv, CheckedMul};
+use num_traits::{CheckedDiv, CheckedMul, ToPrimitive};
 use tpm_units::Exponent;
 
 /// Deepest nesting of parentheses, calls and minus signs; a stack of this depth fits the smallest usual thread.
@@ -766,16 +766,17 @@ impl<'a, 'd> Parser<'a, 'd> {
     /// A number of an exponent, exactly.
     fn unit_number(&mut self) -> Parse<Exponent> {
         let token = self.peek();
-        let text = self.text(token);
-        let (whole, part) = text.split_once('.').unwrap_or((text, ""));
-        let digits = format!("{whole}{part}").parse::<i64>().ok();
-        let ten = 10_i64.checked_pow(u32::try_from(part.len()).unwrap_or(u32::MAX));
-        match digits.zip(ten).map(|(digits, ten)| Exponent::new(digits, ten)) {
-            Some(value) if token.kind == TokenKind::Number && is_bounded(&value) => {
+        let value = match token.kind {
+            TokenKind::Number => Some(self.number(self.text(token), token.span)?),
+            _ => None,
+        };
+        let small = value.and_then(|value| Some(Exponent::new(value.numer().to_i64()?, value.denom().to_i64()?)));
+        match small.filter(is_bounded) {
+            Some(value) => {
                 self.bump();
                 Ok(value)
             }
-            _ => {
+            None => {
                 let fault = unit_power(token.span).note(self.found());
                 Err(self.report(fault))
             }

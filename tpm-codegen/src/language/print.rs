@@ -134,12 +134,7 @@ impl Display for UnitExpr {
                 (_, false) => f.write_char('*')?,
                 (_, true) => f.write_char('/')?,
             }
-            f.write_str(&name.name)?;
-            match exponent.abs() {
-                one if one.is_one() => {}
-                whole if whole.is_integer() => write!(f, "^{whole}")?,
-                root => write!(f, "^({root})")?,
-            }
+            f.write_str(&tpm_units::power_text(&name.name, exponent.abs()))?;
         }
         f.write_char(']')
     }

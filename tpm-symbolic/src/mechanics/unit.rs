@@ -23,19 +23,23 @@ impl Unit {
     /// A named unit.
     #[must_use]
     pub fn named(name: &str) -> Self {
-        Self::power_of(name, Ratio::one())
+        Self::product([(name, Ratio::one())])
     }
 
-    /// A power of a named unit.
+    /// The product of powers of named units.
     #[must_use]
-    pub fn power_of(name: &str, exponent: Ratio<i64>) -> Self {
-        Self::one().mul_power(name, exponent)
+    pub fn product<'a>(powers: impl IntoIterator<Item = (&'a str, Ratio<i64>)>) -> Self {
+        powers.into_iter().fold(Self::one(), |product, (name, exponent)| product.mul_power(name, exponent))
     }
 
     /// The product.
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
-        other.0.iter().fold(self.clone(), |product, (name, exponent)| product.mul_power(name, *exponent))
+        Self::product(self.powers().chain(other.powers()))
+    }
+
+    fn powers(&self) -> impl Iterator<Item = (&str, Ratio<i64>)> {
+        self.0.iter().map(|(name, exponent)| (name.as_str(), *exponent))
     }
 
     fn mul_power(mut self, name: &str, exponent: Ratio<i64>) -> Self {
@@ -49,8 +53,7 @@ impl Unit {
     /// An integer power.
     #[must_use]
     pub fn pow(&self, exponent: i32) -> Self {
-        let powers = self.0.iter().map(|(name, of)| (name.as_str(), *of * i64::from(exponent)));
-        powers.fold(Self::one(), |product, (name, of)| product.mul_power(name, of))
+        Self::product(self.powers().map(|(name, of)| (name, of * i64::from(exponent))))
     }
 
     /// The unit with `kg*m^2/s^2` written as `N*m`: a product of parameter units with this value is the torque on a
@@ -70,16 +73,16 @@ impl fmt::Display for Unit {
             root => write!(f, "{name}^({root})"),
         };
         let mut first = true;
-        for (name, exponent) in self.0.iter().filter(|(_, exponent)| exponent.is_positive()) {
+        for (name, exponent) in self.powers().filter(|(_, exponent)| exponent.is_positive()) {
             if !std::mem::replace(&mut first, false) {
                 write!(f, "*")?;
             }
-            write(f, name, *exponent)?;
+            write(f, name, exponent)?;
         }
         if first {
             write!(f, "1")?;
         }
-        for (name, exponent) in self.0.iter().filter(|(_, exponent)| exponent.is_negative()) {
+        for (name, exponent) in self.powers().filter(|(_, exponent)| exponent.is_negative()) {
             write!(f, "/")?;
             write(f, name, -exponent)?;
         }
@@ -103,9 +106,9 @@ mod tests {
 
     #[test]
     fn roots_are_written_in_parentheses_and_what_cancels_is_left_out() {
-        let root = Unit::power_of("m", Ratio::new(5, 2)).mul(&Unit::named("s").pow(-1));
+        let root = Unit::product([("m", Ratio::new(5, 2)), ("s", Ratio::from_integer(-1))]);
         assert_eq!(root.to_string(), "m^(5/2)/s");
-        assert_eq!(root.mul(&Unit::power_of("m", Ratio::new(1, 2))).to_string(), "m^3/s");
+        assert_eq!(root.mul(&Unit::product([("m", Ratio::new(1, 2))])).to_string(), "m^3/s");
         assert_eq!(root.mul(&root.pow(-1)), Unit::one());
     }
 }

@@ -197,7 +197,7 @@ impl Parser<'_, '_> {
     }
 
     /// The exact value of a literal.
-    fn number(&mut self, text: &str, span: Span) -> Parse<Rational> {
+    pub(super) fn number(&mut self, text: &str, span: Span) -> Parse<Rational> {
         let (mantissa, exponent) = match text.find(['e', 'E']) {
             Some(at) => (&text[..at], &text[at + 1..]),
             None => (text, ""),

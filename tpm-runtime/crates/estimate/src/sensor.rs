@@ -1,6 +1,6 @@
 //! What the readings of a sensor say of the sensor itself: its noise, and the step of its counts.
 
-use tpm_motion::{grid, step};
+use tpm_motion::{counted, grid};
 use tpm_numerics::differences::white_noise;
 use tpm_numerics::{root_mean_square, tolerance};
 
@@ -22,17 +22,28 @@ impl Sensor {
         let power: f64 = signals.iter().map(|signal| white_noise(signal).powi(2) * signal.len() as f64).sum();
         let size = root_mean_square(signals.iter().flat_map(|signal| signal.iter().copied()));
         // A record may begin with a state that no sensor read, which lies on no grid.
-        let of_all = |told: fn(&[f64]) -> f64| {
-            let steps = signals.iter().map(|signal| told(signal).max(told(signal.get(1..).unwrap_or_default())));
-            let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
-            if step.is_finite() { step } else { 0.0 }
-        };
-        let step = of_all(step);
+        let grids: Vec<[f64; 2]> =
+            signals.iter().map(|own| [own, own.get(1..).unwrap_or_default()].map(grid)).collect();
+        let counts = signals
+            .iter()
+            .zip(&grids)
+            .map(|(own, [whole, rest])| counted(own, *whole).max(counted(own.get(1..).unwrap_or_default(), *rest)));
+        let step = of_all(counts);
         let seen = (power / count).sqrt().max(rounding(step));
         let least = tolerance::READING * size;
         // Rounding is there however many counts the motion passes between two readings.
-        Sensor { noise: seen.max(rounding(of_all(grid))).max(least), step, noisy: seen > least }
+        Sensor {
+            noise: seen.max(rounding(of_all(grids.iter().map(|[whole, rest]| whole.max(*rest))))).max(least),
+            step,
+            noisy: seen > least,
+        }
     }
+}
+
+/// The least of the steps of stretches; zero where one of them has none.
+fn of_all(steps: impl Iterator<Item = f64>) -> f64 {
+    let least = steps.fold(f64::INFINITY, |least, step| if step > 0.0 { least.min(step) } else { 0.0 });
+    if least.is_finite() { least } else { 0.0 }
 }
 
 /// Deviation of what is lost in rounding to multiples of a step.

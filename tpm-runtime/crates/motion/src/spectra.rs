@@ -354,9 +354,13 @@ fn is_whole(samples_per_period: f64) -> bool {
 
 /// The step of the grid on which all values lie, provided that there are more values than grid points between the extremes; zero otherwise.
 pub fn step(values: &[f64]) -> f64 {
-    let step = grid(values);
+    counted(values, grid(values))
+}
+
+/// The step of a grid, provided that there are more values than points of it between their extremes; zero otherwise.
+pub fn counted(values: &[f64], grid: f64) -> f64 {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-    if step > 0.0 && (high - low) / step < values.len() as f64 { step } else { 0.0 }
+    if grid > 0.0 && (high - low) / grid < values.len() as f64 { grid } else { 0.0 }
 }
 
 /// The step of the grid on which all values lie, however fine it is; zero where they lie on none. Values that lie on no grid fit to one by

@@ -102,8 +102,9 @@ impl Entry<'_> {
         }
         let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
         let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
-        let timeless = self.options.reading.columns.timeless;
-        for log in recording.segments.iter_mut().filter(|_| !timeless) {
+        // Where rows stand for themselves, those about one say nothing of it.
+        let judged = if self.options.reading.columns.timeless { &mut [] } else { recording.segments.as_mut_slice() };
+        for log in judged {
             let mended = log.mend(coordinates).into_iter();
             let lone: Vec<Lone> =
                 mended.map(|(coordinate, sample, by)| Lone { coordinate, line: log.lines[sample], by }).collect();

@@ -3,7 +3,7 @@
 use crate::found::Found;
 use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
-use crate::log_report::{ActuatorReport, CLEARLY_BETTER, HoldResiduals, LogReport, Way};
+use crate::log_report::{ActuatorReport, LogReport, Way};
 use crate::options::LogOptions;
 use crate::record::nothing;
 use crate::simulation::{Extent, simulate};
@@ -322,7 +322,8 @@ fn found(
 fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
     match &found.refinement {
         _ if dims.coordinates == 1 => {
-            found.estimate.residual <= LARGE_RESIDUAL || other_hold(hold, found.hold_residuals).is_some()
+            found.estimate.residual <= LARGE_RESIDUAL
+                || Warning::other_hold(hold, found.hold_residuals, ResidualOf::Force).is_some()
         }
         Some(report) if dims.inputs < dims.rows => report.used,
         Some(report) => lines_log::follows(report, &found.warnings),
@@ -377,7 +378,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
     let mut all = warnings;
     // A simulation that tells the holds apart has said so.
     if !all.iter().any(|warning| matches!(warning, Warning::OtherHold { .. })) {
-        all.splice(0..0, other_hold(options.reading.hold, hold_residuals));
+        all.splice(0..0, Warning::other_hold(options.reading.hold, hold_residuals, ResidualOf::Force));
     }
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
         EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
@@ -417,12 +418,4 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
     };
     summary::warn_of_impossible_values(&mut result, model, &options.constants, &used.position);
     result
-}
-
-/// Says that the other hold explains a log clearly better.
-fn other_hold(stated: Hold, residuals: HoldResiduals) -> Option<Warning> {
-    let better = stated.other();
-    let (left, left_by_better) = (residuals.with(stated)?, residuals.with(better)?);
-    let of = ResidualOf::Force;
-    (left_by_better < CLEARLY_BETTER * left).then_some(Warning::OtherHold { stated, left, better, left_by_better, of })
 }

@@ -8,9 +8,6 @@ use tpm_estimate::LineReport;
 use tpm_log::ReadingReport;
 use tpm_report::{digits, number};
 
-/// The other hold explains a log clearly better when it leaves less than this share of the residual.
-pub(super) const CLEARLY_BETTER: f64 = 0.7;
-
 /// Residuals with either choice of hold, as shares of the force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HoldResiduals {

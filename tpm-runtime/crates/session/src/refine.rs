@@ -1,7 +1,7 @@
 //! Estimates of a log or a campaign refined by simulating the model sample by sample.
 
 use crate::excerpt::{Excerpt, accelerated};
-use crate::log_report::CLEARLY_BETTER;
+use crate::log_report::HoldResiduals;
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 use crate::term_words::{self, Words};
@@ -225,11 +225,9 @@ fn other_hold(
     if !(found.misfit.terms.iter().any(shifted) && conditions.actuators.iter().all(Dynamics::is_ideal)) {
         return None;
     }
-    let (stated, better) = (conditions.hold, conditions.hold.other());
-    let other = held(better).filter(|other| other.iterations.is_some())?;
-    let (left, left_by_better) = (found.share, other.share);
-    let warning = Warning::OtherHold { stated, left, better, left_by_better, of: ResidualOf::Motion };
-    (left_by_better < CLEARLY_BETTER * left).then_some(warning)
+    let other = held(conditions.hold.other()).filter(|other| other.iterations.is_some())?;
+    let residuals = HoldResiduals::of(conditions.hold, found.share, Some(other.share));
+    Warning::other_hold(conditions.hold, residuals, ResidualOf::Motion)
 }
 
 fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {

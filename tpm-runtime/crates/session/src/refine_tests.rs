@@ -24,6 +24,10 @@ fn written(recorded: &Recorded) -> tempfile::NamedTempFile {
     for (i, (x, u)) in recorded.position.iter().zip(&recorded.force).enumerate() {
         writeln!(text, "{:.6},{x:.9e},{u:.9e}", i as f64 * SAMPLE_TIME).expect("a string takes everything");
     }
+    saved(&text)
+}
+
+fn saved(text: &str) -> tempfile::NamedTempFile {
     let file = tempfile::NamedTempFile::new().expect("a file");
     std::fs::write(file.path(), text).expect("written");
     file
@@ -169,8 +173,7 @@ fn an_input_that_is_held_is_told_from_one_that_is_late() {
             angle += settled * sample_time + (rate - settled) * (1.0 - decay) * inertia / damping;
             rate = settled + (rate - settled) * decay;
         }
-        let file = tempfile::NamedTempFile::new().expect("a file");
-        std::fs::write(file.path(), text).expect("written");
+        let file = saved(&text);
         let held = |hold| from_log(&model, LogRequest::new(file.path()).hold(hold)).expect("identifies");
         let other = |result: &Identification| {
             result.warnings.iter().any(|warning| matches!(warning, Warning::OtherHold { better: Hold::Zoh, .. }))
@@ -208,8 +211,7 @@ fn what_takes_most_is_named_where_nothing_explains() {
             let count = 2.0 * PI / 4096.0;
             writeln!(text, "{t:.3},{:.6},{u:.6}", (q / count).round() * count).expect("a string takes everything");
         }
-        let file = tempfile::NamedTempFile::new().expect("a file");
-        std::fs::write(file.path(), text).expect("written");
+        let file = saved(&text);
         let result = from_log(&model, LogRequest::new(file.path())).expect("identifies");
         let named = texts(&result).into_iter().find(|text| text.contains("of which a term"));
         assert!(named.as_ref().is_some_and(|text| text.contains("sin(q)")), "{seed}: {:?}", texts(&result));

@@ -1,5 +1,6 @@
 //! Logs that are used sample by sample, whose truth is known: static maps, and records too short for anything else.
 
+use crate::error::SessionError;
 use crate::identification::Identification;
 use crate::log::{LogRequest, from_log};
 use crate::log_report::Way;
@@ -8,16 +9,19 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 use std::fmt::Write;
-use std::io::Write as _;
 use tpm_controller::harmonics::Hold;
 use tpm_log::Assumption;
 
 /// The result of a model on the rows of a table.
 fn identified(model: &str, table: &str) -> Identification {
+    attempted(model, table).expect("identifies")
+}
+
+fn attempted(model: &str, table: &str) -> Result<Identification, SessionError> {
     let file = tempfile::NamedTempFile::new().expect("a file");
     std::fs::write(file.path(), table).expect("written");
     let model = DeclaredModel::parse("M", model).expect("a model");
-    from_log(&model, LogRequest::new(file.path()).hold(Hold::Zoh)).expect("identifies")
+    from_log(&model, LogRequest::new(file.path()).hold(Hold::Zoh))
 }
 
 fn scores(result: &Identification, truth: &[f64]) -> Vec<f64> {
@@ -82,10 +86,7 @@ fn a_static_map_needs_no_time_and_its_rows_are_not_judged_by_their_neighbours() 
     assert!((70..=80).contains(&inside), "{inside} of {}", 2 * seeds);
     // Where something depends on the time, it is asked for.
     let moving = "model M { coordinate w [rad/s]; input u [V]; parameter b [V*s/rad], J; J*dot(w) + b*w = u; }";
-    let mut file = tempfile::NamedTempFile::new().expect("a file");
-    file.write_all(b"w,u\n1,1\n2,2\n3,1\n").expect("written");
-    let model = DeclaredModel::parse("M", moving).expect("a model");
-    let error = from_log(&model, LogRequest::new(file.path())).expect_err("an error").to_string();
+    let error = attempted(moving, "w,u\n1,1\n2,2\n3,1\n").expect_err("an error").to_string();
     assert!(error.contains("no column `t_s`"), "{error}");
 }
 

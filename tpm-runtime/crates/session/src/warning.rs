@@ -1,6 +1,6 @@
 //! What a user should know beside the numbers of a result.
 
-use crate::log_report::{Calibration, UnseenFaultReport};
+use crate::log_report::{Calibration, HoldResiduals, UnseenFaultReport};
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined};
 use serde::Serialize;
 use std::fmt;
@@ -14,6 +14,8 @@ use tpm_report::{Remedy, digits, displayed, number, plus_minus};
 
 /// Significant digits of a term that a model lacks, which a few logs hardly show better.
 const TERM_DIGITS: usize = 3;
+/// The other hold explains a log clearly better when it leaves less than this share of the residual.
+const CLEARLY_BETTER: f64 = 0.7;
 
 /// Which data a statement is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -423,6 +425,14 @@ pub enum Warning {
 }
 
 impl Warning {
+    /// Says that the other hold than the stated one explains a log clearly better; `of` is what the residuals are shares of.
+    pub(super) fn other_hold(stated: Hold, residuals: HoldResiduals, of: ResidualOf) -> Option<Self> {
+        let better = stated.other();
+        let (left, left_by_better) = (residuals.with(stated)?, residuals.with(better)?);
+        let clearly = left_by_better < CLEARLY_BETTER * left;
+        clearly.then_some(Warning::OtherHold { stated, left, better, left_by_better, of })
+    }
+
     /// The setting that would remove the warning, when there is one.
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {

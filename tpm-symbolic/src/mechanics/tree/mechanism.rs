@@ -7,6 +7,7 @@ use crate::mechanics::tree::inertia::{Inertia, NAMES};
 use crate::mechanics::tree::regressor::JointRow;
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
+use num_rational::Ratio;
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -110,7 +111,7 @@ pub fn inertia_unit(parameter: usize) -> Unit {
 }
 
 fn named(factors: &[(&str, i32)]) -> Unit {
-    factors.iter().fold(Unit::one(), |unit, (name, power)| unit.mul(&Unit::named(name).pow(*power)))
+    Unit::product(factors.iter().map(|(name, power)| (*name, Ratio::from_integer(i64::from(*power)))))
 }
 
 impl Mechanism {
