@@ -11,6 +11,7 @@ use crate::number::rational::Rational;
 use ecow::EcoString;
 use num_traits::{One as _, Zero as _};
 use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
 
 /// Most leaves and operations of an expression that a message shows completely.
 const LONGEST_DISPLAYED: f64 = 2000.0;
@@ -246,6 +247,42 @@ impl ExactModel {
             })
             .max()
             .unwrap_or(0)
+    }
+
+    /// The model for sensors that read the rates of some coordinates and not their positions. Where only derivatives of such a coordinate
+    /// stand in the equations, its rate takes its place, as a coordinate called `dot(x)`, and every order is one less; otherwise it stays, as
+    /// one that no sensor measures. Patterns say how the coordinates themselves move, and are left out.
+    #[must_use]
+    pub fn with_rates_measured(mut self, coordinates: &[Coordinate]) -> Self {
+        self.patterns.clear();
+        let terms: Vec<ExprId> =
+            self.equations.iter().flat_map(|equation| &equation.terms).map(|term| term.expr).collect();
+        let leaves = self.graph.leaves_of(terms);
+        let mut lowered = HashMap::new();
+        for &coordinate in coordinates {
+            let orders: Vec<(ExprId, u32)> = (leaves.iter())
+                .filter_map(|&leaf| match self.graph.node(leaf) {
+                    Node::Derivative(of, order) if *of == coordinate => Some((leaf, *order)),
+                    _ => None,
+                })
+                .collect();
+            let info = &mut self.coordinates[coordinate.0 as usize];
+            if orders.iter().any(|(_, order)| *order == 0) {
+                info.unmeasured = true;
+                continue;
+            }
+            info.name = format!("dot({})", info.name);
+            info.unit = info.unit.take().map(|unit| unit.mul(&Unit::named("s").pow(-1)));
+            lowered.extend(
+                orders.into_iter().map(|(leaf, order)| (leaf, self.graph.derivative_of(coordinate, order - 1))),
+            );
+        }
+        for equation in &mut self.equations {
+            for term in &mut equation.terms {
+                term.expr = self.graph.substitute(term.expr, &lowered);
+            }
+        }
+        self
     }
 
     /// Whether a sign occurs in the equations, so that a force jumps where its argument passes zero.

@@ -1,6 +1,6 @@
 //! Faults of a log that cannot be read.
 
-use crate::options::TIME;
+use crate::options::{TIME, rate_of};
 use std::fmt;
 use tpm_report::{Remedy, number};
 
@@ -71,7 +71,7 @@ pub enum LogError {
         message: String,
     },
     /// A signal of the model has no column.
-    #[error("{path}:{line}: there is no column `{column}` for `{name}`; {}", columns(.available))]
+    #[error("{path}:{line}: there is no column `{column}` for `{name}`; {}{}", columns(.available), of_rate(.name, .rates))]
     MissingColumn {
         /// The file.
         path: String,
@@ -83,6 +83,8 @@ pub enum LogError {
         column: String,
         /// The columns of the file.
         available: Vec<String>,
+        /// Those of them that have the unit of the signal's rate.
+        rates: Box<[String]>,
     },
     /// Two columns have the name that is looked for.
     #[error("{path}:{line}: the column `{column}` occurs twice; rename one of them")]
@@ -408,6 +410,15 @@ fn columns(available: &[String]) -> String {
         shown.push(format!("and {} more", available.len() - shown.len()));
     }
     format!("the columns are {}; name the right one", shown.join(", "))
+}
+
+/// Columns that may be the rate of a signal that has none of its own.
+fn of_rate(name: &str, rates: &[String]) -> String {
+    if rates.is_empty() {
+        return String::new();
+    }
+    let shown: Vec<String> = rates.iter().take(MOST_LISTED_COLUMNS).map(|column| format!("`{column}`")).collect();
+    format!(", or that of its rate, `{}`, which {} may be", rate_of(name), shown.join(" or "))
 }
 
 /// What is wrong with a step of the time, and what to do.

@@ -71,7 +71,7 @@ pub use options::ReadingSettings;
 pub use periodic::differs;
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub use read::{Log, Rates};
-pub use read::{acceleration_column, rate_column};
+pub use read::{acceleration_column, rate_column, rates_alone};
 pub use recording::Recording;
 pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 pub use resample::InterpolationError;

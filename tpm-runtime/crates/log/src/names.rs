@@ -8,7 +8,7 @@
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns};
 use crate::error::{Adjustment, LogError, UnitMismatch};
-use crate::options::{ReadingSettings, TIME};
+use crate::options::{ReadingSettings, TIME, rate_of};
 use crate::paths;
 use crate::steps::Numbers;
 use crate::unit::{UnitFault, conversion, unit_of};
@@ -155,21 +155,18 @@ impl Names<'_> {
         let mut assumptions = Vec::new();
         let time = self.time(&mut assumptions)?;
         let mut place = |signal: &Signal| -> Result<Option<Place>, LogError> {
-            let found = match self.find(self.wanted(&signal.name), &signal.name, signal.unit.as_deref())? {
-                None if !self.options.map.contains_key(&signal.name) => self.at_end_of_path(&signal.name)?,
-                found => found,
-            };
-            found.map(|found| self.place(signal, &found, &mut assumptions)).transpose()
+            self.column(signal)?.map(|found| self.place(signal, &found, &mut assumptions)).transpose()
         };
         let mut places = Vec::new();
         for signal in signals {
-            places.push(place(signal)?.ok_or_else(|| self.missing(&signal.name))?);
+            let rate = optional.iter().find(|other| other.name == rate_of(&signal.name));
+            places.push(place(signal)?.ok_or_else(|| self.missing(&signal.name, rate))?);
         }
         let mut also = Vec::new();
         for signal in optional {
             let found = place(signal)?;
             if found.is_none() && self.options.map.contains_key(&signal.name) {
-                return Err(self.missing(&signal.name));
+                return Err(self.missing(&signal.name, None));
             }
             also.push(found);
         }
@@ -228,12 +225,36 @@ impl Names<'_> {
         self.options.map.get(signal).map_or(signal, String::as_str)
     }
 
-    fn missing(&self, name: &str) -> LogError {
-        self.missing_in(name, self.wanted(name))
+    /// The column of a signal: the one that it is mapped to, else the one that is called like it, or ends so.
+    fn column(&self, signal: &Signal) -> Result<Option<Fitting<'_>>, LogError> {
+        match self.find(self.wanted(&signal.name), &signal.name, signal.unit.as_deref())? {
+            None if !self.options.map.contains_key(&signal.name) => self.at_end_of_path(&signal.name),
+            found => Ok(found),
+        }
     }
 
-    /// The fault of a signal for which a column is missing.
-    pub(super) fn missing_in(&self, signal: &str, column: &str) -> LogError {
+    /// Whether there is a column of a coordinate's rate, and none of the coordinate.
+    ///
+    /// # Errors
+    /// [`LogError::AmbiguousColumn`], [`LogError::DuplicateColumn`].
+    pub(super) fn has_rate_alone(&self, coordinate: &Signal, rate: &Signal) -> Result<bool, LogError> {
+        let stated = self.options.map.contains_key(&coordinate.name);
+        Ok(!stated && self.column(coordinate)?.is_none() && self.column(rate)?.is_some())
+    }
+
+    /// The fault of a signal for which a column is missing; those in the unit of its rate may be meant as that.
+    fn missing(&self, name: &str, rate: Option<&Signal>) -> LogError {
+        let unit = rate.and_then(|rate| rate.unit.as_deref());
+        let is_rate = |(index, column): (usize, &ColumnName)| {
+            let (_, in_name, bracketed) = split_unit(&column.text);
+            let (own, _) = self.stated(&Fitting { index, unit: in_name, bracketed })?;
+            conversion(own, unit?).is_ok().then(|| column.text.clone())
+        };
+        self.missing_in(name, self.wanted(name), self.of_file().filter_map(is_rate).collect())
+    }
+
+    /// The fault of a signal for which a column is missing, and columns that may be its rate.
+    pub(super) fn missing_in(&self, signal: &str, column: &str, rates: Box<[String]>) -> LogError {
         let of_file = self.header.iter().filter(|column| !column.computed);
         LogError::MissingColumn {
             path: self.path.into(),
@@ -241,6 +262,7 @@ impl Names<'_> {
             name: signal.into(),
             column: column.into(),
             available: of_file.map(|column| column.text.clone()).collect(),
+            rates,
         }
     }
 
@@ -440,7 +462,7 @@ impl Names<'_> {
         };
         let Some(found) = found else {
             if !self.options.timeless || wanted != TIME {
-                return Err(self.missing(TIME));
+                return Err(self.missing(TIME, None));
             }
             said.push(Assumption::Timeless);
             return Ok(Time::Rows { seconds: 1.0 });

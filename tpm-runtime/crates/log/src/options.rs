@@ -5,6 +5,11 @@ use std::collections::BTreeMap;
 /// Name of the time in settings, and of the column of time in the plainest files.
 pub(super) const TIME: &str = "t_s";
 
+/// Name of a signal's rate, written as in models.
+pub(super) fn rate_of(signal: &str) -> String {
+    format!("dot({signal})")
+}
+
 /// How the columns of a log become the signals of a model.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct ReadingSettings {

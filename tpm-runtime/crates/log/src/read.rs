@@ -5,11 +5,12 @@
 
 use crate::assumption::Assumption;
 use crate::columns::Columns;
+use crate::computed::Computed;
 use crate::error::LogError;
 use crate::format::{open_columns, open_file};
 use crate::lone::lone_readings;
-use crate::names::Signal;
-use crate::options::ReadingSettings;
+use crate::names::{Names, Signal};
+use crate::options::{ReadingSettings, rate_of};
 use crate::repeated::repeated_readings;
 use crate::source::LogSource;
 use crate::stamps::Uneven;
@@ -24,7 +25,7 @@ pub type Rates = Vec<Option<Vec<f64>>>;
 
 /// Name of the column of a coordinate's measured rate, written as in models: `dot(x)`.
 pub fn rate_column(model: &dyn Model<f64>, coordinate: usize) -> String {
-    format!("dot({})", model.coordinate(coordinate).name)
+    rate_of(model.coordinate(coordinate).name)
 }
 
 /// Name of the column of a coordinate's measured acceleration, written as in models: `ddot(x)`. It is read where it is mapped, since columns
@@ -216,6 +217,29 @@ pub(super) fn rate_signals(model: &dyn Model<f64>) -> Vec<Signal> {
         unit: model.coordinate(c).unit.map(|unit| format!("{unit}/s")),
     };
     (0..model.dims().coordinates).map(rate).collect()
+}
+
+/// The coordinates of a model whose rates a log has and whose positions it has not.
+///
+/// # Errors
+/// [`LogError`] when the file cannot be read, or a column is ambiguous.
+pub fn rates_alone<'a>(
+    source: impl Into<LogSource<'a>>,
+    model: &dyn Model<f64>,
+    options: &ReadingSettings,
+) -> Result<Vec<usize>, LogError> {
+    let source: LogSource<'_> = source.into();
+    let path = source.name();
+    let mut columns = source.columns()?;
+    let columns = Computed::of(&mut *columns, &path, options)?;
+    let names = Names::of(&columns, &path, options);
+    let mut alone = Vec::new();
+    for (coordinate, (position, rate)) in signals(model).iter().zip(&rate_signals(model)).enumerate() {
+        if names.has_rate_alone(position, rate)? {
+            alone.push(coordinate);
+        }
+    }
+    Ok(alone)
 }
 
 /// The accelerations of the model's coordinates that are mapped to a column, with their coordinates.

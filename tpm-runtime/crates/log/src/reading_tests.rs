@@ -243,7 +243,8 @@ fn nothing_is_guessed_where_several_columns_may_be_meant() {
         ("t_s,x [mm],x_cm,u", vec!["`x` may be `x [mm]` or `x_cm`"]),
         ("time,timestamp,x,u", vec!["`t_s` may be `time` or `timestamp`"]),
         ("t_s,x,x,u", vec!["`x` occurs twice"]),
-        ("t_s,y,z,u", vec!["no column `x`", "t_s, y, z, u"]),
+        ("t_s,y,z,u", vec!["no column `x`", "t_s, y, z, u; name the right one"]),
+        ("t_s,v [mm/s],w_rad,u", vec!["or that of its rate, `dot(x)`, which `v [mm/s]` may be"]),
     ] {
         let rows: String = (0..40).map(|i| format!("{},{i},{},{}\n", 0.001 * f64::from(i), 2 * i, 3 * i)).collect();
         let message =

@@ -15,13 +15,13 @@ use crate::settings::EstimationSettings;
 use crate::summary::{self, Lumped};
 use crate::warning::Warning;
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
 use tpm_estimate::Frozen;
-use tpm_log::{InMemory, LogSource, Recording, Samples};
+use tpm_log::{InMemory, LogError, LogSource, Recording, Samples, rates_alone};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -135,15 +135,51 @@ pub fn from_logs<R: Into<LogRequest>>(
     logs: impl IntoIterator<Item = R>,
 ) -> Result<Identification, SessionError> {
     let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
+    with_rates_alone(model, &requests, &|declared| match declared {
+        Some(declared) => of_requests(declared, &requests),
+        None => of_requests(model, &requests),
+    })
+}
+
+/// What `work` makes of a model and logs; where a log has the rates of coordinates and not their positions, what it makes of the model for
+/// such sensors, which it is then given.
+pub(super) fn with_rates_alone<T>(
+    model: &impl Identifiable,
+    requests: &[LogRequest],
+    work: &dyn Fn(Option<&DeclaredModel>) -> Result<T, SessionError>,
+) -> Result<T, SessionError> {
+    let fault = match work(None) {
+        Err(fault @ SessionError::Log(LogFault::Reading(LogError::MissingColumn { .. }))) => fault,
+        result => return result,
+    };
+    let Some(declared) = model.declaration()?.filter(|declared| declared.parsed().mechanism.is_none()) else {
+        return Err(fault);
+    };
+    let evaluated = declared.evaluated();
+    let mut names = BTreeSet::new();
+    for request in requests {
+        let columns = &request.options(evaluated, &[])?.reading.columns;
+        let alone = rates_alone(request.source(), evaluated, columns).map_err(LogFault::from)?;
+        names.extend(alone.into_iter().map(|c| evaluated.coordinate(c).name.to_string()));
+    }
+    if names.is_empty() {
+        return Err(fault);
+    }
+    let names: Vec<String> = names.into_iter().collect();
+    work(Some(&declared.with_rates_measured(&names).map_err(MachineError::from)?))
+}
+
+/// [`from_logs`] of logs that have all signals of the model.
+fn of_requests(model: &impl Identifiable, requests: &[LogRequest]) -> Result<Identification, SessionError> {
     let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
     if requests.len() > 1 && requests.iter().any(|request| !request.estimation.calibration.is_empty()) {
         return Err(SessionError::CalibrationOfLogs);
     }
     let declared = model.declaration()?;
     if let Some((whole, used)) =
-        declared.as_deref().map_or(Ok(None), |declared| with_their_coordinates(declared, &requests))?
+        declared.as_deref().map_or(Ok(None), |declared| with_their_coordinates(declared, requests))?
     {
-        let mut result = from_logs(&whole, requests)?;
+        let mut result = of_requests(&whole, requests)?;
         result.warnings.insert(0, used);
         return Ok(result);
     }
@@ -171,7 +207,7 @@ pub fn from_logs<R: Into<LogRequest>>(
     }
     let mut parts = Vec::with_capacity(requests.len());
     let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());
-    for request in &requests {
+    for request in requests {
         let constants = first.estimation.constants.clone();
         let own = EstimationSettings { constants, ..request.estimation.clone() };
         let options = own.resolve(&request.reading, evaluated, &physical)?.of_machine(&known);

@@ -126,6 +126,19 @@ impl DeclaredModel {
         Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
     }
 
+    /// The model for sensors that read the rates of the coordinates of these names, and not their positions.
+    ///
+    /// # Errors
+    /// [`PrepareError`] when its equations then have no form that is linear in parameters.
+    pub(super) fn with_rates_measured(&self, names: &[String]) -> Result<Self, PrepareError> {
+        let own = (0..).map(Coordinate).zip(&self.prepared.model.coordinates);
+        let coordinates: Vec<Coordinate> =
+            own.filter(|(_, info)| names.contains(&info.name)).map(|(coordinate, _)| coordinate).collect();
+        let prepared = prepare_any(self.prepared.model.clone().with_rates_measured(&coordinates))?;
+        let evaluated = Interpreted::new(&prepared.model, &prepared.form);
+        Ok(Self { source: self.source.clone(), parsed: self.parsed.clone(), prepared, evaluated })
+    }
+
     /// Whether only a simulation tells its parameters from a log: a coordinate is not measured, an input does not stand alone, or there is
     /// none.
     pub(super) fn is_only_simulated(&self) -> bool {

@@ -1,6 +1,6 @@
 //! Logs that are simulated between their stamps: states that nobody measured, also where stamps are uneven or fields blank.
 
-use crate::{DeclaredModel, Identification, LogRequest, Warning, from_log};
+use crate::{DeclaredModel, Identification, LogRequest, RecordedReport, Warning, Way, from_log, inspect_for, validate};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -112,6 +112,74 @@ fn two_masses_are_told_from_the_motor_alone() {
     let truth = [0.8, 0.5, 1.2, 0.4, 300.0, 0.6];
     let made = run(&model, &truth, &[0.0; 6], even(2000, 0.005), steps);
     let result = from_log(&model, made.log(&[("x1", 0, 1e-4)], Some("u"), 1)).expect("identified");
+    assert_right(&result, &truth, 0.1);
+}
+
+#[test]
+fn a_mode_that_is_much_faster_than_the_motion_is_told() {
+    let model = DeclaredModel::parse("two.tpm", TWO_MASSES).expect("a model");
+    // Ten cycles of the spring pass while the motor's position, which drifts, crosses its mean once.
+    let truth = [3e-3, 5e-3, 4e-3, 6e-3, 12.0, 0.02];
+    let steps = |t: f64| (83.0 * (t / 0.02).floor()).sin().signum() + 0.5 * (2.5 * t).sin();
+    let made = run(&model, &truth, &[0.0; 6], even(6000, 0.001), steps);
+    let result = from_log(&model, made.log(&[("x1", 0, 1e-4)], Some("u"), 1)).expect("identified");
+    assert_right(&result, &truth, 0.01);
+}
+
+/// A motor, of which only derivatives of the angle stand in the equation.
+const MOTOR: &str = "model Motor {
+    coordinate theta [rad];
+    input i [A];
+    parameter J [kg*m^2], b [N*m*s];
+    constant kt = 0.05 [N*m/A];
+    J*ddot(theta) + b*dot(theta) = kt*i;
+}";
+
+fn recorded(result: &Identification) -> Option<&RecordedReport> {
+    match &result.log.as_ref()?.way {
+        Way::Recorded(own) => Some(own),
+        _ => None,
+    }
+}
+
+#[test]
+fn a_rate_stands_for_a_position_that_no_column_has() {
+    let motor = DeclaredModel::parse("motor.tpm", MOTOR).expect("a model");
+    let truth = [2e-4, 3e-4];
+    let made = run(&motor, &truth, &[0.0; 3], even(2000, 0.005), steps);
+    let log = made.log(&[("dot(theta)", 1, 0.2)], Some("i"), 1);
+    let result = from_log(&motor, log.clone()).expect("identified");
+    assert_right(&result, &truth, 0.01);
+    // The angle stands nowhere: the log is one of a model of the rate, and is not simulated.
+    assert!(recorded(&result).is_none(), "{result}");
+    let checked = validate(&motor, log.clone(), &result).expect("validated");
+    assert!(checked.simulation.is_some(), "{:?}", checked.not_simulated);
+    inspect_for(&motor, log).expect("inspected");
+
+    let pendulum = MOTOR
+        .replace("b*dot(theta)", "b*dot(theta) + mgl*sin(theta)")
+        .replace("    J*ddot", "    constant mgl = 0.02 [N*m];\n    J*ddot");
+    let pendulum = DeclaredModel::parse("pendulum.tpm", &pendulum).expect("a model");
+    let made = run(&pendulum, &truth, &[0.0; 3], even(2000, 0.005), |t| 0.15 * steps(t));
+    let log = made.log(&[("gyro", 1, 0.05)], Some("i"), 1);
+    let unnamed = from_log(&pendulum, log.clone()).expect_err("no column is called so").to_string();
+    assert!(unnamed.contains("there is no column `theta` for `theta`"), "{unnamed}");
+    let log = log.map("dot(theta)", "gyro");
+    let result = from_log(&pendulum, log.clone()).expect("identified");
+    assert_right(&result, &truth, 0.01);
+    assert_eq!(recorded(&result).expect("the angle is simulated").unmeasured, ["theta"]);
+    let checked = validate(&pendulum, log, &result).expect("validated");
+    assert!(checked.between_stamps.is_some_and(|run| run.sensors[0].free_run.fit.is_some_and(|fit| fit > 95.0)));
+}
+
+#[test]
+fn two_masses_are_told_from_both_rates() {
+    let model = TWO_MASSES.replace("coordinate x1 [m];\n    unmeasured x2 [m];", "coordinate x1 [m], x2 [m];");
+    let model = DeclaredModel::parse("two.tpm", &model).expect("a model");
+    let truth = [0.8, 0.5, 1.2, 0.4, 300.0, 0.6];
+    let made = run(&model, &truth, &[0.0; 6], even(2000, 0.005), steps);
+    let rates = [("dot(x1)", 2, 1e-3), ("dot(x2)", 3, 1e-3)];
+    let result = from_log(&model, made.log(&rates, Some("u"), 1)).expect("identified");
     assert_right(&result, &truth, 0.1);
 }
 

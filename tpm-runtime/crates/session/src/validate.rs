@@ -10,7 +10,7 @@ use crate::entry::alone;
 use crate::error::SessionError;
 use crate::friction::{FrictionCourse, OwnFriction};
 use crate::identification::Identification;
-use crate::log::LogRequest;
+use crate::log::{LogRequest, with_rates_alone};
 use crate::log_fault::LogFault;
 use crate::model::Identifiable;
 use crate::options::LogOptions;
@@ -245,6 +245,19 @@ fn predicted(
     model: &impl Identifiable,
     request: LogRequest,
     known: Identified,
+    extent: Extent,
+) -> Result<Validation, SessionError> {
+    with_rates_alone(model, std::slice::from_ref(&request), &|declared| match declared {
+        Some(declared) => of_request(declared, &request, &known, extent),
+        None => of_request(model, &request, &known, extent),
+    })
+}
+
+/// [`predicted`] of a log that has all signals of the model.
+fn of_request(
+    model: &impl Identifiable,
+    request: &LogRequest,
+    known: &Identified,
     extent: Extent,
 ) -> Result<Validation, SessionError> {
     let declared = model.declaration()?;

@@ -80,6 +80,8 @@ pub struct RecordedFit {
     pub own_noise: Vec<f64>,
     /// Steps at the end.
     pub steps: usize,
+    /// Longer blocks were followed much worse, so that these stayed as they are.
+    parted: bool,
     /// Residual with the inputs taken otherwise between their stamps; nothing where the simulation does not settle so.
     pub other_hold: Option<f64>,
 }
@@ -157,24 +159,36 @@ pub fn fit_recorded(
     // Steps that settled on another minimum leave much more than the sensors' noise, however small a share of the motion that is.
     let is_faster = scales(Pace::Turns).frequency >= LEAST_FASTER * scales(Pace::Crossings).frequency;
     let has_alike = scales(Pace::Crossings).has_alike();
-    let others = [
-        Begins { pace: Pace::Turns, ..plain },
-        Begins { unmeasured: Unmeasured::Deflection, ..plain },
-        // A machine that only its loop holds leaves every start before a cycle of its motion is over.
-        Begins { pace: Pace::Turns, shorter: SHORTER, ..plain },
-    ];
-    let mut tried = [is_faster, has_alike, true].into_iter().zip(others);
+    let faster = Begins { pace: Pace::Turns, ..plain };
+    let deflected = Begins { unmeasured: Unmeasured::Deflection, ..plain };
+    // A machine that only its loop holds leaves every start before a cycle of its motion is over; and the sum of squares over many cycles
+    // of a mode that is faster than the motion has a minimum for every cycle that is skipped.
+    let short = Begins { pace: Pace::Turns, shorter: SHORTER, ..plain };
+    let parted = best.as_ref().is_ok_and(|own| own.parted);
+    // Blocks that stay short are followed by more models than the right one, since each begins from a state of its own.
+    let is_comparable =
+        |other: &Result<RecordedFit, RecordedFault>, best: &Result<RecordedFit, RecordedFault>| match (other, best) {
+            (Ok(other), Ok(best)) => !other.parted || other.duration >= best.duration,
+            _ => true,
+        };
+    let mut tried = if parted {
+        [(true, short), (is_faster, faster), (has_alike, deflected)]
+    } else {
+        [(is_faster, faster), (has_alike, deflected), (true, short)]
+    }
+    .into_iter();
     loop {
         let settled = match &best {
             Ok(found) => (0..found.noise.len()).all(|sensor| found.explains(sensor)),
             Err(fault) => !matches!(fault, RecordedFault::NotFollowed { .. } | RecordedFault::NotSettled { .. }),
         };
-        let may_help =
-            |(helps, begins): &(bool, Begins)| *helps && (begins.shorter == 1 || left(&best) > LARGE_RESIDUAL);
+        let may_help = |(helps, begins): &(bool, Begins)| {
+            *helps && (begins.shorter == 1 || parted || left(&best) > LARGE_RESIDUAL)
+        };
         match tried.find(may_help) {
             Some((_, begins)) if !settled => {
                 let other = at(begins);
-                if left(&other) < left(&best) {
+                if left(&other) < left(&best) && is_comparable(&other, &best) {
                     best = other;
                 }
             }
@@ -189,6 +203,15 @@ impl RecordedFit {
     pub fn explains(&self, sensor: usize) -> bool {
         self.noise[sensor] <= MOST_OVER_NOISE * self.own_noise[sensor]
     }
+}
+
+/// Blocks that have grown as far as the simulation follows them, with what settled over them.
+struct Grown {
+    blocks: Vec<Block>,
+    settled: Settled,
+    noise: Vec<f64>,
+    /// Longer ones were followed much worse.
+    parted: bool,
 }
 
 /// How starts are made: at which pace, what is not measured, and how much shorter the first blocks are.
@@ -219,7 +242,7 @@ fn fit_beginning(
     }
     let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
     let (typical, settled, noise) = work.begun(&noise)?;
-    let (blocks, settled, noise) = work.grown(&typical, settled, noise)?;
+    let Grown { blocks, settled, noise, parted } = work.grown(&typical, settled, noise)?;
     let course = work.course(&blocks, &typical);
     let linear =
         course.linearised(&settled.point, &noise).map_err(|_| RecordedFault::NotSettled { steps: settled.steps })?;
@@ -306,6 +329,7 @@ fn fit_beginning(
         late,
         own_noise,
         steps: settled.steps,
+        parted,
     })
 }
 
@@ -484,18 +508,13 @@ impl<'a, 'f> Work<'a, 'f> {
     }
 
     /// Lets blocks grow to whole stretches, as far as longer ones are followed as well.
-    fn grown(
-        &mut self,
-        typical: &[f64],
-        first: Settled,
-        noise: Vec<f64>,
-    ) -> Result<(Vec<Block>, Settled, Vec<f64>), RecordedFault> {
+    fn grown(&mut self, typical: &[f64], first: Settled, noise: Vec<f64>) -> Result<Grown, RecordedFault> {
         let longest = self.stretches.iter().map(Vec::len).max().unwrap_or(0);
         let mut length = self.first_length();
         let mut theta = first.point.theta;
         let mut best: Option<(usize, Vec<f64>, Vec<f64>, f64)> = None;
         let mut noise = noise;
-        loop {
+        let parted = loop {
             let blocks = self.blocks(length, READINGS_GROWN.max(length.min(READINGS_SETTLED)));
             self.refine_step(&blocks, &theta, &noise);
             let found = self.settled(&blocks, typical, &theta, &noise);
@@ -504,19 +523,19 @@ impl<'a, 'f> Work<'a, 'f> {
                 let shares = now.iter().zip(&self.flow.signals.sensors);
                 root_mean_square(shares.map(|(now, own)| now / spread(own.channel.spread().1))).powi(2)
             };
-            let Some(settled) = found else { break };
+            let Some(settled) = found else { break true };
             let mean_square = left(&settled, &noise);
             if best.as_ref().is_some_and(|(.., other)| mean_square > MOST_WORSE * other) {
-                break;
+                break true;
             }
             noise = self.noise(&blocks, &settled.point, &noise);
             theta.clone_from(&settled.point.theta);
             best = Some((length, theta.clone(), noise.clone(), mean_square));
             if length >= longest.min(READINGS_SETTLED) {
-                break;
+                break false;
             }
             length = (length * GROWTH).min(longest);
-        }
+        };
         let (length, theta, mut noise, _) = best.ok_or(RecordedFault::NotFollowed { starts: STARTS })?;
         let blocks = self.blocks(length, READINGS_SETTLED);
         let mut settled =
@@ -531,7 +550,7 @@ impl<'a, 'f> Work<'a, 'f> {
         if !settled.done {
             return Err(RecordedFault::NotSettled { steps: settled.steps });
         }
-        Ok((blocks, settled, noise))
+        Ok(Grown { blocks, settled, noise, parted })
     }
 
     /// The states of blocks with given parameters, and then all together.

@@ -8,7 +8,7 @@ use crate::inspect::prospect::{Prospect, prospect};
 use crate::inspect::relation::{MOST_COMPARED, relations};
 use crate::inspect::report::{Inspection, Sampling};
 use crate::inspect::signal::{Signal, signals};
-use crate::log::LogRequest;
+use crate::log::{LogRequest, with_rates_alone};
 use crate::log_fault::LogFault;
 use crate::meaning::About;
 use crate::model::Identifiable;
@@ -56,6 +56,14 @@ pub fn inspect(log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
 /// [`SessionError`] when the log cannot be read, the model carries a text that is no model, or a setting does not fit.
 pub fn inspect_for(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
     let request = log.into();
+    with_rates_alone(model, std::slice::from_ref(&request), &|declared| match declared {
+        Some(declared) => of_request(declared, &request),
+        None => of_request(model, &request),
+    })
+}
+
+/// [`inspect_for`] of a log that has all signals of the model.
+fn of_request(model: &impl Identifiable, request: &LogRequest) -> Result<Inspection, SessionError> {
     let declared = model.declaration()?;
     let rows = Rows::new(model, declared.as_deref());
     let evaluated = rows.model();
