@@ -364,7 +364,8 @@ const FIELDS = ["column", "factor", "offset", "delay"];
 function signals(model) {
   const typed = settings().signals;
   const inputs = new Set(model.inputs.map(({ name }) => name));
-  const all = [{ name: "t_s", unit: "s" }, ...model.coordinates, ...model.inputs];
+  const rates = model.coordinates.map(({ name, unit }) => ({ name: `dot(${name})`, unit: unit && `${unit}/s` }));
+  const all = [{ name: "t_s", unit: "s" }, ...model.coordinates, ...rates, ...model.inputs];
   at("signal-rows").replaceChildren(
     ...all.map(({ name, unit }) => {
       const field = (kind) => {

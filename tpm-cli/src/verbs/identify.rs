@@ -27,13 +27,17 @@ use tpm_runtime::session::{
 
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
+#[command(group = clap::ArgGroup::new("log").args(["flagged", "behind"]).multiple(true))]
 pub(crate) struct Args {
     /// The model file. Or a log, where there is no model yet: what its columns are, and models to begin with that fit them.
     file: PathBuf,
+    /// Logs, as --log names them.
+    #[arg(id = "behind", value_name = "LOG")]
+    behind: Vec<PathBuf>,
     /// Identify from this log instead of a simulated plant: columns of text with a header, time and signals by name. Given several times,
     /// from all these logs of one machine together.
-    #[arg(long, value_name = "FILE")]
-    log: Vec<PathBuf>,
+    #[arg(id = "flagged", long = "log", value_name = "FILE")]
+    flagged: Vec<PathBuf>,
     #[command(flatten)]
     reading: LogArgs,
     /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts. Or a file of such
@@ -128,7 +132,8 @@ impl From<WeightsChoice> for Weights {
 pub(crate) fn run(args: &Args) -> Outcome {
     writable(args.output.as_deref(), args.report.as_deref())?;
     recording::possible(args.record.as_deref())?;
-    match args.log.as_slice() {
+    let logs: Vec<&PathBuf> = args.flagged.iter().chain(&args.behind).collect();
+    match logs.as_slice() {
         [] if is_log(&args.file) => propose(args),
         [] => simulated(args),
         paths => {

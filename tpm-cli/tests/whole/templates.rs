@@ -13,15 +13,18 @@ const SAMPLES: usize = 10_000;
 /// A machine: accelerations of its coordinates from positions, rates and input.
 type Machine = dyn Fn([f64; 2], [f64; 2], f64) -> [f64; 2];
 
-/// The log of a machine under several sines of a size, in a file with these headers, its columns divided by these units.
+/// The log of a machine under several sines of a size, in a file with these headers, its columns divided by these units; rates in place of
+/// positions where a header says speed.
 fn recorded(header: &str, units: [f64; 3], size: f64, machine: &Machine) -> tempfile::NamedTempFile {
     let mut text = format!("{header}\n");
+    let rates = header.contains("speed");
     let (mut q, mut v) = ([0.0; 2], [0.0; 2]);
     for n in 0..SAMPLES {
         let t = n as f64 * SAMPLE_TIME;
         let sine = |f: f64, phase: f64| (2.0 * PI * f * t + phase).sin();
         let u = size * (sine(0.4, 0.0) + 0.6 * sine(1.0, 1.0) + 0.5 * sine(2.2, 2.0) + 0.4 * sine(3.8, 3.0));
-        let readings = [q[0] / units[0], q[1] / units[1], u / units[2]];
+        let read = if rates { v } else { q };
+        let readings = [read[0] / units[0], read[1] / units[1], u / units[2]];
         writeln!(text, "{},{:.9},{:.9},{:.9}", t * 1e3, readings[0], readings[1], readings[2]).expect("a text");
         let h = SAMPLE_TIME / STEPS as f64;
         for _ in 0..STEPS {
@@ -97,6 +100,26 @@ fn templates_find_the_parameters_of_their_machines_in_the_units_of_a_header() {
         6.0,
         &|q, v, u| [(u - 0.8 * v[0] - 0.5 * v[0].signum() - 5.0 * q[0].sin() - 2.0 * q[0].cos()) / 0.5, 0.0],
         &[0.5, 0.8, 0.5, 5.0, 2.0],
+    );
+}
+
+#[test]
+fn templates_find_the_parameters_from_speeds() {
+    check(
+        "motor",
+        "Time [ms],motor speed [rpm],spare,Motor current [A]",
+        [PI / 30.0, 1.0, 1.0],
+        4.0,
+        &|_, v, u| [(u - 1.5 * v[0] - 0.6 * v[0].signum() - 0.3) / 0.5, 0.0],
+        &[0.5, 1.5, 0.6, 0.3],
+    );
+    check(
+        "slider",
+        "time_ms,speed [mm/s],spare,force [N]",
+        [1e-3, 1.0, 1.0],
+        20.0,
+        &|_, v, u| [(u - 8.0 * v[0] - 4.0 * v[0].signum() - 1.0) / 2.0, 0.0],
+        &[2.0, 8.0, 4.0, 1.0],
     );
 }
 
@@ -185,6 +208,12 @@ fn positions_and_inputs_are_taken_by_quantity_before_place() {
     assert_eq!(taken("a,b")[0], "spring: a b");
     assert_eq!(taken("cart [m],pole [deg],u [N]")[0], "cart_pole: cart [m] pole [deg] u [N]");
     assert_eq!(taken("motor [deg],load [deg],i [A]")[0], "two_masses: motor [deg] load [deg] i [A]");
+    assert_eq!(taken("n [rpm],I [A]"), ["motor: n [rpm] I [A]"]);
+    assert_eq!(taken("v [m/s],F [N]"), ["slider: v [m/s] F [N]"]);
+    assert_eq!(
+        taken("motor_speed [rad/s],load_speed [rad/s],torque [Nm]")[0],
+        "two_masses: motor_speed [rad/s] load_speed [rad/s] torque [Nm]"
+    );
     assert!(taken("x [m],v [m/s]").is_empty(), "nothing moves it");
     assert!(taken("u [V],temp [K]").is_empty(), "nothing is moved");
 }

@@ -62,7 +62,8 @@ impl<'c> Computed<'c> {
                 continue;
             }
             let places = columns.into_iter().zip(&expression.names);
-            let columns = places.map(|(column, name)| column.ok_or_else(|| names.missing_in(signal, name, Box::default())));
+            let columns =
+                places.map(|(column, name)| column.ok_or_else(|| names.missing_in(signal, name, Box::default())));
             let columns = columns.collect::<Result<_, LogError>>()?;
             header.push(ColumnName { text: wanted.clone(), unit: None, computed: true });
             expressions.push((expression, columns));

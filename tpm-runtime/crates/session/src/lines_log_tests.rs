@@ -143,3 +143,29 @@ fn a_load_that_the_model_lacks_leaves_no_result() {
         assert!(result.parameters.iter().all(|own| own.status != Status::Identified), "{count} {load}");
     }
 }
+
+/// The size of a speed, as a sensor of pulses without a direction tells it. Noise of the current explains any motion of a motor without
+/// inertia, and explained this one.
+#[test]
+fn a_speed_without_its_sign_is_no_result() {
+    let [j, b, c] = [2e-4, 3e-4, 0.012];
+    let text = log(
+        "t_s,w,spare,i",
+        6000,
+        |[w], i| [(0.05 * i - b * w - c * (w / 0.1).tanh()) / j],
+        |t| [(1.2, 0.7, 0.0), (0.8, 1.9, 1.0)].iter().map(|(a, f, p)| a * (2.0 * PI * f * t + p).sin()).sum(),
+        |[w], draw| [w.abs() + 0.05 * draw(), 0.0],
+    );
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), text).expect("written");
+    let model = DeclaredModel::parse(
+        "motor",
+        "model Motor { coordinate w [rad/s]; input i [A];
+        parameter J [kg*m^2], b [N*m*s/rad], c [N*m]; constant kt = 0.05 [N*m/A];
+        J*dot(w) + b*w + c*sign(w) = kt*i; }",
+    )
+    .expect("a model");
+    let result = from_log(&model, LogRequest::new(file.path())).expect("identifies");
+    assert!(result.parameters.iter().all(|own| own.status != Status::Identified), "{result}");
+    assert!(result.shortfall().is_some(), "{result}");
+}

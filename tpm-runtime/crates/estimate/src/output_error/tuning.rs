@@ -52,9 +52,11 @@ impl Evidence<'_> {
         Smoothed::new(&self.chain, &here, self.chain.columns, false).least_cost()
     }
 
-    /// White noise of the sensors with noise of the inputs, by the logarithm of its share of them.
+    /// White noise of the sensors with noise of the inputs, by the logarithm of its share of them. Noise that is as large as the inputs lets a
+    /// motion be anything; more of it says nothing else, and only makes the smoothing ill-conditioned.
     fn noisy(&self, log: f64) -> Noise {
-        Noise { inputs: self.sizes.iter().map(|size| 10.0_f64.powf(log) * size).collect(), ..self.white.clone() }
+        let share = 10.0_f64.powf(log.min(0.0));
+        Noise { inputs: self.sizes.iter().map(|size| share * size).collect(), ..self.white.clone() }
     }
 
     /// Noise with a colour of the sensors, by the logarithm of what is new in every sample. A rate is a reading where its noise is white.

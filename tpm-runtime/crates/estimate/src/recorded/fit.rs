@@ -165,12 +165,6 @@ pub fn fit_recorded(
     // of a mode that is faster than the motion has a minimum for every cycle that is skipped.
     let short = Begins { pace: Pace::Turns, shorter: SHORTER, ..plain };
     let parted = best.as_ref().is_ok_and(|own| own.parted);
-    // Blocks that stay short are followed by more models than the right one, since each begins from a state of its own.
-    let is_comparable =
-        |other: &Result<RecordedFit, RecordedFault>, best: &Result<RecordedFit, RecordedFault>| match (other, best) {
-            (Ok(other), Ok(best)) => !other.parted || other.duration >= best.duration,
-            _ => true,
-        };
     let mut tried = if parted {
         [(true, short), (is_faster, faster), (has_alike, deflected)]
     } else {
@@ -188,7 +182,11 @@ pub fn fit_recorded(
         match tried.find(may_help) {
             Some((_, begins)) if !settled => {
                 let other = at(begins);
-                if left(&other) < left(&best) && is_comparable(&other, &best) {
+                let replaces = match (&other, &best) {
+                    (Ok(other), Ok(best)) => other.explains_more_than(best),
+                    (other, _) => other.is_ok(),
+                };
+                if replaces {
                     best = other;
                 }
             }
@@ -202,6 +200,14 @@ impl RecordedFit {
     #[must_use]
     pub fn explains(&self, sensor: usize) -> bool {
         self.noise[sensor] <= MOST_OVER_NOISE * self.own_noise[sensor]
+    }
+
+    /// Whether it leaves less than another fit. Blocks that stay short are followed by more models than the right one, since each begins from
+    /// a state of its own: that they leave less says nothing against a fit that explains most of the record over longer ones.
+    fn explains_more_than(&self, other: &Self) -> bool {
+        let (own, left) = (self.estimate.residual, other.estimate.residual);
+        let shorter = self.parted && self.duration < other.duration;
+        own < left && (!shorter || left > LARGE_RESIDUAL)
     }
 }
 

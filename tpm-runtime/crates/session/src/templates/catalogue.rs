@@ -21,6 +21,9 @@ pub struct Template {
     /// Its text, in which X, Y and U within brackets stand for the units of the coordinates and the input.
     #[serde(skip)]
     text: &'static str,
+    /// Its text where sensors read the rates of all coordinates, and no position; nothing where these show too little of it.
+    #[serde(skip)]
+    pub(super) text_by_rates: Option<&'static str>,
 }
 
 /// All of them, those of one coordinate first.
@@ -31,6 +34,7 @@ pub const TEMPLATES: [Template; 6] = [
         coordinates: &[("x", Quantity::Length)],
         also_angles: true,
         text: include_str!("models/spring.tpm"),
+        text_by_rates: None,
     },
     Template {
         name: "slider",
@@ -38,6 +42,7 @@ pub const TEMPLATES: [Template; 6] = [
         coordinates: &[("x", Quantity::Length)],
         also_angles: false,
         text: include_str!("models/slider.tpm"),
+        text_by_rates: Some(include_str!("models/slider.tpm")),
     },
     Template {
         name: "motor",
@@ -45,6 +50,7 @@ pub const TEMPLATES: [Template; 6] = [
         coordinates: &[("phi", Quantity::Angle)],
         also_angles: false,
         text: include_str!("models/motor.tpm"),
+        text_by_rates: Some(include_str!("models/motor.tpm")),
     },
     Template {
         name: "pendulum",
@@ -52,6 +58,7 @@ pub const TEMPLATES: [Template; 6] = [
         coordinates: &[("phi", Quantity::Angle)],
         also_angles: false,
         text: include_str!("models/pendulum.tpm"),
+        text_by_rates: None,
     },
     Template {
         name: "two_masses",
@@ -59,6 +66,7 @@ pub const TEMPLATES: [Template; 6] = [
         coordinates: &[("x", Quantity::Length), ("y", Quantity::Length)],
         also_angles: true,
         text: include_str!("models/two_masses.tpm"),
+        text_by_rates: Some(include_str!("models/two_masses_by_rates.tpm")),
     },
     Template {
         name: "cart_pole",
@@ -66,6 +74,7 @@ pub const TEMPLATES: [Template; 6] = [
         coordinates: &[("x", Quantity::Length), ("phi", Quantity::Angle)],
         also_angles: false,
         text: include_str!("models/cart_pole.tpm"),
+        text_by_rates: None,
     },
 ];
 
@@ -76,10 +85,11 @@ impl Template {
         TEMPLATES.iter().find(|template| template.name == name)
     }
 
-    /// The text of the model for coordinates and an input in these units.
-    pub(super) fn filled(&self, model: &str, coordinates: &[&str], input: &str) -> String {
-        let mut filled = String::with_capacity(self.text.len());
-        for line in self.text.lines() {
+    /// The text of the model for coordinates and an input in these units, for sensors of positions or of rates alone.
+    pub(super) fn filled(&self, model: &str, coordinates: &[&str], input: &str, by_rates: bool) -> String {
+        let text = self.text_by_rates.filter(|_| by_rates).unwrap_or(self.text);
+        let mut filled = String::with_capacity(text.len());
+        for line in text.lines() {
             let (code, comment) = line.split_once("//").map_or((line, None), |(code, comment)| (code, Some(comment)));
             let mut rest = code;
             let mut written = String::new();

@@ -121,6 +121,13 @@ impl Quantity {
         known.iter().find(|(other, _)| like(other)).map_or(Self::Other, |(_, quantity)| *quantity)
     }
 
+    /// Of which quantity a column in a unit is the rate; nothing where it is that of none.
+    pub(super) fn of_rate(text: &str) -> Option<Self> {
+        let unit = unit_of(text)?;
+        let like = |other: &str| Unit::parse(other).is_some_and(|other| other.same_dimension(&unit));
+        [("m/s", Self::Length), ("1/s", Self::Angle)].into_iter().find(|(other, _)| like(other)).map(|(_, of)| of)
+    }
+
     /// The unit in which a model has it; that of `else_as` where nothing is known of its kind.
     pub(super) fn unit(self, else_as: Self) -> &'static str {
         match self {
