@@ -68,6 +68,7 @@ fn findings() -> Vec<Warning> {
             left_by_better: 0.01,
             of: ResidualOf::Force,
         },
+        Warning::LateByHold { input: "u".into(), late: 5e-4, better: Hold::Zoh },
         Warning::Exchanged {
             exchange: Exchange::Columns { signals: vec![x(), "u".into()] },
             left: 0.5,
@@ -136,6 +137,7 @@ fn findings() -> Vec<Warning> {
     for finding in &all {
         match finding {
             Warning::OtherHold { .. }
+            | Warning::LateByHold { .. }
             | Warning::Exchanged { .. }
             | Warning::Astray { .. }
             | Warning::BeyondNoise { .. }

@@ -50,6 +50,7 @@ fn estimate(values: Vec<f64>, covariance: DMatrix<f64>) -> Estimate {
         status: vec![Status::Identified; n],
         rank: n,
         unobservable: Vec::new(),
+        scales: Vec::new(),
         condition: 1.0,
         residual: 0.0,
         residual_of: ResidualOf::Force,

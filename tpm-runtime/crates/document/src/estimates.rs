@@ -37,15 +37,9 @@ impl<'a> From<&'a ParameterReport> for Estimated<'a> {
 
 impl<'a> From<&'a CombinationReport> for Estimated<'a> {
     fn from(own: &'a CombinationReport) -> Self {
-        Estimated {
-            name: combination(&own.terms),
-            unit: own.unit.as_deref(),
-            prior: own.prior,
-            value: Some(own.value),
-            std: Some(own.std),
-            truth: own.truth,
-            remark: String::new(),
-        }
+        let (name, unit, value) = own.named(combination);
+        let (prior, truth) = if own.ratio.is_some() { (None, None) } else { (own.prior, own.truth) };
+        Estimated { name, unit, prior, value: Some(value), std: Some(own.std), truth, remark: String::new() }
     }
 }
 

@@ -16,6 +16,9 @@ pub struct Combination {
     pub value: f64,
     /// Standard deviation of the value.
     pub std: f64,
+    /// What the lead is to another parameter, where the data show that ratio alone: the other one, and the ratio. The value then is zero, and
+    /// the deviation is that of the ratio.
+    pub ratio: Option<(usize, f64)>,
 }
 
 impl Estimate {
@@ -24,6 +27,7 @@ impl Estimate {
     #[must_use]
     pub fn combinations(&self) -> Vec<Combination> {
         let p = self.values.len();
+        let scales = self.sets();
         let directions = set_apart(self.unobservable.clone());
         let lead = |j: &usize| self.status[*j] == Status::Unobservable && directions.iter().all(|(own, _)| own != j);
         let of = |lead: usize| {
@@ -33,8 +37,14 @@ impl Estimate {
                 weights[*own] = -direction[lead];
             }
             let value = weights.iter().zip(&self.values).map(|(weight, value)| weight * value).sum();
-            let variance = weights.dot(&(self.covariance.dense() * &weights));
-            Combination { lead, weights: weights.as_slice().to_vec(), value, std: variance.max(0.0).sqrt() }
+            let std = weights.dot(&(self.covariance.dense() * &weights)).max(0.0).sqrt();
+            let ratio = (scales.iter().find(|scale| scale.members.contains(&lead)))
+                .map(|scale| (scale.own, self.values[lead] / self.values[scale.own]));
+            let weights = weights.as_slice().to_vec();
+            match ratio {
+                Some((own, _)) => Combination { lead, weights, value: 0.0, std: std / self.values[own].abs(), ratio },
+                None => Combination { lead, weights, value, std, ratio },
+            }
         };
         (0..p).filter(lead).map(of).collect()
     }

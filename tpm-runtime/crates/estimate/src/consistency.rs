@@ -254,6 +254,7 @@ mod tests {
             status: vec![Status::Identified; p],
             rank: p - unobservable.len(),
             unobservable,
+            scales: Vec::new(),
             condition: 1.0,
             residual: 0.0,
             residual_of: crate::ResidualOf::Force,

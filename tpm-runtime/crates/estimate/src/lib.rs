@@ -42,6 +42,7 @@ mod result;
 mod rows;
 mod run;
 mod sampled;
+mod scale;
 mod select;
 mod sensor;
 mod settings;
@@ -68,7 +69,7 @@ pub use measured_motion::{
     refine_last,
 };
 pub use method::Method;
-pub use named::{CombinationReport, ParameterReport};
+pub use named::{CombinationReport, ParameterReport, RatioReport};
 pub use output_error::beside_counts;
 pub use output_error::reach_in;
 pub use output_error::{

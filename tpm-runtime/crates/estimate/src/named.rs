@@ -48,9 +48,33 @@ pub struct CombinationReport {
     pub value: f64,
     /// Standard deviation.
     pub std: f64,
+    /// What the parameter of weight one is to another, where the data show this ratio alone; the deviation is that of the ratio.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ratio: Option<RatioReport>,
     /// Value in the simulated machine that the data come from; nothing for data of a real one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
+}
+
+/// The ratio of two parameters that are known up to a common factor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RatioReport {
+    /// The ratio as it is written, `J/Kt`.
+    pub name: String,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// Its value.
+    pub value: f64,
+}
+
+impl CombinationReport {
+    /// The combination as a table has it: name, unit and value. What is shown as a ratio is named as one, other sums are `spelled`.
+    pub fn named(&self, spelled: impl FnOnce(&BTreeMap<String, String>) -> String) -> (String, Option<&str>, f64) {
+        match &self.ratio {
+            Some(ratio) => (ratio.name.clone(), ratio.unit.as_deref(), ratio.value),
+            None => (spelled(&self.terms), self.unit.as_deref(), self.value),
+        }
+    }
 }
 
 /// The part of a result that is the same for a log and for a campaign.
@@ -103,6 +127,7 @@ impl EstimateReport {
                 .sum(),
             value: shown.value,
             std: shown.std,
+            ratio: shown.ratio.map(|(by, value)| ratio_of(model, shown.lead, by, value)),
             truth: None,
         });
         let combinations = combinations.collect();
@@ -119,6 +144,20 @@ impl EstimateReport {
         });
         Self { parameters, unobservable, combinations, covariance, combination_covariance }
     }
+}
+
+/// The ratio of two parameters.
+fn ratio_of(model: &dyn Model<f64>, lead: usize, by: usize, value: f64) -> RatioReport {
+    let (above, below) = (model.parameter(lead), model.parameter(by));
+    let divided = |above: &str, below: &str| match below.contains(['*', '/']) {
+        true => format!("{above}/({below})"),
+        false => format!("{above}/{below}"),
+    };
+    let unit = above
+        .unit
+        .zip(below.unit)
+        .map(|(above, below)| if above == below { "1".into() } else { divided(above, below) });
+    RatioReport { name: format!("{}/{}", above.name, below.name), unit, value }
 }
 
 /// A weight to nine digits, so that rounding of the factorisation does not show.

@@ -67,6 +67,24 @@ fn equations(estimate: &Estimate, free: &[usize], scale: &[f64]) -> DMatrix<f64>
 /// [`EstimateError::NoSignal`] without an estimate.
 pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, EstimateError> {
     let first = estimates.first().ok_or(EstimateError::NoSignal)?;
+    let scales = first.sets();
+    if scales.is_empty() {
+        return pool_shown(estimates, settings, &[]);
+    }
+    // Of parameters with a common scale one is the same in all records, and the others are ratios to it.
+    let gauged: Vec<Estimate> = (estimates.iter())
+        .map(|&estimate| scales.iter().fold(estimate.clone(), |estimate, scale| estimate.hiding(scale.own)))
+        .collect();
+    let owns: Vec<usize> = scales.iter().map(|scale| scale.own).collect();
+    let mut pooled = pool_shown(&gauged.iter().collect::<Vec<_>>(), settings, &owns)?;
+    pooled.estimate =
+        (scales.iter()).fold(pooled.estimate, |estimate, scale| estimate.showing(scale.own, &scale.members));
+    Ok(pooled)
+}
+
+/// [`pool`] of estimates none of which has parameters with a common scale but in the gauge in which the parameters `ones` are one.
+fn pool_shown(estimates: &[&Estimate], settings: &Settings, ones: &[usize]) -> Result<Pooled, EstimateError> {
+    let first = estimates.first().ok_or(EstimateError::NoSignal)?;
     let parameters = first.values.len();
     let free = settings.free(parameters)?;
     let n = free.indices.len();
@@ -80,7 +98,8 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
         .collect();
     let parts: Vec<Information> =
         estimates.iter().map(|estimate| Information::of(equations(estimate, &free.indices, &scale))).collect();
-    let prior = settings.start(parameters);
+    let mut prior = settings.start(parameters);
+    ones.iter().for_each(|&own| prior[own] = 1.0);
     let start: Vec<f64> = free.of(&prior).iter().zip(&scale).map(|(value, scale)| value / scale).collect();
     let together = |parts: &mut dyn Iterator<Item = &Information>| {
         parts.fold(Information::empty(n), |pooled, part| pooled.pool(part))
@@ -147,6 +166,7 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
             status: verdict.status,
             rank: solution.rank,
             unobservable,
+            scales: Vec::new(),
             condition,
             residual: worst(&|estimate| estimate.residual),
             residual_of,
@@ -177,6 +197,7 @@ pub(crate) mod tests {
             status: vec![Status::Identified; n],
             rank: n - unobservable.len(),
             unobservable,
+            scales: Vec::new(),
             condition: 1.0,
             residual: 0.01,
             residual_of: ResidualOf::Force,

@@ -78,6 +78,7 @@ mod tests {
             status: vec![hidden, hidden, Status::Identified, hidden],
             rank: 2,
             unobservable: vec![vec![1.0, -0.5, 0.0, 0.0], vec![0.0, 0.0, 0.0, 1.0]],
+            scales: Vec::new(),
             condition: 1.0,
             residual: 0.0,
             residual_of: crate::ResidualOf::Force,

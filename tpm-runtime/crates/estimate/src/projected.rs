@@ -234,6 +234,7 @@ impl Projector {
             covariance: Matrix::of(covariance),
             rank: p - unobservable.len(),
             unobservable,
+            scales: Vec::new(),
             condition: self.decomposed.condition(),
             residual: 0.0,
             residual_of: ResidualOf::Force,

@@ -22,6 +22,8 @@ pub struct Estimate {
     pub rank: usize,
     /// Directions in parameter space that the data do not show, the largest component of each being one.
     pub unobservable: Vec<Vec<f64>>,
+    /// Which of these are the scale of parameters that the data show in ratios alone: directions along the values.
+    pub scales: Vec<usize>,
     /// Condition number of the weighted equations after column scaling, over the observable directions.
     pub condition: f64,
     /// Root-mean-square residual as a share of what [`residual_of`](Self::residual_of) says.
@@ -64,6 +66,7 @@ impl Estimate {
             status: verdict.status,
             rank,
             unobservable: hidden.iter().map(|direction| free.spread(direction)).collect(),
+            scales: Vec::new(),
             condition,
             residual: root_mean_square(row_residuals.iter().copied()),
             residual_of: ResidualOf::Force,
@@ -88,7 +91,8 @@ impl Estimate {
             let evidence = Evidence::Shown { value: values[j], std: std[j], felt: felt(j, std[j]) };
             status[j] = Status::of(evidence, POOR_DEVIATION);
         }
-        Estimate { values, std, covariance, status, ..self.clone() }
+        let found = Estimate { values, std, covariance, status, ..self.clone() };
+        self.sets().iter().fold(found, Estimate::along)
     }
 
     /// The estimate with values and covariance of all parameters that a simulation of the model gave. A parameter whose deviation was
@@ -116,6 +120,7 @@ impl Estimate {
             covariance: Matrix::from_rows(&rows).unwrap_or_else(|| self.covariance.clone()),
             status: self.status.iter().take(count).copied().collect(),
             unobservable: self.unobservable.iter().map(|direction| first(direction)).filter(shown).collect(),
+            scales: Vec::new(),
             ..self.clone()
         }
     }

@@ -82,6 +82,7 @@ pub(super) fn solve(runs: &[Equations], settings: &Settings, current: &[f64]) ->
         status,
         rank: solution.rank,
         unobservable: solution.unobservable.iter().map(|direction| free.spread(direction)).collect(),
+        scales: Vec::new(),
         condition: scaled.condition(&hidden),
         residual: if force > 0.0 { (left / force).sqrt() } else { 0.0 },
         residual_of: ResidualOf::Force,

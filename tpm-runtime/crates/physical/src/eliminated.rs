@@ -245,6 +245,7 @@ impl Eliminated {
             status,
             rank: physical.rank,
             unobservable,
+            scales: Vec::new(),
             condition: physical.condition,
             residual: lumped.residual,
             residual_of: ResidualOf::Force,

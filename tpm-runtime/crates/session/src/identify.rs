@@ -380,6 +380,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
     if !all.iter().any(|warning| matches!(warning, Warning::OtherHold { .. })) {
         all.splice(0..0, Warning::other_hold(options.reading.hold, hold_residuals, ResidualOf::Force));
     }
+    let estimate = estimate.in_own_scales();
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
         EstimateReport::new(model, &options.stated_prior(), Some(&estimate));
     let mut result = Identification {

@@ -7,7 +7,7 @@ use crate::log_report::{Calibration, HoldResiduals, SpectralReport, UnseenFaultR
 use crate::options::LogOptions;
 use crate::reading::RecordSettings;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
-use crate::refine::{Conditions, Refined, Start, refined};
+use crate::refine::{Conditions, HALF_A_SAMPLE, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::summary;
 use crate::term_words::{self, Words};
@@ -15,9 +15,10 @@ use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
-    ResidualOf, Sensor, Settings, Stretch, TermKind, best_arrangement, estimate_any_motion,
+    ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
+use tpm_motion::Dynamics;
 use tpm_numerics::alarm;
 
 /// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
@@ -118,6 +119,10 @@ pub(super) fn identify(
         warnings.extend(period_not_used(segments, &options.reading));
     }
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
+    let told = refined.warnings.iter().any(|warning| matches!(warning, Warning::OtherHold { .. }));
+    if !told {
+        warnings.extend(late_by_hold(model, &record, &found, whole.is_some(), options));
+    }
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
     if !settled {
         warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force }));
@@ -140,6 +145,26 @@ pub(super) fn identify(
         warnings,
         calibration: found.calibration,
     })
+}
+
+/// What is said of an input that seems late by about half a sample, where it is not with the other hold.
+fn late_by_hold(
+    model: &dyn Model<f64>,
+    record: &TimeRecord<'_>,
+    found: &OfAnyMotion,
+    whole: bool,
+    options: &LogOptions,
+) -> Option<Warning> {
+    let is_late = |own: &&Lacking| {
+        own.term.kind == TermKind::Delay && HALF_A_SAMPLE.contains(&(own.value.abs() / record.sample_time))
+    };
+    let late = found.lacking.iter().find(is_late).filter(|_| options.actuators.iter().all(Dynamics::is_ideal))?;
+    let better = record.hold.other();
+    let other = TimeRecord { hold: better, ..record.clone() };
+    let other = estimate_any_motion(model, &options.constants, &other, whole, &options.estimation).ok()?;
+    let still = other.lacking.iter().any(|own| own.term.kind == TermKind::Delay && own.term.of == late.term.of);
+    let input = || model.input(late.term.of).name.to_string();
+    (!still).then(|| Warning::LateByHold { input: input(), late: late.value, better })
 }
 
 /// The stretches of a record that are used: whole periods where it repeats, with their length in samples.

@@ -1,6 +1,6 @@
 //! Logs of two coordinates whose truth is known: what no row shows, and what the model lacks.
 
-use crate::log::{LogRequest, from_log};
+use crate::log::{LogRequest, from_log, from_logs};
 use crate::model::DeclaredModel;
 use crate::warning::Warning;
 use rand::SeedableRng;
@@ -45,19 +45,49 @@ fn log<const N: usize>(
     text
 }
 
-/// The torque constant of a motor stands beside its inertia and its friction in a row without an input: it shows their ratios alone.
-#[test]
-fn a_row_without_an_input_shows_no_scale() {
+/// A motor under a voltage of sines of these frequencies, of which speed and current are measured.
+fn motor(frequencies: &[f64]) -> (String, [f64; 6]) {
     let [j, b, kt, r, l, ke] = [2e-5, 1e-5, 0.03, 1.5, 2e-3, 0.03];
     let text = log(
         "t_s,w,i,u",
         4000,
         |[w, i], u| [(kt * i - b * w) / j, (u - r * i - ke * w) / l],
-        |t| [0.7, 2.3, 7.1, 19.0].iter().map(|f| 1.5 * (2.0 * PI * f * t + f * f).sin()).sum(),
+        |t| frequencies.iter().map(|f| 1.5 * (2.0 * PI * f * t + f * f).sin()).sum(),
         |[w, i], draw| [w + 0.05 * draw(), i + 0.002 * draw()],
     );
+    (text, [j, b, kt, r, l, ke])
+}
+
+/// What the hold of an input does looks like a delay by half a sample; which of the two it is, the other hold shows.
+#[test]
+fn an_input_that_is_held_is_not_said_to_be_late_alone() {
+    let (text, _) = motor(&[0.7, 2.3, 7.1, 19.0, 41.0, 90.0]);
+    let model = DeclaredModel::parse(
+        "Motor",
+        "model Motor { coordinate w [rad/s], i [A]; input u [V];
+        parameter j [s^2*A/rad], b [A*s/rad], R [ohm], L [H], Ke [V*s/rad];
+        j*dot(w) + b*w - i = 0; L*dot(i) + R*i + Ke*w = u; }",
+    )
+    .expect("a model");
+    for hold in [Hold::None, Hold::Zoh] {
+        let request = LogRequest::of_bytes("log.csv", std::sync::Arc::new(text.clone().into_bytes())).hold(hold);
+        let result = from_log(&model, request).expect("identifies");
+        let told = |warning: &Warning| {
+            matches!(
+                warning,
+                Warning::LateByHold { better: Hold::Zoh, .. } | Warning::OtherHold { better: Hold::Zoh, .. }
+            )
+        };
+        assert_eq!(result.warnings.iter().any(told), hold == Hold::None, "{result}");
+    }
+}
+
+/// The torque constant of a motor stands beside its inertia and its friction in a row without an input: it shows their ratios alone.
+#[test]
+fn a_row_without_an_input_shows_no_scale() {
+    let (text, [j, b, kt, ..]) = motor(&[0.7, 2.3, 7.1, 19.0]);
     let file = tempfile::NamedTempFile::new().expect("a file");
-    std::fs::write(file.path(), text).expect("written");
+    std::fs::write(file.path(), &text).expect("written");
     let model = DeclaredModel::parse(
         "Motor",
         "model Motor { coordinate w [rad/s], i [A]; input u [V];
@@ -73,7 +103,26 @@ fn a_row_without_an_input_shows_no_scale() {
             assert_eq!(own.status == Status::Unobservable, free, "{hold}: {own:?}");
         }
         assert!(result.shortfall.is_some(), "{hold}");
+        let ratios: Vec<(&str, f64, f64)> = (result.combinations.iter())
+            .filter_map(|own| own.ratio.as_ref().map(|ratio| (ratio.name.as_str(), ratio.value, own.std)))
+            .collect();
+        let [(inertia, found, std), (friction, other, other_std)] = ratios[..] else { panic!("{hold}: {result}") };
+        assert_eq!((inertia, friction), ("J/Kt", "b/Kt"), "{hold}");
+        assert!((found - j / kt).abs() < 3.5 * std && std < 0.05 * found, "{hold}: {result}");
+        assert!((other - b / kt).abs() < 3.5 * other_std, "{hold}: {result}");
     }
+    // The ratios of two records differ by their noise, which is no knowledge of the scale.
+    let parts = [0..2001, 2001..4001].map(|lines| {
+        let lines = text.lines().enumerate().filter(|(at, _)| *at == 0 || lines.contains(at));
+        let part: String = lines.map(|(_, line)| format!("{line}\n")).collect();
+        LogRequest::of_bytes("part.csv", std::sync::Arc::new(part.into_bytes())).hold(Hold::Zoh)
+    });
+    let together = from_logs(&model, parts).expect("identifies");
+    assert_eq!(together.rank, 5, "{together}");
+    let found = together.combinations.iter().find(|own| own.ratio.as_ref().is_some_and(|ratio| ratio.name == "J/Kt"));
+    let found = found.unwrap_or_else(|| panic!("{together}"));
+    let value = found.ratio.as_ref().map_or(0.0, |ratio| ratio.value);
+    assert!((value - j / kt).abs() < 3.5 * found.std, "{together}");
 }
 
 /// Dry friction of a load that no input drives is named, and the other parameters come out as they are.

@@ -84,7 +84,7 @@ impl Warning {
             Warning::RepeatedReadings { .. } => (Remark, Reading, Nothing),
             Warning::OnlyTogether { .. } => (Remark, Reading, Nothing),
             Warning::LoneReadings { .. } => (Remark, Reading, Nothing),
-            Warning::OtherHold { .. } => (Remark, Record, Nothing),
+            Warning::OtherHold { .. } | Warning::LateByHold { .. } => (Remark, Record, Nothing),
             Warning::Exchanged { .. } => (Distrust, Record, All),
             Warning::Astray { .. } => (Distrust, Record, All),
             Warning::BeyondNoise { .. } => (Distrust, Record, All),

@@ -23,7 +23,7 @@ const LEAST_MOVE: f64 = 1e-3;
 /// that does not settle at once takes some hundred linearisations: two and a half minutes at 2.5e8 operations.
 const MOST_WORK: f64 = 1.5e8;
 /// Delays, samples, that the other hold would explain.
-const HALF_A_SAMPLE: RangeInclusive<f64> = 0.25..=0.75;
+pub(super) const HALF_A_SAMPLE: RangeInclusive<f64> = 0.25..=0.75;
 /// Evaluations of the derivatives in one step of the integration.
 const EVALUATIONS_PER_STEP: f64 = 4.0;
 

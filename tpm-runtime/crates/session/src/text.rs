@@ -355,14 +355,10 @@ fn combinations(list: &[CombinationReport]) -> String {
     if list.is_empty() {
         return String::new();
     }
-    let rows = list.iter().map(|shown| Row {
-        name: combination(&shown.terms),
-        unit: shown.unit.as_deref(),
-        prior: shown.prior,
-        value: Some(shown.value),
-        std: Some(shown.std),
-        truth: shown.truth,
-        remark: String::new(),
+    let rows = list.iter().map(|shown| {
+        let (name, unit, value) = shown.named(combination);
+        let (prior, truth) = if shown.ratio.is_some() { (None, None) } else { (shown.prior, shown.truth) };
+        Row { name, unit, prior, value: Some(value), std: Some(shown.std), truth, remark: String::new() }
     });
     format!("\n{}", estimates("combination", &rows.collect::<Vec<_>>()))
 }

@@ -82,6 +82,16 @@ pub enum Warning {
         #[serde(skip_serializing_if = "ResidualOf::is_force")]
         of: ResidualOf,
     },
+    /// An input seems late by about half a sample, and is not with another assumption about the inputs between samples.
+    LateByHold {
+        /// The input.
+        input: String,
+        /// By how much it seems late, s.
+        late: f64,
+        /// The hold with which it is not.
+        #[serde(serialize_with = "displayed")]
+        better: Hold,
+    },
     /// The model explains the log with other columns, or with other signs, and not as they are.
     Exchanged {
         /// What is exchanged.
@@ -438,7 +448,9 @@ impl Warning {
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
             Warning::InLog { warning, .. } => warning.remedy(),
-            Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
+            Warning::OtherHold { better, .. } | Warning::LateByHold { better, .. } => {
+                Some(Remedy::Hold { hold: *better })
+            }
             Warning::Exchanged { exchange: Exchange::Columns { signals }, .. } => {
                 Some(Remedy::MapColumns { signals: signals.clone() })
             }
@@ -479,6 +491,11 @@ impl fmt::Display for Warning {
                 "hold {better} explains the log clearly better: it leaves {:.3} % of {of}, hold {stated} leaves {:.3} %",
                 100.0 * left_by_better,
                 100.0 * left
+            ),
+            Warning::LateByHold { input, late, better } => write!(
+                f,
+                "with hold {better} {input} is not late: {:.3} ms are about half a sample, by which a value that is held acts later than one that is not",
+                1e3 * late
             ),
             Warning::Exchanged { exchange, left, left_by_exchange } => write!(
                 f,

@@ -486,7 +486,7 @@ impl Pass<'_> {
         let mut condition = split.parameters.view((0, 0), (kept, kept)).into_owned();
         condition = unit_columns(condition).0;
         let condition = tpm_numerics::singular::condition(&condition, RANK);
-        let estimate = Estimate::of_rows(
+        let mut estimate = Estimate::of_rows(
             free,
             LeastSquares {
                 values,
@@ -499,6 +499,11 @@ impl Pass<'_> {
                 felt: &felt,
             },
         );
+        let found_as_scales = self.hidden.len() - self.scale_directions;
+        estimate.scales = (estimate.unobservable.iter().enumerate())
+            .filter(|(index, direction)| *index >= found_as_scales || estimate.is_along(direction))
+            .map(|(index, _)| index)
+            .collect();
         let report = LineReport {
             followed: self.paths.measured.iter().map(|own| own.spectrum.followed).collect(),
             used: self.views.iter().map(|view| view.used).collect(),

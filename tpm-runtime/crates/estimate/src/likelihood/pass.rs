@@ -109,6 +109,8 @@ pub(super) struct Pass<'a> {
     /// Parameters that are estimated: all but those that are held and one for every direction that is not shown.
     pub(super) kept: Vec<usize>,
     pub(super) hidden: Vec<Vec<f64>>,
+    /// How many of these, the last ones, are scales of parameters that show in ratios alone.
+    pub(super) scale_directions: usize,
     pub(super) views: Vec<View>,
     /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
     pub(super) leading: Vec<Option<usize>>,

@@ -50,6 +50,7 @@ impl<'a> Pass<'a> {
             theta,
             kept: free.indices.clone(),
             hidden: Vec::new(),
+            scale_directions: 0,
             views: Vec::new(),
             leading: vec![None; dims.rows],
             coupled: Vec::new(),
@@ -205,8 +206,9 @@ impl<'a> Pass<'a> {
         let (factor, scale) = unit_columns(factor.view((0, 0), (n, n)).into_owned());
         let null = Singular::new(&factor, RANK).null();
         let lost = null.column_iter().map(|column| column.iter().copied().collect()).collect();
-        let lost = beside_known(&[], lost, &scale);
-        let apart: Vec<usize> = set_apart(lost.clone()).iter().map(|(own, _)| self.kept[*own]).collect();
+        let (own, lost): (Vec<usize>, Vec<Vec<f64>>) = set_apart(beside_known(&[], lost, &scale)).into_iter().unzip();
+        let apart: Vec<usize> = own.into_iter().map(|own| self.kept[own]).collect();
+        self.scale_directions = lost.len();
         for direction in lost {
             let place = |j: &usize| self.kept.iter().position(|kept| kept == j);
             let of = |j: &usize| place(j).map_or(0.0, |at| direction[at]);

@@ -235,6 +235,7 @@ fn solve_records(
         status,
         rank: solution.rank,
         unobservable,
+        scales: Vec::new(),
         condition: scaled.condition(&hidden),
         residual,
         residual_of: ResidualOf::Force,
