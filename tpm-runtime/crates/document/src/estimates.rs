@@ -38,7 +38,7 @@ impl<'a> From<&'a ParameterReport> for Estimated<'a> {
 impl<'a> From<&'a CombinationReport> for Estimated<'a> {
     fn from(own: &'a CombinationReport) -> Self {
         let (name, unit, value) = own.named(combination);
-        let (prior, truth) = if own.ratio.is_some() { (None, None) } else { (own.prior, own.truth) };
+        let (prior, truth) = if own.product.is_some() { (None, None) } else { (own.prior, own.truth) };
         Estimated { name, unit, prior, value: Some(value), std: Some(own.std), truth, remark: String::new() }
     }
 }

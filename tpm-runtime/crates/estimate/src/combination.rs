@@ -2,6 +2,7 @@
 
 use crate::information::set_apart;
 use crate::result::Estimate;
+use crate::scale::Scale;
 use crate::verdict::Status;
 use tpm_numerics::DVector;
 
@@ -16,9 +17,20 @@ pub struct Combination {
     pub value: f64,
     /// Standard deviation of the value.
     pub std: f64,
-    /// What the lead is to another parameter, where the data show that ratio alone: the other one, and the ratio. The value then is zero, and
-    /// the deviation is that of the ratio.
-    pub ratio: Option<(usize, f64)>,
+    /// What the data show of the lead where another parameter has a common scale with it. Value and deviation then are those in the gauge in
+    /// which the other one is one, where the deviation is that of the product.
+    pub product: Option<Product>,
+}
+
+/// A parameter divided by a power of another one: of parameters with a common scale the data show such products alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Product {
+    /// The other parameter.
+    pub by: usize,
+    /// Its power, one for a ratio.
+    pub power: f64,
+    /// The value of the product.
+    pub value: f64,
 }
 
 impl Estimate {
@@ -27,7 +39,6 @@ impl Estimate {
     #[must_use]
     pub fn combinations(&self) -> Vec<Combination> {
         let p = self.values.len();
-        let scales = self.sets();
         let directions = set_apart(self.unobservable.clone());
         let lead = |j: &usize| self.status[*j] == Status::Unobservable && directions.iter().all(|(own, _)| own != j);
         let of = |lead: usize| {
@@ -36,15 +47,17 @@ impl Estimate {
             for (own, direction) in &directions {
                 weights[*own] = -direction[lead];
             }
-            let value = weights.iter().zip(&self.values).map(|(weight, value)| weight * value).sum();
+            let value: f64 = weights.iter().zip(&self.values).map(|(weight, value)| weight * value).sum();
             let std = weights.dot(&(self.covariance.dense() * &weights)).max(0.0).sqrt();
-            let ratio = (scales.iter().find(|scale| scale.members.contains(&lead)))
-                .map(|scale| (scale.own, self.values[lead] / self.values[scale.own]));
+            let scaled = |scale: &&Scale| scale.powers[lead] != 0.0;
+            let product = self.scales.iter().find(scaled).and_then(|scale| {
+                let by = directions.iter().map(|(own, _)| *own).find(|own| scale.powers[*own] != 0.0)?;
+                let power = scale.powers[lead] / scale.powers[by];
+                Some(Product { by, power, value: self.values[lead] * self.values[by].powf(-power) })
+            });
+            let gauge = product.map_or(1.0, |own| self.values[own.by].abs().powf(-own.power));
             let weights = weights.as_slice().to_vec();
-            match ratio {
-                Some((own, _)) => Combination { lead, weights, value: 0.0, std: std / self.values[own].abs(), ratio },
-                None => Combination { lead, weights, value, std, ratio },
-            }
+            Combination { lead, weights, value: gauge * value, std: gauge * std, product }
         };
         (0..p).filter(lead).map(of).collect()
     }

@@ -23,6 +23,7 @@ mod error;
 mod estimator;
 mod first_order;
 mod free;
+mod gauge;
 mod information;
 mod likelihood;
 mod local;
@@ -54,7 +55,7 @@ mod verdict;
 pub use agreement::{CommonFactor, common_factor, pool_majority};
 pub use along::Along;
 pub use bound::{RecordNoise, has_jumps, information_root};
-pub use combination::Combination;
+pub use combination::{Combination, Product};
 pub use consistency::LeftOut;
 pub use error::EstimateError;
 pub use estimator::Estimator;
@@ -69,7 +70,7 @@ pub use measured_motion::{
     refine_last,
 };
 pub use method::Method;
-pub use named::{CombinationReport, ParameterReport, RatioReport};
+pub use named::{CombinationReport, ParameterReport, ProductReport};
 pub use output_error::beside_counts;
 pub use output_error::reach_in;
 pub use output_error::{
@@ -88,6 +89,7 @@ pub use result::Estimate;
 pub use run::error_lines;
 pub use run::{Alone, OwnEstimate, Run};
 pub use sampled::{Sampled, estimate_sampled, is_static};
+pub use scale::Scale;
 pub use sensor::Sensor;
 pub use settings::{Domain, Frozen, NumericalSettings, Refine, Settings, Weights};
 pub use table::{LineTable, RowLines};

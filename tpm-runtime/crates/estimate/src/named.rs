@@ -1,5 +1,6 @@
 //! An estimate as it is reported: with names and units, and without a number where the data show none.
 
+use crate::combination::Product;
 use crate::result::Estimate;
 use crate::verdict::Status;
 use serde::Serialize;
@@ -48,18 +49,19 @@ pub struct CombinationReport {
     pub value: f64,
     /// Standard deviation.
     pub std: f64,
-    /// What the parameter of weight one is to another, where the data show this ratio alone; the deviation is that of the ratio.
+    /// What the data show of the parameter of weight one where another one has a common scale with it, `J/Kt`; the deviation is that of the
+    /// product.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub ratio: Option<RatioReport>,
+    pub product: Option<ProductReport>,
     /// Value in the simulated machine that the data come from; nothing for data of a real one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
 }
 
-/// The ratio of two parameters that are known up to a common factor.
+/// A parameter divided by a power of another one, of which the data show no more.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct RatioReport {
-    /// The ratio as it is written, `J/Kt`.
+pub struct ProductReport {
+    /// The product as it is written: `J/Kt`, `l*b`, `k/c^2`.
     pub name: String,
     /// Its unit.
     pub unit: Option<String>,
@@ -68,10 +70,10 @@ pub struct RatioReport {
 }
 
 impl CombinationReport {
-    /// The combination as a table has it: name, unit and value. What is shown as a ratio is named as one, other sums are `spelled`.
+    /// The combination as a table has it: name, unit and value. What is shown as a product is named as one, sums are `spelled`.
     pub fn named(&self, spelled: impl FnOnce(&BTreeMap<String, String>) -> String) -> (String, Option<&str>, f64) {
-        match &self.ratio {
-            Some(ratio) => (ratio.name.clone(), ratio.unit.as_deref(), ratio.value),
+        match &self.product {
+            Some(product) => (product.name.clone(), product.unit.as_deref(), product.value),
             None => (spelled(&self.terms), self.unit.as_deref(), self.value),
         }
     }
@@ -127,7 +129,7 @@ impl EstimateReport {
                 .sum(),
             value: shown.value,
             std: shown.std,
-            ratio: shown.ratio.map(|(by, value)| ratio_of(model, shown.lead, by, value)),
+            product: shown.product.map(|product| product_report(model, shown.lead, product)),
             truth: None,
         });
         let combinations = combinations.collect();
@@ -146,18 +148,22 @@ impl EstimateReport {
     }
 }
 
-/// The ratio of two parameters.
-fn ratio_of(model: &dyn Model<f64>, lead: usize, by: usize, value: f64) -> RatioReport {
-    let (above, below) = (model.parameter(lead), model.parameter(by));
-    let divided = |above: &str, below: &str| match below.contains(['*', '/']) {
-        true => format!("{above}/({below})"),
-        false => format!("{above}/{below}"),
+fn product_report(model: &dyn Model<f64>, lead: usize, product: Product) -> ProductReport {
+    let (of, by) = (model.parameter(lead), model.parameter(product.by));
+    let written = |of: &str, by: &str| {
+        let sign = if product.power < 0.0 { '*' } else { '/' };
+        let by = if by.contains(['*', '/']) { format!("({by})") } else { by.to_string() };
+        match product.power.abs() {
+            1.0 => format!("{of}{sign}{by}"),
+            power => format!("{of}{sign}{by}^{power}"),
+        }
     };
-    let unit = above
-        .unit
-        .zip(below.unit)
-        .map(|(above, below)| if above == below { "1".into() } else { divided(above, below) });
-    RatioReport { name: format!("{}/{}", above.name, below.name), unit, value }
+    let unit = of.unit.zip(by.unit).map(|(of, by)| match by {
+        "1" => of.to_string(),
+        by if by == of && product.power == 1.0 => "1".to_string(),
+        by => written(of, by),
+    });
+    ProductReport { name: written(of.name, by.name), unit, value: product.value }
 }
 
 /// A weight to nine digits, so that rounding of the factorisation does not show.

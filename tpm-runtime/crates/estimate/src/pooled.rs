@@ -8,6 +8,7 @@
 use crate::error::EstimateError;
 use crate::information::Information;
 use crate::result::Estimate;
+use crate::scale::Scale;
 use crate::settings::Settings;
 use crate::verdict::{Evidence, POOR_DEVIATION, ResidualOf, Status, Verdict};
 use tpm_numerics::singular::{complement, largest_one, unit_columns};
@@ -67,18 +68,18 @@ fn equations(estimate: &Estimate, free: &[usize], scale: &[f64]) -> DMatrix<f64>
 /// [`EstimateError::NoSignal`] without an estimate.
 pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, EstimateError> {
     let first = estimates.first().ok_or(EstimateError::NoSignal)?;
-    let scales = first.sets();
+    let own = |scale: &Scale| Some((scale.own(&first.values)?, scale.clone()));
+    let scales: Vec<(usize, Scale)> = first.scales.iter().filter_map(own).collect();
     if scales.is_empty() {
         return pool_shown(estimates, settings, &[]);
     }
-    // Of parameters with a common scale one is the same in all records, and the others are ratios to it.
+    // Of parameters with a common scale one is the same in all records, and the others are products with its powers.
     let gauged: Vec<Estimate> = (estimates.iter())
-        .map(|&estimate| scales.iter().fold(estimate.clone(), |estimate, scale| estimate.hiding(scale.own)))
+        .map(|&estimate| scales.iter().fold(estimate.clone(), |estimate, (own, _)| estimate.hiding(*own)))
         .collect();
-    let owns: Vec<usize> = scales.iter().map(|scale| scale.own).collect();
+    let owns: Vec<usize> = scales.iter().map(|(own, _)| *own).collect();
     let mut pooled = pool_shown(&gauged.iter().collect::<Vec<_>>(), settings, &owns)?;
-    pooled.estimate =
-        (scales.iter()).fold(pooled.estimate, |estimate, scale| estimate.showing(scale.own, &scale.members));
+    pooled.estimate = scales.iter().fold(pooled.estimate, |estimate, (own, scale)| estimate.showing(*own, scale));
     Ok(pooled)
 }
 

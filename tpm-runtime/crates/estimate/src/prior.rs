@@ -14,6 +14,27 @@ impl Estimate {
     /// not determined. `prior` has one value per parameter, nothing where none was stated.
     #[must_use]
     pub fn with_prior(&self, prior: &[Option<f64>]) -> Vec<Option<f64>> {
+        if self.scales.is_empty() { self.nearest(prior) } else { self.scaled_to(prior).nearest(prior) }
+    }
+
+    /// The estimate in whose gauge of every scale a parameter is as its prior says, where one is stated.
+    fn scaled_to(&self, prior: &[Option<f64>]) -> Self {
+        let mut scaled = self.clone();
+        for scale in &self.scales {
+            let stated = |j: usize| Some((j, prior.get(j).copied().flatten()? / scaled.values[j]));
+            let Some((own, factor)) = scale.members().find_map(stated).filter(|(_, factor)| *factor > 0.0) else {
+                continue;
+            };
+            for j in scale.members() {
+                scaled.values[j] *= factor.powf(scale.powers[j] / scale.powers[own]);
+            }
+            scaled = scaled.along(scale);
+        }
+        scaled
+    }
+
+    /// [`with_prior`](Self::with_prior) in a gauge near to the prior.
+    fn nearest(&self, prior: &[Option<f64>]) -> Vec<Option<f64>> {
         let p = self.values.len();
         let hidden = |j: &usize| self.status[*j] == Status::Unobservable;
         let stated: Vec<(usize, f64)> =

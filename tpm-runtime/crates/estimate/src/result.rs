@@ -1,6 +1,7 @@
 //! The result that every estimator gives.
 
 use crate::free::Free;
+use crate::scale::Scale;
 use crate::settings::Settings;
 use crate::verdict::{Evidence, LARGE_RESIDUAL, POOR_DEVIATION, ResidualOf, Status, Verdict};
 use tpm_numerics::{DMatrix, Matrix, root_mean_square};
@@ -22,8 +23,8 @@ pub struct Estimate {
     pub rank: usize,
     /// Directions in parameter space that the data do not show, the largest component of each being one.
     pub unobservable: Vec<Vec<f64>>,
-    /// Which of these are the scale of parameters that the data show in ratios alone: directions along the values.
-    pub scales: Vec<usize>,
+    /// Which of these are scales, along which parameters are multiplied by powers of a common factor.
+    pub scales: Vec<Scale>,
     /// Condition number of the weighted equations after column scaling, over the observable directions.
     pub condition: f64,
     /// Root-mean-square residual as a share of what [`residual_of`](Self::residual_of) says.
@@ -92,7 +93,7 @@ impl Estimate {
             status[j] = Status::of(evidence, POOR_DEVIATION);
         }
         let found = Estimate { values, std, covariance, status, ..self.clone() };
-        self.sets().iter().fold(found, Estimate::along)
+        self.scales.iter().fold(found, Estimate::along)
     }
 
     /// The estimate with values and covariance of all parameters that a simulation of the model gave. A parameter whose deviation was

@@ -104,7 +104,7 @@ fn a_row_without_an_input_shows_no_scale() {
         }
         assert!(result.shortfall.is_some(), "{hold}");
         let ratios: Vec<(&str, f64, f64)> = (result.combinations.iter())
-            .filter_map(|own| own.ratio.as_ref().map(|ratio| (ratio.name.as_str(), ratio.value, own.std)))
+            .filter_map(|own| own.product.as_ref().map(|ratio| (ratio.name.as_str(), ratio.value, own.std)))
             .collect();
         let [(inertia, found, std), (friction, other, other_std)] = ratios[..] else { panic!("{hold}: {result}") };
         assert_eq!((inertia, friction), ("J/Kt", "b/Kt"), "{hold}");
@@ -119,9 +119,9 @@ fn a_row_without_an_input_shows_no_scale() {
     });
     let together = from_logs(&model, parts).expect("identifies");
     assert_eq!(together.rank, 5, "{together}");
-    let found = together.combinations.iter().find(|own| own.ratio.as_ref().is_some_and(|ratio| ratio.name == "J/Kt"));
+    let found = together.combinations.iter().find(|own| own.product.as_ref().is_some_and(|ratio| ratio.name == "J/Kt"));
     let found = found.unwrap_or_else(|| panic!("{together}"));
-    let value = found.ratio.as_ref().map_or(0.0, |ratio| ratio.value);
+    let value = found.product.as_ref().map_or(0.0, |ratio| ratio.value);
     assert!((value - j / kt).abs() < 3.5 * found.std, "{together}");
 }
 

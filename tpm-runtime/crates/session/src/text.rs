@@ -357,7 +357,7 @@ fn combinations(list: &[CombinationReport]) -> String {
     }
     let rows = list.iter().map(|shown| {
         let (name, unit, value) = shown.named(combination);
-        let (prior, truth) = if shown.ratio.is_some() { (None, None) } else { (shown.prior, shown.truth) };
+        let (prior, truth) = if shown.product.is_some() { (None, None) } else { (shown.prior, shown.truth) };
         Row { name, unit, prior, value: Some(value), std: Some(shown.std), truth, remark: String::new() }
     });
     format!("\n{}", estimates("combination", &rows.collect::<Vec<_>>()))

@@ -12,13 +12,14 @@ use crate::likelihood::split::{Solved, Split};
 use crate::likelihood::start::{KNOWN_SHARE, RANK};
 use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
+use crate::scale::Scale;
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use crate::verdict::LARGE_RESIDUAL;
 use serde::Serialize;
 use tpm_controller::model::Model;
 use tpm_numerics::singular::unit_columns;
-use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, gram as products, root_mean_square};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, gram as products, root_mean_square, tolerance};
 
 /// Passes in which noise and components are found in turn; more where a row without an input is linearised anew.
 const PASSES: usize = 3;
@@ -500,10 +501,20 @@ impl Pass<'_> {
             },
         );
         let found_as_scales = self.hidden.len() - self.scale_directions;
-        estimate.scales = (estimate.unobservable.iter().enumerate())
-            .filter(|(index, direction)| *index >= found_as_scales || estimate.is_along(direction))
-            .map(|(index, _)| index)
-            .collect();
+        // Rows without anything known in them are homogeneous in their parameters.
+        let homogeneous = |direction: usize| {
+            let components = estimate.unobservable[direction].iter();
+            Scale {
+                direction,
+                powers: components.map(|part| f64::from(u8::from(part.abs() > tolerance::COMPONENT))).collect(),
+            }
+        };
+        let scale_of = |direction: usize| match direction >= found_as_scales {
+            true => Some(homogeneous(direction)),
+            false => estimate.scale_of(direction),
+        };
+        let scales = (0..estimate.unobservable.len()).filter_map(scale_of).collect();
+        estimate.scales = scales;
         let report = LineReport {
             followed: self.paths.measured.iter().map(|own| own.spectrum.followed).collect(),
             used: self.views.iter().map(|view| view.used).collect(),

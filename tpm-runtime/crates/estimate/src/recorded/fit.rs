@@ -321,6 +321,8 @@ fn fit_beginning(
         felt: &felt,
     };
     let estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
+    let scales = (0..estimate.unobservable.len()).filter_map(|direction| estimate.scale_of(direction)).collect();
+    let estimate = Estimate { scales, ..estimate };
     let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
     let own_noise: Vec<f64> = signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect();
     Ok(RecordedFit {
