@@ -53,7 +53,9 @@ impl Estimate {
             let product = self.scales.iter().find(scaled).and_then(|scale| {
                 let by = directions.iter().map(|(own, _)| *own).find(|own| scale.powers[*own] != 0.0)?;
                 let power = scale.powers[lead] / scale.powers[by];
-                Some(Product { by, power, value: self.values[lead] * self.values[by].powf(-power) })
+                let value = self.values[lead] * self.values[by].powf(-power);
+                // A negative number has no root.
+                value.is_finite().then_some(Product { by, power, value })
             });
             let gauge = product.map_or(1.0, |own| self.values[own.by].abs().powf(-own.power));
             let weights = weights.as_slice().to_vec();

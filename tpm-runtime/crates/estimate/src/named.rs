@@ -148,6 +148,7 @@ impl EstimateReport {
     }
 }
 
+/// A product in the words of a model.
 fn product_report(model: &dyn Model<f64>, lead: usize, product: Product) -> ProductReport {
     let (of, by) = (model.parameter(lead), model.parameter(product.by));
     let written = |of: &str, by: &str| {

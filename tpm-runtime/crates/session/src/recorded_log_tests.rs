@@ -1,6 +1,8 @@
 //! Logs that are simulated between their stamps: states that nobody measured, also where stamps are uneven or fields blank.
 
-use crate::{DeclaredModel, Identification, LogRequest, RecordedReport, Warning, Way, from_log, inspect_for, validate};
+use crate::{
+    DeclaredModel, Identification, LogRequest, RecordedReport, Warning, Way, from_log, from_logs, inspect_for, validate,
+};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -124,6 +126,29 @@ fn a_mode_that_is_much_faster_than_the_motion_is_told() {
     let made = run(&model, &truth, &[0.0; 6], even(6000, 0.001), steps);
     let result = from_log(&model, made.log(&[("x1", 0, 1e-4)], Some("u"), 1)).expect("identified");
     assert_right(&result, &truth, 0.01);
+}
+
+#[test]
+fn the_size_of_a_state_that_nobody_measured_is_told_by_no_number_of_logs() {
+    let model = PROPELLER
+        .replace("l [m], tau [s];", "l [m], a [s], b [1];")
+        .replace("tau*dot(thrust) + thrust = u;", "a*dot(thrust) + b*thrust = u;");
+    let model = DeclaredModel::parse("propeller.tpm", &model).expect("a model");
+    let truth = [0.03, 0.02, 0.2, 0.15, 1.0];
+    let logs = [(0.0, 2), (50.0, 3)].map(|(shift, seed)| {
+        let made = run(&model, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], even(1200, 0.01), |t| steps(t + shift));
+        made.log(&[("phi", 0, 2e-3)], Some("u"), seed)
+    });
+    let result = from_logs(&model, logs).expect("identified");
+    assert_eq!(result.rank, 4, "{result}");
+    let products: Vec<(f64, f64)> = (result.combinations.iter())
+        .filter_map(|own| own.product.as_ref().map(|product| (product.value, own.std)))
+        .collect();
+    // l/b and a/b.
+    assert_eq!(products.len(), 2, "{result}");
+    for ((found, std), truth) in products.into_iter().zip([0.2, 0.15]) {
+        assert!((found - truth).abs() < 3.5 * std && std < 0.01 * truth, "{result}");
+    }
 }
 
 /// A motor, of which only derivatives of the angle stand in the equation.

@@ -500,21 +500,13 @@ impl Pass<'_> {
                 felt: &felt,
             },
         );
-        let found_as_scales = self.hidden.len() - self.scale_directions;
-        // Rows without anything known in them are homogeneous in their parameters.
+        // Rows without anything known in them hold for every multiple of their parameters.
         let homogeneous = |direction: usize| {
-            let components = estimate.unobservable[direction].iter();
-            Scale {
-                direction,
-                powers: components.map(|part| f64::from(u8::from(part.abs() > tolerance::COMPONENT))).collect(),
-            }
+            let takes_part = |part: &f64| f64::from(u8::from(part.abs() > tolerance::COMPONENT));
+            Scale { direction, powers: estimate.unobservable[direction].iter().map(takes_part).collect() }
         };
-        let scale_of = |direction: usize| match direction >= found_as_scales {
-            true => Some(homogeneous(direction)),
-            false => estimate.scale_of(direction),
-        };
-        let scales = (0..estimate.unobservable.len()).filter_map(scale_of).collect();
-        estimate.scales = scales;
+        let first = self.hidden.len() - self.scale_directions;
+        estimate.scales = (first..self.hidden.len()).map(homogeneous).collect();
         let report = LineReport {
             followed: self.paths.measured.iter().map(|own| own.spectrum.followed).collect(),
             used: self.views.iter().map(|view| view.used).collect(),

@@ -8,6 +8,7 @@ use crate::recorded::signals::{Block, Reading, SignalsAsRecorded};
 use crate::recorded::starts::{Pace, Scales, Unmeasured, first_state, start};
 use crate::recorded::steps::{Course, Point, Settled, beside_others, beside_states};
 use crate::result::{Estimate, LeastSquares};
+use crate::scale::Scale;
 use crate::sensor::Sensor;
 use crate::settings::Settings;
 use crate::verdict::{LARGE_RESIDUAL, ResidualOf};
@@ -53,6 +54,9 @@ const SHORTER: usize = 8;
 /// A motion that is not explained is tried once more at the pace with which it turns back where that is so many times faster than the
 /// pace of its crossings.
 const LEAST_FASTER: f64 = 2.0;
+/// Factor by which a scale is moved to see whether it is one, and the largest change of the sum of squares, as a share of it, that says so.
+const SCALED: f64 = 2.0;
+const UNMOVED: f64 = 1e-4;
 /// A direction of the parameters is not shown where it moves the readings by less than this share of what the others do.
 const UNSHOWN: f64 = 1e-5;
 
@@ -321,7 +325,17 @@ fn fit_beginning(
         felt: &felt,
     };
     let estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
-    let scales = (0..estimate.unobservable.len()).filter_map(|direction| estimate.scale_of(direction)).collect();
+    // Along a scale the motion stays as it is where the states of what is not measured go with it.
+    let is_scale = |scale: &Scale| {
+        let mut point = settled.point.clone();
+        for (value, power) in point.theta.iter_mut().zip(&scale.powers) {
+            *value *= SCALED.powf(*power);
+        }
+        let moved = work.held(&blocks, &typical).settle(point, &noise, MOST_STEPS);
+        moved.is_some_and(|moved| (moved.cost - settled.cost).abs() <= UNMOVED * settled.cost)
+    };
+    let scales = (0..estimate.unobservable.len()).filter_map(|direction| estimate.scale_of(direction));
+    let scales = scales.filter(is_scale).collect();
     let estimate = Estimate { scales, ..estimate };
     let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
     let own_noise: Vec<f64> = signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect();
@@ -410,6 +424,11 @@ impl<'a, 'f> Work<'a, 'f> {
 
     pub(super) fn course<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
         Course { flow: &self.flow, blocks, free: &self.unknowns, typical, bounds: &self.bounds }
+    }
+
+    /// A course on which the states alone move.
+    fn held<'w>(&'w self, blocks: &'w [Block], typical: &'w [f64]) -> Course<'w, 'f> {
+        Course { free: &[], ..self.course(blocks, typical) }
     }
 
     /// By how much the stamps of every sensor are late, with the deviation, by the derivatives `beside` what initial states take.
@@ -564,8 +583,7 @@ impl<'a, 'f> Work<'a, 'f> {
     /// The states of blocks with given parameters, and then all together.
     fn settled(&self, blocks: &[Block], typical: &[f64], theta: &[f64], noise: &[f64]) -> Option<Settled> {
         let states = blocks.iter().map(|block| first_state(&self.flow, &self.scales, block)).collect();
-        let held = Course { free: &[], ..self.course(blocks, typical) };
-        let from = held.settle(Point { theta: theta.to_vec(), states }, noise, STEPS_TRIED)?;
+        let from = self.held(blocks, typical).settle(Point { theta: theta.to_vec(), states }, noise, STEPS_TRIED)?;
         self.course(blocks, typical).settle(from.point, noise, MOST_STEPS)
     }
 
