@@ -2,7 +2,7 @@
 
 use crate::block::{Block, Cell};
 use crate::marks::Interval;
-use tpm_estimate::{CombinationReport, ParameterReport};
+use tpm_estimate::{CombinationReport, ParameterReport, WrittenCombination};
 use tpm_numerics::tail::NORMAL_95;
 use tpm_report::{beside, cells, combination, number, or_dash};
 
@@ -37,8 +37,7 @@ impl<'a> From<&'a ParameterReport> for Estimated<'a> {
 
 impl<'a> From<&'a CombinationReport> for Estimated<'a> {
     fn from(own: &'a CombinationReport) -> Self {
-        let (name, unit, value) = own.named(combination);
-        let (prior, truth) = if own.product.is_some() { (None, None) } else { (own.prior, own.truth) };
+        let WrittenCombination { name, unit, prior, value, truth } = own.written(combination);
         Estimated { name, unit, prior, value: Some(value), std: Some(own.std), truth, remark: String::new() }
     }
 }

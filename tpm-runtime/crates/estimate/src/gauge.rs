@@ -9,6 +9,7 @@
 use crate::result::Estimate;
 use crate::scale::Scale;
 use crate::verdict::Status;
+use tpm_numerics::singular::largest_one;
 use tpm_numerics::{DMatrix, Matrix, tolerance};
 
 /// Largest distance of a power from a whole number, as a share of it.
@@ -56,11 +57,10 @@ impl Estimate {
     fn in_gauge(mut self, scale: &Scale, own: usize) -> Self {
         let p = self.values.len();
         let size = self.values[own];
+        scale.multiply(&mut self.values, size.recip());
         let mut map = DMatrix::identity(p, p);
         for j in scale.members() {
-            let factor = size.powf(-scale.powers[j]);
-            self.values[j] *= factor;
-            map[(j, j)] = factor;
+            map[(j, j)] = size.powf(-scale.powers[j]);
             map[(j, own)] -= scale.powers[j] * self.values[j] / size;
         }
         self.values[own] = 1.0;
@@ -72,9 +72,8 @@ impl Estimate {
     /// The estimate whose direction of a scale is that of its values, the largest component being one.
     pub(super) fn along(mut self, scale: &Scale) -> Self {
         let along: Vec<f64> = scale.powers.iter().zip(&self.values).map(|(power, value)| power * value).collect();
-        let largest = along.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs()));
-        if let Some(largest) = largest.filter(|largest| largest.abs() > 0.0) {
-            self.unobservable[scale.direction] = along.into_iter().map(|component| component / largest).collect();
+        if along.iter().any(|component| *component != 0.0) {
+            self.unobservable[scale.direction] = largest_one(&along);
         }
         self
     }
@@ -113,16 +112,15 @@ mod tests {
     use crate::result::Estimate;
     use crate::settings::Settings;
     use crate::verdict::Status;
+    use tpm_numerics::singular::largest_one;
 
     /// What a record says of (a, b, c) = (2, 0.5, 4) but for a factor s, s^-1, s of these, with errors of a/c and b c: in the gauge c = `size`.
     fn record(errors: [f64; 2], size: f64) -> Estimate {
         let values = [(0.5 + errors[0]) * size, (2.0 + errors[1]) / size, size];
         let (a, b) = (0.001 * size, 0.001 / size);
         let covariance = [vec![a * a, 0.0, 0.0], vec![0.0, b * b, 0.0], vec![0.0, 0.0, 0.0]];
-        let along = [values[0], -values[1], values[2]];
-        let largest =
-            along.iter().copied().fold(0.0, |largest: f64, x| if x.abs() > largest.abs() { x } else { largest });
-        let mut found = estimate(&values, &covariance, vec![along.iter().map(|x| x / largest).collect()]);
+        let along = largest_one(&[values[0], -values[1], values[2]]);
+        let mut found = estimate(&values, &covariance, vec![along]);
         found.status = vec![Status::Unobservable; 3];
         found.scales = vec![found.scale_of(0).expect("a scale")];
         found

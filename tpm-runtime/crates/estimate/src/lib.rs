@@ -70,7 +70,7 @@ pub use measured_motion::{
     refine_last,
 };
 pub use method::Method;
-pub use named::{CombinationReport, ParameterReport, ProductReport};
+pub use named::{CombinationReport, ParameterReport, ProductReport, WrittenCombination};
 pub use output_error::beside_counts;
 pub use output_error::reach_in;
 pub use output_error::{

@@ -69,12 +69,38 @@ pub struct ProductReport {
     pub value: f64,
 }
 
+/// A combination as a table has it.
+pub struct WrittenCombination<'a> {
+    /// The sum, or the product.
+    pub name: String,
+    /// Its unit.
+    pub unit: Option<&'a str>,
+    /// Its value before the identification, of a sum.
+    pub prior: Option<f64>,
+    /// Its identified value.
+    pub value: f64,
+    /// Its value in the simulated machine, of a sum.
+    pub truth: Option<f64>,
+}
+
 impl CombinationReport {
-    /// The combination as a table has it: name, unit and value. What is shown as a product is named as one, sums are `spelled`.
-    pub fn named(&self, spelled: impl FnOnce(&BTreeMap<String, String>) -> String) -> (String, Option<&str>, f64) {
+    /// The combination as a table has it; a sum is `spelled`.
+    pub fn written(&self, spelled: impl FnOnce(&BTreeMap<String, String>) -> String) -> WrittenCombination<'_> {
         match &self.product {
-            Some(product) => (product.name.clone(), product.unit.as_deref(), product.value),
-            None => (spelled(&self.terms), self.unit.as_deref(), self.value),
+            Some(ProductReport { name, unit, value }) => WrittenCombination {
+                name: name.clone(),
+                unit: unit.as_deref(),
+                prior: None,
+                value: *value,
+                truth: None,
+            },
+            None => WrittenCombination {
+                name: spelled(&self.terms),
+                unit: self.unit.as_deref(),
+                prior: self.prior,
+                value: self.value,
+                truth: self.truth,
+            },
         }
     }
 }

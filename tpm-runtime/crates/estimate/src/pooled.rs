@@ -67,9 +67,9 @@ fn equations(estimate: &Estimate, free: &[usize], scale: &[f64]) -> DMatrix<f64>
 /// [`EstimateError::Frozen`] and [`EstimateError::AllFrozen`] when parameters are held that do not exist, or all;
 /// [`EstimateError::NoSignal`] without an estimate.
 pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, EstimateError> {
-    let first = estimates.iter().max_by_key(|estimate| estimate.scales.len()).ok_or(EstimateError::NoSignal)?;
-    let own = |scale: &Scale| Some((scale.own(&first.values)?, scale.clone()));
-    let scales: Vec<(usize, Scale)> = first.scales.iter().filter_map(own).collect();
+    let most = estimates.iter().max_by_key(|estimate| estimate.scales.len()).ok_or(EstimateError::NoSignal)?;
+    let own = |scale: &Scale| Some((scale.own(&most.values)?, scale.clone()));
+    let scales: Vec<(usize, Scale)> = most.scales.iter().filter_map(own).collect();
     if scales.is_empty() {
         return pool_shown(estimates, settings, &[]);
     }

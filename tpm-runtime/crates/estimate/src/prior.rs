@@ -25,9 +25,7 @@ impl Estimate {
             let Some((own, factor)) = scale.members().find_map(stated).filter(|(_, factor)| *factor > 0.0) else {
                 continue;
             };
-            for j in scale.members() {
-                scaled.values[j] *= factor.powf(scale.powers[j] / scale.powers[own]);
-            }
+            scale.multiply(&mut scaled.values, factor.powf(scale.powers[own].recip()));
             scaled = scaled.along(scale);
         }
         scaled

@@ -11,7 +11,7 @@ use tpm_numerics::{DMatrix, Matrix, root_mean_square};
 pub struct Estimate {
     /// Value of every parameter, in the model's units. Along what the data do not show these are those of the prior, or zero where
     /// none was stated: combinations that the data show hold, but an unobservable parameter's value is no result
-    /// ([`with_prior`](Self::with_prior) gives what was stated).
+    /// ([`with_prior`](Self::with_prior) gives what was stated). Along a scale they are in a gauge of no meaning.
     pub values: Vec<f64>,
     /// Standard deviation of every parameter; infinite where unobservable, zero where frozen.
     pub std: Vec<f64>,

@@ -135,20 +135,16 @@ pub fn from_logs<R: Into<LogRequest>>(
     logs: impl IntoIterator<Item = R>,
 ) -> Result<Identification, SessionError> {
     let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
-    with_rates_alone(model, &requests, &|declared| match declared {
-        Some(declared) => of_requests(declared, &requests),
-        None => of_requests(model, &requests),
-    })
+    with_rates_alone(model, &requests, &|model| of_requests(model, &requests))
 }
 
-/// What `work` makes of a model and logs; where a log has the rates of coordinates and not their positions, what it makes of the model for
-/// such sensors, which it is then given.
+/// What `work` makes of a model; where a log has the rates of coordinates and not their positions, what it makes of the model for such sensors.
 pub(super) fn with_rates_alone<T>(
-    model: &impl Identifiable,
+    model: &dyn Identifiable,
     requests: &[LogRequest],
-    work: &dyn Fn(Option<&DeclaredModel>) -> Result<T, SessionError>,
+    work: &dyn Fn(&dyn Identifiable) -> Result<T, SessionError>,
 ) -> Result<T, SessionError> {
-    let fault = match work(None) {
+    let fault = match work(model) {
         Err(fault @ SessionError::Log(LogFault::Reading(LogError::MissingColumn { .. }))) => fault,
         result => return result,
     };
@@ -166,11 +162,11 @@ pub(super) fn with_rates_alone<T>(
         return Err(fault);
     }
     let names: Vec<String> = names.into_iter().collect();
-    work(Some(&declared.with_rates_measured(&names).map_err(MachineError::from)?))
+    work(&declared.with_rates_measured(&names).map_err(MachineError::from)?)
 }
 
 /// [`from_logs`] of logs that have all signals of the model.
-fn of_requests(model: &impl Identifiable, requests: &[LogRequest]) -> Result<Identification, SessionError> {
+fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Identification, SessionError> {
     let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
     if requests.len() > 1 && requests.iter().any(|request| !request.estimation.calibration.is_empty()) {
         return Err(SessionError::CalibrationOfLogs);

@@ -21,7 +21,7 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     /// The rows of a model; `declared` is its declaration.
-    pub(super) fn new(model: &'a impl Identifiable, declared: Option<&DeclaredModel>) -> Self {
+    pub(super) fn new(model: &'a dyn Identifiable, declared: Option<&DeclaredModel>) -> Self {
         let separable = declared.and_then(DeclaredModel::separable);
         let derivatives = declared.map(|declared| match &separable {
             Some(_) => declared.separable_derivatives(),

@@ -4,7 +4,7 @@ use crate::identification::{Identification, Source};
 use crate::log_report::{LogReport, PeriodicReport, PoolReport, SensorReport, Way};
 use crate::refinement_report::RateReport;
 use std::fmt::{self, Write as _};
-use tpm_estimate::{CombinationReport, ParameterReport, Status};
+use tpm_estimate::{CombinationReport, ParameterReport, Status, WrittenCombination};
 use tpm_log::Assumption;
 use tpm_plant::stability::LoopStability;
 use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash, plus_minus};
@@ -356,8 +356,7 @@ fn combinations(list: &[CombinationReport]) -> String {
         return String::new();
     }
     let rows = list.iter().map(|shown| {
-        let (name, unit, value) = shown.named(combination);
-        let (prior, truth) = if shown.product.is_some() { (None, None) } else { (shown.prior, shown.truth) };
+        let WrittenCombination { name, unit, prior, value, truth } = shown.written(combination);
         Row { name, unit, prior, value: Some(value), std: Some(shown.std), truth, remark: String::new() }
     });
     format!("\n{}", estimates("combination", &rows.collect::<Vec<_>>()))

@@ -247,15 +247,12 @@ fn predicted(
     known: Identified,
     extent: Extent,
 ) -> Result<Validation, SessionError> {
-    with_rates_alone(model, std::slice::from_ref(&request), &|declared| match declared {
-        Some(declared) => of_request(declared, &request, &known, extent),
-        None => of_request(model, &request, &known, extent),
-    })
+    with_rates_alone(model, std::slice::from_ref(&request), &|model| of_request(model, &request, &known, extent))
 }
 
 /// [`predicted`] of a log that has all signals of the model.
 fn of_request(
-    model: &impl Identifiable,
+    model: &dyn Identifiable,
     request: &LogRequest,
     known: &Identified,
     extent: Extent,

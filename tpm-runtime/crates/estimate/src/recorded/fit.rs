@@ -324,19 +324,16 @@ fn fit_beginning(
         row_residuals: &shares,
         felt: &felt,
     };
-    let estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
+    let mut estimate = Estimate { residual_of: ResidualOf::Motion, ..Estimate::of_rows(&free, found) };
     // Along a scale the motion stays as it is where the states of what is not measured go with it.
     let is_scale = |scale: &Scale| {
         let mut point = settled.point.clone();
-        for (value, power) in point.theta.iter_mut().zip(&scale.powers) {
-            *value *= SCALED.powf(*power);
-        }
+        scale.multiply(&mut point.theta, SCALED);
         let moved = work.held(&blocks, &typical).settle(point, &noise, MOST_STEPS);
         moved.is_some_and(|moved| (moved.cost - settled.cost).abs() <= UNMOVED * settled.cost)
     };
     let scales = (0..estimate.unobservable.len()).filter_map(|direction| estimate.scale_of(direction));
-    let scales = scales.filter(is_scale).collect();
-    let estimate = Estimate { scales, ..estimate };
+    estimate.scales = scales.filter(is_scale).collect();
     let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
     let own_noise: Vec<f64> = signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect();
     Ok(RecordedFit {

@@ -56,14 +56,11 @@ pub fn inspect(log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
 /// [`SessionError`] when the log cannot be read, the model carries a text that is no model, or a setting does not fit.
 pub fn inspect_for(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
     let request = log.into();
-    with_rates_alone(model, std::slice::from_ref(&request), &|declared| match declared {
-        Some(declared) => of_request(declared, &request),
-        None => of_request(model, &request),
-    })
+    with_rates_alone(model, std::slice::from_ref(&request), &|model| of_request(model, &request))
 }
 
 /// [`inspect_for`] of a log that has all signals of the model.
-fn of_request(model: &impl Identifiable, request: &LogRequest) -> Result<Inspection, SessionError> {
+fn of_request(model: &dyn Identifiable, request: &LogRequest) -> Result<Inspection, SessionError> {
     let declared = model.declaration()?;
     let rows = Rows::new(model, declared.as_deref());
     let evaluated = rows.model();

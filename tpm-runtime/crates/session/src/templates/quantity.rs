@@ -115,10 +115,9 @@ impl Quantity {
             ("N*m", Self::Torque),
             ("V", Self::Voltage),
             ("A", Self::Current),
-            ("m/s", Self::Rate),
-            ("1/s", Self::Rate),
         ];
-        known.iter().find(|(other, _)| like(other)).map_or(Self::Other, |(_, quantity)| *quantity)
+        let known = known.iter().find(|(other, _)| like(other)).map(|(_, quantity)| *quantity);
+        known.or_else(|| Self::of_rate(text).map(|_| Self::Rate)).unwrap_or(Self::Other)
     }
 
     /// Of which quantity a column in a unit is the rate; nothing where it is that of none.
