@@ -1,4 +1,7 @@
-//! Holds the integration tests of the workspace; has no code of its own but the Rust examples of the READMEs and of the book.
+//! Holds the integration tests of the workspace, the list of the generated sources that they compile, and the Rust examples of the READMEs
+//! and of the book.
+
+pub mod goldens;
 
 #[cfg(doctest)]
 mod readme {

@@ -1,15 +1,11 @@
 //! Generated low passes with the generated split feed-forward, in Rust and C, beside the runtime's filter.
 
-// As `tpm generate models/cart_pendulum.tpm --lang rust --filter 100:1 --independent-filter 2000:0.8 --sample-time 1e-3`
-// wrote it into tests/generated/filtered.
-#[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of it")]
-#[path = "../../generated/filtered/cart_pendulum.rs"]
-mod generated;
-
+use crate::generated::filtered::cart_pendulum::filtered::{Common, Split};
+use crate::generated::filtered::cart_pendulum::support::Real;
+use crate::generated::filtered::cart_pendulum::{
+    Inputs, Motion, Parameters, Pattern, feed_forward_dependent, feed_forward_independent,
+};
 use crate::support::root;
-use generated::filtered::{Common, Split};
-use generated::support::Real;
-use generated::{Inputs, Motion, Parameters, Pattern, feed_forward_dependent, feed_forward_independent};
 use std::process::Command;
 use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::generate::{Filters, Language, LowPass, Options, Scalar, generate};
@@ -37,16 +33,6 @@ fn estimator() -> EstimatorSource {
     );
     let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
-}
-
-#[test]
-fn the_committed_file_is_what_is_generated() {
-    let filters = filters();
-    let options = Options { filters: Some(&filters), ..Options::new(Language::Rust, COMMAND) };
-    let files = generate(&estimator(), &options).expect("a model with parts");
-    let committed =
-        std::fs::read_to_string(root().join("tests/generated/filtered/cart_pendulum.rs")).expect("committed");
-    assert!(files[0].text == committed, "{COMMAND} -o tests/generated/filtered");
 }
 
 /// Common and split feed-forward of Feng, section 6.3, with the runtime's filters around the generated parts.

@@ -1,15 +1,11 @@
 //! `tanh`, `exp` and `log` in generated code, in both languages and precisions, beside the formula written down by hand; and friction
 //! with `tanh` identified on a simulated machine.
 
-// As `tpm generate functions.tpm --lang rust` wrote it into tests/generated/functions.
-#[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of it")]
-#[path = "../../generated/functions/bearing.rs"]
-mod generated;
-
 mod compiled {
     tpm_runtime::model_file!("fixtures/emit/functions.tpm");
 }
 
+use crate::generated::functions::bearing as generated;
 use crate::support::{root, skipped};
 use std::fmt::Write as _;
 use std::process::Command;
@@ -67,12 +63,6 @@ fn torque(case: [f64; 4]) -> f64 {
 fn close(found: f64, case: [f64; 4], epsilon: f64) -> bool {
     let size: f64 = columns(case).iter().zip(PARAMETERS).map(|(column, parameter)| (column * parameter).abs()).sum();
     (found - torque(case)).abs() <= 16.0 * epsilon * size
-}
-
-#[test]
-fn the_committed_file_is_what_is_generated() {
-    let committed = std::fs::read_to_string(root().join("tests/generated/functions/bearing.rs")).expect("committed");
-    assert!(files(Language::Rust, Scalar::Double)[0].text == committed, "{COMMAND} -o tests/generated/functions");
 }
 
 #[test]

@@ -19,22 +19,10 @@ mod foundation;
 mod frequency;
 mod functions;
 mod fuzz;
-// The files that `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote; tests of `tpm-codegen` compare them with the
-// generator. They compile here on `core` and `libm` alone.
+// The sources of `tests/src/goldens.rs`, as the build script generated them. They compile here on `core` and `libm` alone.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
-#[path = "../../generated"]
 mod generated {
-    pub mod brushless_motor;
-    pub mod cart_pendulum;
-    pub mod closed_loop_arm;
-    pub mod emps;
-    pub mod mass_spring_drag;
-    pub mod rotary_pendulum;
-    pub mod rotary_pendulum_down;
-    pub mod rotary_pendulum_dry;
-    pub mod silverbox;
-    pub mod three_carts;
-    pub mod two_carts;
+    include!(concat!(env!("OUT_DIR"), "/generated.rs"));
 }
 mod delays;
 mod imported_motion;

@@ -1,34 +1,9 @@
 //! Generated strokes in Rust beside those of the runtime.
 
-// As `tpm generate models/mass_spring_drag.tpm --lang rust --strokes` wrote it into tests/generated/strokes.
-#[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of it")]
-#[path = "../../generated/strokes/mass_spring_drag.rs"]
-mod generated;
-
-use crate::support::root;
-use generated::Pattern;
+use crate::generated::strokes::mass_spring_drag::Pattern;
 use std::f64::consts::PI;
-use tpm_codegen::emit::estimator::EstimatorSource;
-use tpm_codegen::generate::{Language, Options, generate};
-use tpm_codegen::{Source, parse_model};
 use tpm_runtime::motion::stroke::{Stroke, repeated};
 use tpm_runtime::motion::trajectory::{HarmonicSeries, Line, Trajectory};
-
-const COMMAND: &str = "tpm generate mass_spring_drag.tpm --lang rust --strokes";
-
-#[test]
-fn the_committed_file_is_what_is_generated() {
-    let name = "mass_spring_drag.tpm";
-    let text = std::fs::read(root().join("models").join(name)).expect("shipped");
-    let source = Source::from_bytes(name, text);
-    let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
-    let estimator = EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message));
-    let files =
-        generate(&estimator, &Options { strokes: true, ..Options::new(Language::Rust, COMMAND) }).expect("emits");
-    let committed =
-        std::fs::read_to_string(root().join("tests/generated/strokes/mass_spring_drag.rs")).expect("committed");
-    assert!(files[0].text == committed, "{COMMAND} -o tests/generated/strokes");
-}
 
 #[test]
 fn generated_strokes_with_rests_are_the_reference_of_a_campaign() {

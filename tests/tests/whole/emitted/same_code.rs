@@ -1,8 +1,11 @@
 //! The macro, `tpm generate` and a build script make code that computes alike.
 
 use super::{dyadic, runner};
+use crate::support::root;
 use proptest::prelude::*;
+use std::path::Path;
 use tpm_models as models;
+use tpm_tests::goldens;
 
 /// The file that `tpm generate` writes computes what the macro's code computes, bit by bit.
 #[test]
@@ -45,4 +48,13 @@ fn a_build_script_makes_the_same_module() {
     assert_eq!(ours.estimator_matrix(), theirs.estimator_matrix());
     assert_eq!(ours.reference(0.4).into_array(), theirs.reference(0.4).into_array());
     assert_eq!(built::MODEL_HASH, code::MODEL_HASH);
+}
+
+/// The sources that these tests compile and run are those that are kept, though the build script generated them in another profile.
+#[test]
+fn compiled_sources_are_those_that_are_kept() {
+    let compiled =
+        goldens::read(Path::new(concat!(env!("OUT_DIR"), "/generated"))).expect("the build script wrote them");
+    let stale = goldens::Kept::read(&root()).expect("texts and hashes").stale(&compiled);
+    assert!(stale.is_empty(), "{stale:?}");
 }
