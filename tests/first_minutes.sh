@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# A new user's path with a program that is built already, step by step with its time: init, edit, simulate, identify, report, a log, C.
+# A new user's path with a program that is built already, step by step with its time: the README's first command, then init, edit,
+# simulate, identify, report, a log, C.
 #
 #   tests/first_minutes.sh TPM      TPM is the program
 set -euo pipefail
 tpm=$(realpath "$1")
+models=$(realpath "$(dirname "$0")/../models")
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
@@ -16,6 +18,7 @@ step() {
   printf '%6.2f s  %s\n' "$(awk -v a="$begin" -v b="$end" 'BEGIN { print b - a }')" "$1"
 }
 
+step "identify the README's machine" "$tpm" identify "$models/mass_spring_drag.tpm"
 step "init" "$tpm" init my_cart
 step "edit: a dry friction" sed -i 's/+ k\*x = u/+ k*x + f*sign(dot(x)) = u/; s/k \[N\/m\];/k [N\/m], f [N];/' my_cart.tpm
 sed -i 's/k = 40.0 }/k = 40.0, f = 1.5 }/; s/^k = 0.0/k = 0.0\nf = 0.0/' my_cart.toml

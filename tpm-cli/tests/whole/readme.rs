@@ -27,6 +27,10 @@ struct Block {
 /// Pages of the book with commands that others execute: `tpm-python/check.sh`, `.ci/release`.
 const ELSEWHERE: [&str; 2] = ["docs/python.md", "docs/page.md"];
 
+/// The README's commands for the main job and for the tests.
+const MAIN_JOB: &str = "cargo run --release -- identify models/mass_spring_drag.tpm";
+const TESTS: &str = "cargo test --workspace";
+
 /// The page of the book with the robot description that the README's commands read.
 const ARM: &str = "docs/arm.md";
 
@@ -183,8 +187,8 @@ fn execute(blocks: &[Block], at: &Path) -> (usize, usize) {
         let mut printed = String::new();
         let mut complete = true;
         for line in block.text.lines().filter(|line| !line.trim().is_empty()) {
-            // The program that is tested is built already, by the build of this test.
-            if line == "cargo install --path tpm-cli" {
+            // The program that is tested is built already, by the command that runs this test.
+            if ["cargo install --path tpm-cli", TESTS].contains(&line) {
                 continue;
             }
             let (command, code) = line.split_once("  # ends with ").unwrap_or((line, "0"));
@@ -239,6 +243,20 @@ fn commands_print_what_the_readme_says() {
     let (commands, not_run) = execute(&readmes(), folder.path());
     assert!(commands > 0, "the README has commands");
     note(not_run);
+}
+
+/// Whoever opens the README is told how to do the main job and how to test it before anything else, and how long both take.
+#[test]
+fn the_readme_begins_with_the_main_job_and_the_tests() {
+    let blocks = blocks_of("README.md");
+    let first = blocks.iter().filter(|block| block.language == "sh").map(|block| block.text.trim()).take(2);
+    assert_eq!(first.collect::<Vec<_>>(), [MAIN_JOB, TESTS]);
+    let readme = read("README.md");
+    let before = |command: &str| readme.split_once(&format!("```sh\n{command}\n```")).expect("a block of its own").0;
+    for command in [MAIN_JOB, TESTS] {
+        let said = before(command).trim_end().rsplit("\n\n").next().expect("a paragraph");
+        assert!(said.contains("minutes"), "`{command}` is said to take no time: {said}");
+    }
 }
 
 #[test]
