@@ -220,9 +220,11 @@ pub fn difference(root: &Path, scratch: &Path, goldens: &[Golden], names: &BTree
         let mut lines = Vec::new();
         for name in names {
             let sides = [&old, &new].map(|side| Some(side.join(name)).filter(|path| path.is_file()));
-            let [old, new] = sides.map(|side| side.unwrap_or_else(|| "/dev/null".into()));
+            // Shown below the folder of both, as far as they lie there.
+            let below = |path: PathBuf| path.strip_prefix(scratch).map_or(path.clone(), Path::to_owned);
+            let [old, new] = sides.map(|side| side.map_or_else(|| "/dev/null".into(), below));
             let arguments = ["--no-pager", "diff", "--no-index", "--no-color", "--no-ext-diff", "--"];
-            let output = Command::new("git").args(arguments).args([old, new]).output()?;
+            let output = Command::new("git").current_dir(scratch).args(arguments).args([old, new]).output()?;
             lines.extend(String::from_utf8_lossy(&output.stdout).lines().map(str::to_owned));
         }
         match lines.len() {
@@ -279,7 +281,8 @@ fn texts_of_last_commit(root: &Path, scratch: &Path) -> io::Result<PathBuf> {
 }
 
 fn succeeded(command: &mut Command) -> io::Result<Output> {
-    let output = command.output()?;
+    let program = command.get_program().to_string_lossy().into_owned();
+    let output = command.output().map_err(|error| io::Error::new(error.kind(), format!("{program}: {error}")))?;
     if output.status.success() {
         return Ok(output);
     }
