@@ -34,7 +34,7 @@ impl fmt::Display for Severity {
 pub struct Label {
     /// Where.
     pub span: Span,
-    /// What is there.
+    /// What the place holds, in words.
     pub text: String,
 }
 

@@ -38,7 +38,7 @@ impl Identified {
                 let covariance = between(own, &factors[j])?;
                 let done: f64 = (0..j).map(|k| row[k] * if j == i { row[k] } else { root[j][k] }).sum();
                 row[j] = match j == i {
-                    // What is below zero by rounding is a sum of others.
+                    // A factor that is a combination of earlier ones has no variance left, and rounding may make it negative.
                     true => (covariance - done).max(0.0).sqrt(),
                     false if root[j][j] > 1e-7 * between(&factors[j], &factors[j])?.sqrt() => {
                         (covariance - done) / root[j][j]

@@ -44,7 +44,7 @@ pub(crate) struct Submission {
     /// The run.
     #[pyo3(get)]
     run: Py<PyDict>,
-    /// What all runs say so far, or why they say nothing, which takes nothing back.
+    /// The identification from all runs so far, or why there is none; the run stays submitted in both cases.
     result: PyResult<Py<Identification>>,
 }
 

@@ -18,7 +18,7 @@ pub(crate) fn json(value: &impl serde::Serialize) -> PyResult<String> {
     Ok(text)
 }
 
-/// The same as a dictionary.
+/// A serialisable value as a Python dictionary.
 pub(crate) fn dictionary<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<Bound<'py, PyDict>> {
     Ok(py.import("json")?.getattr("loads")?.call1((json(value)?,))?.cast_into()?)
 }

@@ -16,13 +16,13 @@ use std::ptr;
 use std::sync::Arc;
 use tpm_symbolic::budget;
 
-/// What lies between host and module.
+/// The bytes that host and module exchange.
 struct Exchange {
-    /// What the host writes next.
+    /// Room for the bytes that the host writes next.
     room: Vec<u8>,
     /// The logs that were handed over.
     logs: Vec<Bytes>,
-    /// What was said last.
+    /// The last answer.
     said: Vec<u8>,
     /// Why the module ended.
     panic: Option<String>,

@@ -285,7 +285,7 @@ impl<'a> Arranger<'a, '_, '_> {
                 }
             }
         }
-        // What follows a joint that is held is held with it.
+        // A joint that follows a locked one is locked where its factor puts it.
         for joint in self.description.joints.iter().filter(|joint| joint.kind != Kind::Fixed) {
             let Some(follows) = &joint.follows else { continue };
             if let Some((value, _)) = locked.get(&follows.leader).filter(|_| !locked.contains_key(&joint.name)) {
@@ -350,7 +350,7 @@ impl<'a> Arranger<'a, '_, '_> {
         let mut carrying = BTreeSet::new();
         for joint in moving {
             let mut link = Some(joint.parent.as_str());
-            // What lies inward of a link that is known to carry one is known too.
+            // The walk ends at a link that is in the set, since all links between this one and the base are there too.
             while let Some(found) = link.filter(|link| carrying.insert(*link)) {
                 link = self.above.get(found).map(|joint| joint.parent.as_str());
             }

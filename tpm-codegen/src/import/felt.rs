@@ -15,7 +15,7 @@ const TINY: f64 = 1e-12;
 
 type Square = [[f64; 4]; 4];
 
-/// What a joint feels.
+/// Inertia and weight that act on a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Felt {
     /// Force over acceleration while all other joints are free, kg m^2 or kg; the diagonal of the mass matrix where it is singular.

@@ -490,7 +490,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         let unit = if turns { self.compiler.unit } else { 1.0 };
         if start != 0.0 {
             self.starts.insert(name.clone(), start * unit);
-            // At this coordinate the joint stands as the bodies are written.
+            // `ref` is the joint's coordinate in the pose in which the file places the bodies.
             self.begin(&mut origin, direction, -start * unit, turns, span(node));
         }
         if let Some((low, high)) = self.range(node, class, "range", "limited") {

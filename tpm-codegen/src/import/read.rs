@@ -69,7 +69,7 @@ fn described(
             return None;
         }
     };
-    // The text was parsed once, so that it can be.
+    // `with_prefixes` has parsed this text: it is well formed.
     let document = Document::parse(&text).ok()?;
     let root = document.root_element();
     if !prefixes.is_empty() {

@@ -1,6 +1,6 @@
 //! Exact numbers of a description, and the recognition of rounded ones.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use num_traits::{ToPrimitive, Zero};
 use tpm_symbolic::mechanics::tree::rotation::{self, Angle};
@@ -19,6 +19,8 @@ pub(super) const NO_LENGTH: f64 = 1e-12;
 const LARGEST_ANGLE: i64 = 1_000_000;
 /// Rounding of an angle that was computed, rad.
 pub(super) const ROUNDING: f64 = 1e-12;
+/// Most angles that a sentence lists.
+const MOST_ANGLES: usize = 5;
 /// Half a turn, rad.
 const PI: f64 = std::f64::consts::PI;
 
@@ -76,11 +78,13 @@ pub(super) struct Readings<'a> {
     source: &'a Source,
     angles: Angles,
     found: BTreeMap<(String, String), Vec<usize>>,
+    /// Angles that were read as neighbours with a rational cosine and sine: lines by text.
+    neighbours: BTreeMap<String, Vec<usize>>,
 }
 
 impl<'a> Readings<'a> {
     pub(super) fn new(source: &'a Source, angles: Angles) -> Self {
-        Self { source, angles, found: BTreeMap::new() }
+        Self { source, angles, found: BTreeMap::new(), neighbours: BTreeMap::new() }
     }
 
     fn note(&mut self, written: &str, meaning: &str, span: Span) {
@@ -88,14 +92,30 @@ impl<'a> Readings<'a> {
         self.found.entry((written.to_owned(), meaning.to_owned())).or_default().push(line);
     }
 
-    /// One sentence for every text and what it was read as.
+    /// One sentence for every text and what it was read as, and one for all angles whose cosine and sine were made rational: the quotient
+    /// of two numbers of eight digits that stands for such an angle in the model says nothing to a reader.
     pub(super) fn sentences(&self) -> Vec<String> {
         let mut sentences: Vec<(usize, String)> = Vec::new();
         for ((written, meaning), lines) in &self.found {
-            let mut places: Vec<String> = lines.iter().map(ToString::to_string).collect();
-            places.dedup();
-            let places = format!("line{} {}", if places.len() == 1 { "" } else { "s" }, places.join(", "));
-            sentences.push((lines[0], format!("{written} is read as {meaning} ({places})")));
+            sentences.push((lines[0], format!("{written} is read as {meaning} ({})", places(lines))));
+        }
+        let all: Vec<usize> = self.neighbours.values().flatten().copied().collect();
+        if let Some(first) = all.iter().min() {
+            let texts: Vec<&str> = self.neighbours.keys().map(String::as_str).collect();
+            let sentence = match texts[..] {
+                [text] => format!(
+                    "{text} is read as an angle with a rational cosine and sine, which differs from it by rounding"
+                ),
+                _ => {
+                    let (told, rest) = texts.split_at(texts.len().min(MOST_ANGLES));
+                    let more = if rest.is_empty() { String::new() } else { format!(" and {} more", rest.len()) };
+                    let told = told.join(", ");
+                    format!(
+                        "{told}{more} are read as angles with rational cosines and sines, which differ from them by rounding"
+                    )
+                }
+            };
+            sentences.push((*first, format!("{sentence} ({})", places(&all))));
         }
         sentences.sort();
         sentences.into_iter().map(|(_, sentence)| sentence).collect()
@@ -128,7 +148,8 @@ impl<'a> Readings<'a> {
         let turned = (radians / (2.0 * PI)).round();
         let tangent = near::rational(((radians - turned * 2.0 * PI) / 2.0).tan()).unwrap_or_else(Rational::zero);
         let text = format!("2*atan2({}, {})", tangent.numer(), tangent.denom());
-        self.note(written, &text, span);
+        let line = self.source.position(span.start).line;
+        self.neighbours.entry(written.to_owned()).or_default().push(line);
         ExactAngle { angle: Angle::half_tangent(&tangent), text }
     }
 
@@ -167,6 +188,13 @@ impl<'a> Readings<'a> {
         self.note(&format!("the axis {written}"), &format!("the unit vector {text}"), span);
         (unit, text)
     }
+}
+
+/// Lines in words, each once, in ascending order.
+fn places(lines: &[usize]) -> String {
+    let lines: BTreeSet<usize> = lines.iter().copied().collect();
+    let texts: Vec<String> = lines.iter().map(ToString::to_string).collect();
+    format!("line{} {}", if texts.len() == 1 { "" } else { "s" }, texts.join(", "))
 }
 
 /// Quarter turns in the language.

@@ -24,7 +24,7 @@ pub fn with_inertials(
         let fault = Diagnostic::error(Span::default(), format!("this is no XML: {error}"));
         Diagnostics::from_iter([fault.help("give the description that was imported")])
     };
-    // Of the same length, so that places are those of the source.
+    // The mended text is as long as the source, so that a place in one is the same place in the other.
     let (mended, _) = with_prefixes(source.text()).map_err(no_xml)?;
     let document = Document::parse(&mended).map_err(no_xml)?;
     let root = document.root_element();

@@ -114,7 +114,7 @@ fn recursion<R: Ring>(
 /// det(A) and adj(A), so that A adj(A) = det(A) I.
 pub fn adjugate<R: Ring>(ring: &mut R, matrix: &Matrix<R::Element>) -> (R::Element, Matrix<R::Element>) {
     let n = matrix.len();
-    // Of the matrices, which take the memory, the last is asked for.
+    // Only the last matrix of the recursion is kept: all of them would take n times its memory.
     let mut rows = Vec::new();
     let coefficients = recursion(ring, matrix, |power| rows = power);
     // det(-A) = (-1)^n det(A), adj(-A) = (-1)^(n-1) adj(A).

@@ -13,7 +13,7 @@ use std::collections::HashMap;
 pub(super) enum Way {
     /// Arguments of signs are positive.
     Forwards,
-    /// They are negative.
+    /// Arguments of signs are negative.
     Backwards,
     /// The mean of both: at rest.
     Between,

@@ -232,7 +232,7 @@ struct Parts {
     combined: Vec<(ExprId, Node)>,
 }
 
-/// What is known of a node.
+/// Properties of a node, found once.
 #[derive(Clone, Copy)]
 struct Content {
     /// Whether it depends on a coordinate of the expansion.

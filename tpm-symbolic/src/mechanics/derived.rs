@@ -45,14 +45,14 @@ pub fn derive_constants(model: &mut ExactModel) -> Vec<Derived> {
     defined(model, found)
 }
 
-/// What an expression is made of.
+/// The kind of an expression, by the constants and operations in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Content {
     /// One product of powers of constants and numbers.
     Product,
     /// A sum of several such products, or a power of one.
     Polynomial,
-    /// Constants, in any other way.
+    /// Any other expression of constants.
     Constant,
     /// Also parameters, inputs, or coordinates.
     Other,
@@ -62,7 +62,7 @@ struct Derive<'m> {
     model: &'m mut ExactModel,
     /// Contents by node, as far as they are known.
     contents: Vec<Content>,
-    /// What stands for a constant expression.
+    /// The symbol that stands for a constant expression.
     symbols: HashMap<ExprId, ExprId>,
     /// Nodes as they are rewritten.
     known: HashMap<ExprId, ExprId>,

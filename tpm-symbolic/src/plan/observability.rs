@@ -119,7 +119,7 @@ struct Machine<'a> {
     motion: u64,
 }
 
-/// What a random number is drawn for; the same is drawn for the same.
+/// The use of a random number. Equal uses draw equal numbers.
 #[derive(Clone, Copy)]
 enum Purpose {
     Column = 1,

@@ -43,7 +43,7 @@ pub(crate) fn common_factors<F: Field>(
         .collect()
 }
 
-/// What rows span that is orthogonal to a vector.
+/// A basis of the vectors in the span of the rows that are orthogonal to `theta`.
 fn orthogonal<F: Field>(field: &F, mut rows: Vec<Vec<F::Element>>, theta: &[F::Element]) -> Vec<Vec<F::Element>> {
     let along = |row: &Vec<F::Element>| {
         let products = row.iter().zip(theta).map(|(x, y)| field.mul(x, y));

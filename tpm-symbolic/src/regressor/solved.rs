@@ -13,11 +13,11 @@ use thiserror::Error;
 /// A step from the value of a function to its argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
-    /// One over it.
+    /// 1/u of the value u so far.
     Reciprocal,
-    /// This function of it.
+    /// This function of the value so far.
     Function(Function),
-    /// The root of its size with its sign, the inverse of `u*abs(u)`.
+    /// sign(u) sqrt|u| of the value u so far, the inverse of `u*abs(u)`.
     SignedRoot,
     /// Its square.
     Square,

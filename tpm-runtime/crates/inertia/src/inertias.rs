@@ -27,7 +27,7 @@ pub enum Origin {
     Data,
     /// The data narrow it down, and the description decides the rest.
     Both,
-    /// The data say nothing of it.
+    /// The data do not depend on the parameter: the description's value stays.
     Description,
     /// It was held in the identification.
     Held,

@@ -83,7 +83,7 @@ mod tests {
         assert_eq!(without_answers(at_step.clone(), std::slice::from_ref(&input)), [at_step[4]]);
         let few = answers[..3].to_vec();
         assert_eq!(without_answers(few.clone(), std::slice::from_ref(&input)), few);
-        // One run written again and again.
+        // A record that repeats one run: its jumps lie where the run begins again.
         let again: Vec<(usize, f64)> = (1..10).map(|n| (100 * n, 2.0)).collect();
         let saw: Vec<f64> = (0..1_000).map(|k| f64::from(k % 100)).collect();
         assert_eq!(without_answers(again.clone(), &[saw]), again);

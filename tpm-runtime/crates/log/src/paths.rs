@@ -2,7 +2,7 @@
 //!
 //! Invariant: a column is found only where no column has the signal's own name, and only where it is the only one that fits.
 
-/// What is measured of a joint.
+/// A quantity of a joint that a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Measured {
     Position,

@@ -81,7 +81,7 @@ impl<'a> LogSource<'a> {
         path.display().to_string()
     }
 
-    /// What it holds, before it is known what it says.
+    /// The bytes or samples of the source; their format is not known yet.
     fn open(self) -> Result<Opened<'a>, LogError> {
         Ok(match self {
             LogSource::File(path) => Opened::Bytes(Box::new(open_file(path)?)),
@@ -183,7 +183,7 @@ mod tests {
     #[test]
     fn the_bytes_of_a_file_are_read_as_the_file_is() {
         let file = tempfile::NamedTempFile::new().expect("a temporary file");
-        // What a reader leaves unread belongs to the fingerprint.
+        // The fingerprint is that of all bytes, also of those behind the last row, which no reader asks for.
         let text = run().1 + "\n\n";
         std::fs::write(file.path(), &text).expect("writable");
         let held = InMemory::Bytes(Arc::new(text.into_bytes()));

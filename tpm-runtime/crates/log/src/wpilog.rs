@@ -174,7 +174,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<OwnTimes, LogErro
         let what = format!("the WPILOG file has no readings of numbers{found}");
         return Err(fault(what, "log the signals as numbers, or export them as CSV"));
     }
-    // What was written later may have been read earlier.
+    // A file may hold a record before one with an earlier stamp.
     log.columns.iter_mut().for_each(|column| column.readings.sort_by(|a, b| a.0.total_cmp(&b.0)));
     Ok(OwnTimes::new(log.columns, ColumnName { unit: Some("us".into()), ..ColumnName::new("time") }))
 }
