@@ -7,6 +7,5 @@ pub(crate) mod flags;
 pub(crate) mod method;
 pub(crate) mod quoted;
 pub(crate) mod result;
-pub(crate) mod roots;
 pub(crate) mod showing;
 pub(crate) mod templates;

@@ -6,29 +6,20 @@ use crate::input::linear::{operating_point, state_space, tell_friction};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
-use crate::render::roots::{root_text, roots_text};
 use clap::ValueEnum;
-use serde_json::{Value, json};
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::regulator::{RegulatorSource, Signal};
 use tpm_codegen::generate::{self, Scalar, generate_regulator};
 use tpm_runtime::control::Differentiator;
-use tpm_runtime::frequency::Complex;
 use tpm_runtime::numerics::Matrix;
-use tpm_runtime::plant::regulator::{Design, DesignError, Margins, Mode, Rates, RegulatorWeights, Weighted, design};
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::plant::regulator::{Design, DesignError, Rates, RegulatorWeights, Weighted, design};
+use tpm_runtime::study::{AtRest, Regulated, mode_in_words};
 use tpm_symbolic::budget;
 use tpm_symbolic::expr::graph::{ExprId, Node};
 use tpm_symbolic::linear::linearize::linearize;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational::{self, Rational};
-
-/// Smallest share of a combination of coordinates that is shown.
-const SHOWN: f64 = 1e-6;
-/// Magnitude of a pole in sampled time below which it is memory of the last sample, and no motion.
-const AT_ONCE: f64 = 1e-6;
 
 /// A language of the regulator's code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -92,8 +83,8 @@ pub(crate) struct Args {
 /// A model at its point, with numbers.
 struct Machine {
     model: String,
-    coordinates: Vec<Signal>,
-    inputs: Vec<Signal>,
+    coordinates: Vec<AtRest>,
+    inputs: Vec<AtRest>,
     a: Matrix,
     b: Matrix,
 }
@@ -109,11 +100,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(language) = args.lang {
         machine.write_code(args, language, &found)?;
     }
-    let text = if args.json {
-        file::json(&machine.json(args, &weights, &found))?
-    } else {
-        machine.text(args, &weights, &found)
-    };
+    let answer = Regulated::new(
+        &machine.model,
+        (&machine.coordinates, &machine.inputs),
+        (args.sample_time, args.derivative_filter),
+        &weights,
+        &found,
+    );
+    let text = if args.json { file::json(&answer)? } else { answer.to_string() };
     file::emit(args.output.as_deref(), &text)
 }
 
@@ -164,7 +158,7 @@ impl Machine {
             .coordinates
             .iter()
             .enumerate()
-            .map(|(c, coordinate)| Signal {
+            .map(|(c, coordinate)| AtRest {
                 name: coordinate.name.clone(),
                 unit: coordinate.unit.as_ref().map(ToString::to_string),
                 at: at(point.coordinates.iter().find(|(other, _)| other.0 as usize == c).map(|(_, value)| *value)),
@@ -172,7 +166,7 @@ impl Machine {
             .collect();
         let inputs = symbols
             .iter()
-            .map(|symbol| Signal {
+            .map(|symbol| AtRest {
                 name: model.quantity(*symbol).name.to_string(),
                 unit: model.quantity(*symbol).unit.as_ref().map(ToString::to_string),
                 at: at(point.inputs.iter().find(|(other, _)| other == symbol).map(|(_, value)| *value)),
@@ -216,7 +210,7 @@ impl Machine {
                 self.inputs[*input].name
             ),
             DesignError::Unreached { modes } => {
-                let modes: Vec<String> = modes.iter().map(|mode| self.mode(mode)).collect();
+                let modes: Vec<String> = modes.iter().map(|mode| mode_in_words(mode, &self.coordinates)).collect();
                 format!(
                     "{} cannot be held there: no input reaches {}; give the model an input that does, or regulate a model without this motion",
                     self.model,
@@ -227,142 +221,19 @@ impl Machine {
         }
     }
 
-    /// A mode in words.
-    fn mode(&self, mode: &Mode) -> String {
-        let terms: Vec<String> = self
-            .coordinates
-            .iter()
-            .zip(&mode.combination)
-            .filter(|(_, share)| share.abs() > SHOWN)
-            .map(|(signal, share)| format!("{:+.3} {}", share, signal.name))
-            .collect();
-        format!("the mode at {} rad/s, the motion of {}", root_text(mode.pole), terms.join(" "))
-    }
-
-    fn text(&self, args: &Args, weights: &RegulatorWeights, found: &Design) -> String {
-        let at: Vec<String> = self
-            .coordinates
-            .iter()
-            .chain(&self.inputs)
-            .map(|signal| format!("{} = {}", signal.name, number(signal.at)))
-            .collect();
-        let states = self.states();
-        let mut text = format!(
-            "{}: regulator about rest in {}; u = u0 - K (x - x0)\nsample time {} s; {}\n\n",
-            self.model,
-            at.join(", "),
-            number(args.sample_time),
-            match args.derivative_filter {
-                None => "rates are measured".to_owned(),
-                Some(time) => format!("rates are differences of the coordinates, filtered with {} s", number(time)),
-            }
-        );
-        let mut table = TextTable::new(&[
-            ("state", Align::Left),
-            ("weight", Align::Right),
-            ("input", Align::Left),
-            ("gain, continuous", Align::Decimal),
-            ("gain, sampled", Align::Decimal),
-        ]);
-        let (continuous, sampled) = (&found.continuous.gain, found.sampled.gain());
-        for (i, input) in self.inputs.iter().enumerate() {
-            for (s, state) in states.iter().enumerate() {
-                table.row(&[
-                    state.clone(),
-                    number(weights.state[s]),
-                    input.name.clone(),
-                    number(continuous[(i, s)]),
-                    number(sampled[(i, s)]),
-                ]);
-            }
-        }
-        text.push_str(&table.finish());
-        let costs: Vec<String> = self
-            .inputs
-            .iter()
-            .zip(&weights.input)
-            .map(|(signal, weight)| format!("{} {}", signal.name, number(*weight)))
-            .collect();
-        text.push_str(&format!("weight of the inputs: {}\n\n", costs.join(", ")));
-        let counted = found.poles.iter().filter(|z| z.norm() > AT_ONCE);
-        let played: Vec<Complex> = counted.map(|z| equivalent(*z, args.sample_time)).collect();
-        text.push_str(&format!(
-            "poles [rad/s] without feedback: {}\npoles [rad/s] in continuous time: {}\npoles [rad/s] as played, ln(z)/T: {}\n\n",
-            roots_text(&found.open_poles),
-            roots_text(&found.continuous.poles),
-            roots_text(&played)
-        ));
-        let mut table = TextTable::new(&[
-            ("margins at", Align::Left),
-            ("gain from", Align::Right),
-            ("to", Align::Right),
-            ("phase [deg]", Align::Right),
-            ("delay [s]", Align::Right),
-        ]);
-        let or_none = |value: f64| if value.is_finite() { number(value) } else { "any".to_owned() };
-        for (signal, margins) in self.inputs.iter().zip(&found.margins) {
-            table.row(&[
-                signal.name.clone(),
-                number(margins.gain.0),
-                or_none(margins.gain.1),
-                number(360.0 / TAU * margins.phase),
-                or_none(margins.delay),
-            ]);
-        }
-        text.push_str(&table.finish());
-        text.push_str(&format!(
-            "\nresidual of the Riccati equations: {:.1e} in continuous, {:.1e} in sampled time, of their largest term\n",
-            found.continuous.residual,
-            found.sampled.residual()
-        ));
-        for mode in &found.unreached {
-            text.push_str(&format!("remark: no input reaches {}; it dies down by itself\n", self.mode(mode)));
-        }
-        text
-    }
-
-    fn json(&self, args: &Args, weights: &RegulatorWeights, found: &Design) -> Value {
-        let roots = |roots: &[Complex]| -> Vec<Value> {
-            roots.iter().map(|root| json!({"re": root.re, "im": root.im})).collect()
-        };
-        // JSON has no infinity: a margin without end becomes null.
-        let finite = |value: f64| if value.is_finite() { json!(value) } else { Value::Null };
-        let point = |signals: &[Signal]| -> Vec<Value> {
-            signals.iter().map(|signal| json!({"name": signal.name, "unit": signal.unit, "at": signal.at})).collect()
-        };
-        let margins = |(signal, margins): (&Signal, &Margins)| {
-            json!({
-                "input": signal.name, "gain": [margins.gain.0, finite(margins.gain.1)], "phase": margins.phase,
-                "delay": finite(margins.delay),
-            })
-        };
-        let modes: Vec<Value> = found
-            .unreached
-            .iter()
-            .map(|mode| json!({"re": mode.pole.re, "im": mode.pole.im, "combination": mode.combination}))
-            .collect();
-        json!({
-            "schema": "tpm.regulator/1", "model": self.model, "coordinates": point(&self.coordinates),
-            "inputs": point(&self.inputs), "states": self.states(), "sample_time": args.sample_time,
-            "derivative_filter": args.derivative_filter, "state_weights": weights.state, "input_weights": weights.input,
-            "gain": found.sampled.gain().to_rows(), "poles": roots(&found.poles),
-            "continuous": {"gain": found.continuous.gain.to_rows(), "poles": roots(&found.continuous.poles)},
-            "open_poles": roots(&found.open_poles),
-            "margins": self.inputs.iter().zip(&found.margins).map(margins).collect::<Vec<_>>(),
-            "residual": found.sampled.residual(), "continuous_residual": found.continuous.residual,
-            "unreached": modes,
-        })
-    }
-
     fn write_code(&self, args: &Args, language: Language, found: &Design) -> Result<(), Failure> {
         let Some(folder) = &args.code else { return Ok(()) };
         if language == Language::Rust && args.prefix.is_some() {
             return Err(Failure::Input("--prefix is for --lang c; Rust names its module by the model".to_owned()));
         }
+        let signals = |signals: &[AtRest]| {
+            let signals = signals.iter().cloned();
+            signals.map(|AtRest { name, unit, at }| Signal { name, unit, at }).collect()
+        };
         let source = RegulatorSource {
             model: self.model.clone(),
-            coordinates: self.coordinates.clone(),
-            inputs: self.inputs.clone(),
+            coordinates: signals(&self.coordinates),
+            inputs: signals(&self.inputs),
             gain: found.sampled.gain().to_rows(),
             sample_time: args.sample_time,
             differences: args.derivative_filter.map(|time| Differentiator::new(args.sample_time, time).pole()),
@@ -399,11 +270,6 @@ fn command(args: &Args) -> String {
         command.push_str(&format!(" --weight {name}={value}"));
     }
     command
-}
-
-/// The pole in continuous time that decays and turns as a pole in sampled time does.
-fn equivalent(pole: Complex, sample_time: f64) -> Complex {
-    Complex::new(pole.norm().ln() / sample_time, pole.arg() / sample_time)
 }
 
 /// A value of the point, an expression of constants and parameters, in numbers.

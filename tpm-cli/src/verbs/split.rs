@@ -6,19 +6,17 @@ use crate::input::assignments::{assignment, once};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
-use serde_json::{Value, json};
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::study::InputParts;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational;
-use tpm_symbolic::plan::split::{NumericPart, Split, numeric_parts, split};
-use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+use tpm_symbolic::plan::split::{Split, numeric_parts, split};
+use tpm_symbolic::regressor::prepare::prepare;
 
 /// Highest numeric harmonic of a motion when none is given.
 const HARMONICS: usize = 15;
@@ -79,13 +77,6 @@ pub(crate) fn motions(
     Ok(motions)
 }
 
-/// The numeric harmonics of the parts.
-struct Numbers {
-    parts: Prepared,
-    waves: Vec<NumericPart>,
-    harmonics: usize,
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
@@ -97,19 +88,18 @@ pub(crate) fn run(args: &Args) -> Outcome {
         (name, _) => Some(loaded.pattern(name.as_deref())?),
     };
     let values = Values::load_with(&args.values, model, pattern)?;
-    let (table, numbers) = match pattern {
-        None => (None, None),
-        Some(pattern) if values.is_empty() => (exact(&loaded, &motions, pattern, args.harmonics)?, None),
+    let found = match pattern {
+        None => InputParts::new(&mut parts, None),
+        Some(pattern) if values.is_empty() => {
+            let table = exact(&loaded, &motions, pattern, args.harmonics)?;
+            InputParts::new(&mut parts, table)
+        }
         Some(pattern) => {
             let harmonics = args.harmonics.or_else(|| loaded.harmonics(pattern)).unwrap_or(HARMONICS);
-            (None, Some(in_numbers(&loaded, &parts, pattern, &values, harmonics)?))
+            in_numbers(&loaded, &mut parts, pattern, &values, harmonics)?
         }
     };
-    let text = if args.json {
-        file::json(&as_json(&mut parts, table.as_ref(), numbers.as_ref()))?
-    } else {
-        as_text(&mut parts, table.as_ref(), numbers.as_ref())
-    };
+    let text = if args.json { file::json(&found)? } else { found.to_string() };
     file::emit(args.output.as_deref(), &text)
 }
 
@@ -141,11 +131,11 @@ fn exact(
 
 fn in_numbers(
     loaded: &Loaded,
-    split: &Split,
+    split: &mut Split,
     pattern: &Pattern,
     values: &Values,
     harmonics: usize,
-) -> Result<Numbers, Failure> {
+) -> Result<InputParts, Failure> {
     let model = loaded.model();
     let missing = values.missing(model, Some(pattern));
     if !missing.is_empty() {
@@ -170,88 +160,5 @@ fn in_numbers(
         Ok(lines.collect())
     })?;
     let waves = waves(&values)?;
-    Ok(Numbers { parts, waves, harmonics })
-}
-
-/// Names of the driven coordinates.
-fn drives(split: &Split, driven: &[Coordinate]) -> Vec<String> {
-    driven.iter().map(|c| split.model.coordinates[c.0 as usize].name.clone()).collect()
-}
-
-fn as_text(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Numbers>) -> String {
-    let mut text = format!("{}: the two parts of every input\n", split.model.name);
-    for input in &split.inputs.clone() {
-        let name = split.model.quantity(input.input).name.to_string();
-        let _ = writeln!(text, "\n{name} drives {}", drives(split, &input.motions).join(", "));
-        for (label, part) in [("independent", &input.independent), ("dependent", &input.dependent)] {
-            let expr = split.expression(part);
-            let _ = writeln!(text, "  {:<18}  {}", format!("motion-{label}"), split.model.display(expr));
-        }
-    }
-    if let Some(table) = table {
-        let _ = write!(text, "\n{}", table::markdown(table));
-    }
-    if let Some(numbers) = numbers {
-        let _ = writeln!(text, "\nharmonics up to {}\n", numbers.harmonics);
-        let mut table = TextTable::new(&[
-            ("part", Align::Left),
-            ("harmonic", Align::Right),
-            ("cos", Align::Right),
-            ("sin", Align::Right),
-            ("amplitude", Align::Right),
-        ]);
-        for part in &numbers.waves {
-            for (harmonic, cos, sin) in lines(part) {
-                table.row(&[
-                    numbers.parts.form.rows[part.equation].name.to_string(),
-                    harmonic.to_string(),
-                    number(cos),
-                    number(sin),
-                    number(cos.hypot(sin)),
-                ]);
-            }
-        }
-        text.push_str(&table.finish());
-        for part in numbers.waves.iter().filter(|part| part.tail > 0.0) {
-            let name = &numbers.parts.form.rows[part.equation].name;
-            let _ = writeln!(text, "higher harmonics of {name} add at most {}", number(part.tail));
-        }
-    }
-    text
-}
-
-/// The harmonics of a part that are larger than rounding errors.
-fn lines(part: &NumericPart) -> Vec<(usize, f64, f64)> {
-    let at = |list: &[f64], k: usize| list.get(k).copied().unwrap_or(0.0);
-    let count = part.wave.cos.len().max(part.wave.sin.len());
-    let all = (0..count).map(|k| (k, at(&part.wave.cos, k), at(&part.wave.sin, k)));
-    let largest = all.clone().map(|(_, c, s)| c.hypot(s)).fold(0.0, f64::max);
-    let rounded = |value: f64| if value.abs() > 1e-12 * largest { value } else { 0.0 };
-    all.map(|(k, c, s)| (k, rounded(c), rounded(s))).filter(|(_, c, s)| c.hypot(*s) > 0.0).collect()
-}
-
-fn as_json(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Numbers>) -> Value {
-    let mut inputs = Vec::new();
-    for input in &split.inputs.clone() {
-        let [independent, dependent] = [&input.independent, &input.dependent].map(|part| {
-            let expr = split.expression(part);
-            split.model.display(expr)
-        });
-        inputs.push(json!({
-            "input": split.model.quantity(input.input).name,
-            "drives": drives(split, &input.motions),
-            "independent": independent,
-            "dependent": dependent,
-        }));
-    }
-    let waves = numbers.map(|numbers| {
-        let part = |part: &NumericPart| {
-            let harmonics: Vec<Value> =
-                lines(part).iter().map(|(k, cos, sin)| json!({"harmonic": k, "cos": cos, "sin": sin})).collect();
-            let name = &numbers.parts.form.rows[part.equation].name;
-            json!({"part": name, "harmonics": harmonics, "left_out": part.tail})
-        };
-        numbers.waves.iter().map(part).collect::<Vec<_>>()
-    });
-    json!({"schema": "tpm.split/1", "model": split.model.name, "inputs": inputs, "table": table, "waves": waves})
+    Ok(InputParts::new(split, None).with_waves(&parts, &waves, harmonics))
 }

@@ -4,13 +4,13 @@
 use crate::failure::{Failure, Outcome};
 use crate::output::{file, picture};
 use crate::render::cells::Cells;
-use crate::verbs::actuator::{MachineArgs, Moved as Machine, Use};
+use crate::verbs::actuator::{MachineArgs, Use};
 use crate::verbs::path;
 use clap::ValueEnum;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{number, or_dash};
-use tpm_runtime::study::{InputUse, StrokeError, Trajectories, trajectories};
+use tpm_runtime::study::{InputUse, MovedMachine, StrokeError, Trajectories, trajectories};
 
 /// How the comparison is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -86,29 +86,28 @@ pub(crate) fn run(args: &Args) -> Outcome {
         }
         return file::emit(args.output.as_deref(), &text);
     }
-    let machine = args.machine.moved(Use::AnyMotion)?;
-    let demand = machine.machine.demand();
-    let trajectory = machine.machine.trajectory(&machine.amplitudes, machine.frequency);
+    let machine = args.machine.moved(Use::AnyMotion)?.machine;
     let derivatives = machine.machine.highest_derivative();
-    let compared = trajectories(&demand, &trajectory, args.end, derivatives).map_err(|error| {
-        let remedy = match &error {
-            StrokeError::NoTravel { .. } | StrokeError::Moving { .. } => {
-                "; state the phase of such an end with --end RAD"
-            }
-            _ => "",
-        };
-        Failure::Input(format!("{error}{remedy}"))
-    })?;
+    let compared =
+        trajectories(&machine.machine.demand(), &machine.trajectory(), args.end, derivatives).map_err(|error| {
+            let remedy = match &error {
+                StrokeError::NoTravel { .. } | StrokeError::Moving { .. } => {
+                    "; state the phase of such an end with --end RAD"
+                }
+                _ => "",
+            };
+            Failure::Input(format!("{error}{remedy}"))
+        })?;
     if let Some(path) = &args.plot {
-        let title = format!("{}: {}", machine.model.name, machine.motion());
+        let title = format!("{}: {machine}", machine.model);
         picture::draw(path, &compared.figure(&title))?;
     }
     let format = if args.json { Format::Json } else { args.format };
     let text = match format {
         Format::Json => file::json(&Report {
             schema: "tpm.trajectories/1",
-            model: &machine.model.name,
-            motion: machine.motion(),
+            model: &machine.model,
+            motion: machine.to_string(),
             compared: &compared,
         })?,
         Format::Csv => written(&lines(&compared, usize::MAX), format),
@@ -117,8 +116,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     file::emit(args.output.as_deref(), &text)
 }
 
-fn as_text(machine: &Machine, compared: &Trajectories, harmonics: usize, format: Format) -> String {
-    let mut text = format!("{}: {}\n\n", machine.model.name, machine.motion());
+fn as_text(machine: &MovedMachine, compared: &Trajectories, harmonics: usize, format: Format) -> String {
+    let mut text = format!("{}: {machine}\n\n", machine.model);
     text.push_str(&written(&summary(compared), format));
     text.push('\n');
     text.push_str(&written(&speeds(compared), format));

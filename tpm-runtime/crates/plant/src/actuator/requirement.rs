@@ -14,6 +14,7 @@
 use crate::actuator::demand::{Demand, Parts};
 use crate::actuator::motor::{Limit, Motor};
 use num_complex::Complex;
+use serde::Serialize;
 use tpm_motion::TrialError;
 use tpm_motion::trajectory::Trajectory;
 use tpm_numerics::fourier::{forward, inverse};
@@ -83,7 +84,7 @@ impl Peak {
 
 /// Frequencies at which a motor reaches its limits in a harmonic motion with the coordinate's amplitude and without
 /// other forces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CutOff {
     /// Inertia J' at the rotor, kg m^2: the largest along the path, which gives the lowest cut-off.

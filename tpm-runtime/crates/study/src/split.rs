@@ -1,0 +1,138 @@
+//! The two parts of every input of a model: what holds its own coordinate still, and what moves it, with the harmonics of both.
+
+use serde::Serialize;
+use std::fmt;
+use tpm_codegen::emit::table;
+use tpm_report::{Align, TextTable, number};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::plan::split::{NumericPart, Split};
+use tpm_symbolic::regressor::prepare::Prepared;
+
+/// Harmonics of a part below this share of its largest one are what rounding leaves of zero.
+const ROUNDING: f64 = 1e-12;
+
+/// The parts of all inputs. They are displayed as a text, and serialised as `tpm.split/1`.
+#[derive(Debug, Serialize)]
+pub struct InputParts {
+    schema: &'static str,
+    model: String,
+    inputs: Vec<Parts>,
+    table: Option<HarmonicTable>,
+    waves: Option<Vec<Wave>>,
+    /// The highest harmonic of the waves.
+    #[serde(skip)]
+    harmonics: usize,
+}
+
+/// The parts of one input.
+#[derive(Debug, Serialize)]
+struct Parts {
+    input: String,
+    /// The coordinates that it drives.
+    drives: Vec<String>,
+    independent: String,
+    dependent: String,
+}
+
+/// Harmonics of a part in numbers.
+#[derive(Debug, Serialize)]
+struct Wave {
+    part: String,
+    harmonics: Vec<Line>,
+    /// Largest sum of what higher harmonics add.
+    left_out: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct Line {
+    harmonic: usize,
+    cos: f64,
+    sin: f64,
+}
+
+impl InputParts {
+    /// The parts as expressions, with the exact table of their harmonics where there is one.
+    #[must_use]
+    pub fn new(split: &mut Split, table: Option<HarmonicTable>) -> Self {
+        let mut inputs = Vec::new();
+        for input in split.inputs.clone() {
+            let [independent, dependent] = [&input.independent, &input.dependent].map(|part| {
+                let expr = split.expression(part);
+                split.model.display(expr)
+            });
+            let coordinates = &split.model.coordinates;
+            inputs.push(Parts {
+                input: split.model.quantity(input.input).name.to_string(),
+                drives: input.motions.iter().map(|c| coordinates[c.0 as usize].name.clone()).collect(),
+                independent,
+                dependent,
+            });
+        }
+        let model = split.model.name.to_string();
+        Self { schema: "tpm.split/1", model, inputs, table, waves: None, harmonics: 0 }
+    }
+
+    /// Adds harmonics in numbers, up to the highest one given; `parts` has the names of their equations.
+    #[must_use]
+    pub fn with_waves(mut self, parts: &Prepared, waves: &[NumericPart], harmonics: usize) -> Self {
+        let wave = |part: &NumericPart| Wave {
+            part: parts.form.rows[part.equation].name.to_string(),
+            harmonics: lines(part),
+            left_out: part.tail,
+        };
+        (self.waves, self.harmonics) = (Some(waves.iter().map(wave).collect()), harmonics);
+        self
+    }
+}
+
+/// The harmonics of a part that are larger than rounding errors.
+fn lines(part: &NumericPart) -> Vec<Line> {
+    let at = |list: &[f64], k: usize| list.get(k).copied().unwrap_or(0.0);
+    let count = part.wave.cos.len().max(part.wave.sin.len());
+    let all = (0..count).map(|k| (k, at(&part.wave.cos, k), at(&part.wave.sin, k)));
+    let largest = all.clone().map(|(_, c, s)| c.hypot(s)).fold(0.0, f64::max);
+    let rounded = |value: f64| if value.abs() > ROUNDING * largest { value } else { 0.0 };
+    all.map(|(harmonic, c, s)| Line { harmonic, cos: rounded(c), sin: rounded(s) })
+        .filter(|line| line.cos.hypot(line.sin) > 0.0)
+        .collect()
+}
+
+impl fmt::Display for InputParts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}: the two parts of every input", self.model)?;
+        for parts in &self.inputs {
+            writeln!(f, "\n{} drives {}", parts.input, parts.drives.join(", "))?;
+            for (label, part) in [("independent", &parts.independent), ("dependent", &parts.dependent)] {
+                writeln!(f, "  {:<18}  {part}", format!("motion-{label}"))?;
+            }
+        }
+        if let Some(table) = &self.table {
+            write!(f, "\n{}", table::markdown(table))?;
+        }
+        let Some(waves) = &self.waves else { return Ok(()) };
+        writeln!(f, "\nharmonics up to {}\n", self.harmonics)?;
+        let mut table = TextTable::new(&[
+            ("part", Align::Left),
+            ("harmonic", Align::Right),
+            ("cos", Align::Right),
+            ("sin", Align::Right),
+            ("amplitude", Align::Right),
+        ]);
+        for wave in waves {
+            for Line { harmonic, cos, sin } in &wave.harmonics {
+                table.row(&[
+                    wave.part.clone(),
+                    harmonic.to_string(),
+                    number(*cos),
+                    number(*sin),
+                    number(cos.hypot(*sin)),
+                ]);
+            }
+        }
+        f.write_str(&table.finish())?;
+        for wave in waves.iter().filter(|wave| wave.left_out > 0.0) {
+            writeln!(f, "higher harmonics of {} add at most {}", wave.part, number(wave.left_out))?;
+        }
+        Ok(())
+    }
+}
