@@ -10,7 +10,6 @@ use std::path::Path;
 use tpm_codegen::build;
 use tpm_codegen::generate::Language;
 
-#[expect(clippy::print_stdout, reason = "build scripts speak to cargo through their output")]
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?;
     let folder = Path::new(&folder);
