@@ -80,9 +80,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(format!("--end {}: the phase at which a stroke ends is positive", args.end)));
     }
     if let Some(fitted) = args.path.fitted(&args.machine.file)? {
-        let text = if args.json || args.format == Format::Json { fitted.json()? } else { fitted.text() };
+        let text = if args.json || args.format == Format::Json { file::json(&fitted)? } else { fitted.to_string() };
         if let Some(path) = &args.plot {
-            picture::draw(path, &fitted.figure())?;
+            picture::draw(path, fitted.figure())?;
         }
         return file::emit(args.output.as_deref(), &text);
     }

@@ -8,8 +8,9 @@
 //! near a natural mode of the estimated model are placed after the others (Feng, 3.2.1). A candidate that passes a
 //! limit is ranked last, with the sample at which it does.
 
+use crate::by_name::by_name;
 use rayon::prelude::*;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use std::f64::consts::PI;
 use tpm_campaign::{LEAST_PERIODS, NearMode, RunReport, Setup, Stage, near_mode};
 use tpm_controller::harmonics::Hold;
@@ -105,10 +106,6 @@ pub struct Candidate {
     /// The motion.
     #[serde(skip)]
     pub trajectory: Trajectory,
-}
-
-fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
 }
 
 /// Candidates around the last stage of an experiment's schedule: factors on its amplitudes and frequency, and multiples

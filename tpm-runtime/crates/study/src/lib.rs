@@ -6,10 +6,12 @@
 
 #[cfg(test)]
 mod bound_tests;
+mod by_name;
 mod campaigns;
 mod content;
 mod design;
 mod excitation;
+mod fitted_pattern;
 mod identifiability;
 mod kept;
 mod linear;
@@ -31,6 +33,7 @@ pub use excitation::{
     Criterion, Excitation, ExcitationError, ExcitationSettings, Files as ExcitationFiles,
     FilesError as ExcitationFilesError, HARMONICS, Proposed, STARTS, Used, excitation,
 };
+pub use fitted_pattern::{FittedPattern, SampledPath};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
 pub use kept::study_kept;
 pub use linear::{AtRest, Band, Linearised, LinearisedError, Regulated, mode_in_words};

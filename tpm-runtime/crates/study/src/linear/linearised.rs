@@ -2,35 +2,21 @@
 //!
 //! Invariant: transfer functions, poles and zeros are exact up to their one rounding, but for the roots of polynomials.
 
-use crate::linear::roots::{root, root_text, roots, roots_text};
-use serde::{Serialize, Serializer};
-use std::collections::HashMap;
-use std::f64::consts::TAU;
+use crate::by_name::by_name;
+use crate::linear::channel::{Channel, ChannelNumbers, Roots, rounded};
+use crate::linear::comparison::{Band, Comparison, LinearisedError};
+use crate::linear::words::{roots, roots_text, table_of};
+use serde::Serialize;
 use std::fmt;
-use thiserror::Error;
 use tpm_frequency::{BodeSettings, Complex, NamedModel, TransferError, TransferFunction, bode_of_models};
 use tpm_plot::Figure;
 use tpm_report::{Align, TextTable, number};
-use tpm_symbolic::budget;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
 use tpm_symbolic::expr::trigonometric::simplify;
-use tpm_symbolic::linear::linearize::{Linearization, OperatingPoint, Resolvent, StateSpace};
-use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
+use tpm_symbolic::linear::linearize::{Linearization, OperatingPoint, StateSpace};
+use tpm_symbolic::linear::transfer::transfer_functions;
 use tpm_symbolic::mechanics::model::ExactModel;
-use tpm_symbolic::mechanics::unit::Unit;
-use tpm_symbolic::number::rational::{self, Rational};
-
-/// Largest distance of a pole from a zero, as a share of the pole's size, at which they are said nearly to cancel.
-const NEARLY_CANCELLING: f64 = 1e-2;
-
-/// Largest median relative difference of two responses that are called consistent: what a fit of a few per cent leaves.
-const CONSISTENT: f64 = 5e-2;
-
-/// Number of frequencies at which two responses are compared.
-const COMPARED: usize = 400;
-
-/// Operations for the roots of a polynomial by the cube of its length, for the budget.
-const ROOTS: u64 = 100;
+use tpm_symbolic::number::rational::Rational;
 
 /// A model linearised at rest. It is displayed as a text, and serialised as `tpm.linearization/1`.
 #[derive(Debug, Serialize)]
@@ -59,10 +45,6 @@ pub struct Linearised {
     beside: Option<Comparison>,
 }
 
-fn by_name<S: Serializer>(pairs: &[(String, String)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
-}
-
 /// A and B in numbers.
 #[derive(Debug, Serialize)]
 struct StateNumbers {
@@ -72,126 +54,6 @@ struct StateNumbers {
     exact: bool,
     #[serde(serialize_with = "roots")]
     poles: Vec<Complex>,
-}
-
-/// The transfer function from one input to one coordinate.
-#[derive(Debug, Serialize)]
-struct Channel {
-    output: String,
-    input: String,
-    exact: ExactChannel,
-    numbers: Option<ChannelNumbers>,
-    /// Unit of the coordinate over that of the input, for a figure; empty where neither has one.
-    #[serde(skip)]
-    unit: String,
-}
-
-#[derive(Debug, Serialize)]
-struct ExactChannel {
-    /// Coefficients from s^0 upwards; none for a coordinate that the input does not move.
-    numerator: Vec<String>,
-    denominator: Vec<String>,
-    cancelled_powers_of_s: usize,
-}
-
-/// A numeric transfer function with common factors removed.
-#[derive(Debug, Serialize)]
-struct ChannelNumbers {
-    numerator: Vec<f64>,
-    denominator: Vec<f64>,
-    #[serde(serialize_with = "roots")]
-    poles: Vec<Complex>,
-    #[serde(serialize_with = "roots")]
-    zeros: Vec<Complex>,
-    /// Roots at which a pole and a zero cancel exactly.
-    #[serde(serialize_with = "roots")]
-    cancelled: Vec<Complex>,
-    nearly_cancelling: Vec<Close>,
-    /// Null in JSON where it is infinite.
-    static_gain: f64,
-    #[serde(skip)]
-    function: TransferFunction,
-}
-
-/// A pole and a zero that lie close to each other.
-#[derive(Debug, Serialize)]
-struct Close {
-    #[serde(serialize_with = "root")]
-    pole: Complex,
-    #[serde(serialize_with = "root")]
-    zero: Complex,
-}
-
-/// A transfer function beside that of the model.
-#[derive(Debug, Serialize)]
-struct Comparison {
-    #[serde(skip)]
-    name: String,
-    #[serde(skip)]
-    own: TransferFunction,
-    #[serde(skip)]
-    other: TransferFunction,
-    numerator: Vec<f64>,
-    denominator: Vec<f64>,
-    #[serde(serialize_with = "roots")]
-    poles: Vec<Complex>,
-    #[serde(serialize_with = "roots")]
-    zeros: Vec<Complex>,
-    static_gain: f64,
-    low_hz: f64,
-    high_hz: f64,
-    /// Median over the band of |other/own - 1|.
-    median_difference: f64,
-    largest_difference: f64,
-    consistent: bool,
-}
-
-/// A band of frequencies in Hz; an end that is not given lies a factor of ten outside of all poles.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Band {
-    /// The lowest frequency, Hz.
-    pub low: Option<f64>,
-    /// The highest frequency, Hz.
-    pub high: Option<f64>,
-}
-
-/// Why a transfer function cannot be compared or drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum LinearisedError {
-    /// There is more than one transfer function, or none.
-    #[error("one transfer function is needed, and there are {0}")]
-    NotOne(usize),
-    /// The model has no values.
-    #[error("the model in numbers is needed")]
-    NoNumbers,
-    /// No pole is there to choose a band by.
-    #[error("there is no pole to choose a band by")]
-    NoPole,
-    /// The band does not rise from above zero.
-    #[error("the band {low} to {high} Hz must rise from above 0")]
-    Band {
-        /// The lowest frequency, Hz.
-        low: f64,
-        /// The highest frequency, Hz.
-        high: f64,
-    },
-}
-
-impl Band {
-    /// Both ends for these functions.
-    fn around(self, functions: &[&TransferFunction]) -> Result<(f64, f64), LinearisedError> {
-        let poles = functions.iter().flat_map(|function| function.poles());
-        let sizes: Vec<f64> = poles.map(|pole| pole.norm() / TAU).filter(|size| *size > 0.0).collect();
-        let low = self.low.or_else(|| Some(0.1 * sizes.iter().copied().reduce(f64::min)?));
-        let high = self.high.or_else(|| Some(10.0 * sizes.iter().copied().reduce(f64::max)?));
-        let (Some(low), Some(high)) = (low, high) else { return Err(LinearisedError::NoPole) };
-        if low > 0.0 && low < high && high.is_finite() {
-            Ok((low, high))
-        } else {
-            Err(LinearisedError::Band { low, high })
-        }
-    }
 }
 
 impl Linearised {
@@ -231,16 +93,8 @@ impl Linearised {
         for &output in outputs {
             for &input in drives {
                 let numbers = resolvent.as_ref().map(|own| ChannelNumbers::new(own, output, input, &mut known));
-                channels.push(Channel {
-                    output: coordinates[output].clone(),
-                    input: inputs[input].clone(),
-                    exact: ExactChannel::new(model, &transfers[output][input]),
-                    numbers: numbers.transpose()?,
-                    unit: ratio_of_units(
-                        model.coordinates[output].unit.as_ref(),
-                        model.quantity(symbols[input]).unit.as_ref(),
-                    ),
-                });
+                let exact = &transfers[output][input];
+                channels.push(Channel::new(model, (output, symbols[input]), exact, numbers.transpose()?));
             }
         }
         let numbers = match (&space, &resolvent) {
@@ -297,7 +151,7 @@ impl Linearised {
         let both: Vec<&TransferFunction> = std::iter::once(&numbers.function).chain(other).collect();
         let (low, high) = band.around(&both)?;
         let title = format!("{}: {}", self.model, channel.name());
-        let settings = BodeSettings { title, unit: channel.unit.clone(), low, high };
+        let settings = BodeSettings { title, unit: channel.unit().to_owned(), low, high };
         let responses: Vec<_> = both.iter().map(|function| |w: f64| function.response(w)).collect();
         let named: Vec<NamedModel<'_>> = ["model", "beside"]
             .into_iter()
@@ -311,12 +165,8 @@ impl Linearised {
         let [channel] = self.transfer_functions.as_slice() else {
             return Err(LinearisedError::NotOne(self.transfer_functions.len()));
         };
-        Ok((channel, channel.numbers.as_ref().ok_or(LinearisedError::NoNumbers)?))
+        Ok((channel, channel.numbers().ok_or(LinearisedError::NoNumbers)?))
     }
-}
-
-fn rounded(exact: &[Rational]) -> Vec<f64> {
-    exact.iter().map(rational::to_f64).collect()
 }
 
 /// Entries of A and B, times the determinant of the mass matrix, in the rows of the rates.
@@ -330,115 +180,6 @@ fn entries_of_rates(model: &ExactModel, linear: &Linearization) -> Vec<Vec<Strin
     };
     let rows = linear.a[n..].iter().zip(&linear.b[n..]);
     rows.map(|(a, b)| a.iter().chain(b).map(&mut entry).collect()).collect()
-}
-
-fn ratio_of_units(output: Option<&Unit>, input: Option<&Unit>) -> String {
-    let unit = |unit: Option<&Unit>| unit.map_or_else(|| "1".to_owned(), ToString::to_string);
-    match (output, input) {
-        (None, None) => String::new(),
-        _ => match unit(input) {
-            single if single.chars().all(char::is_alphanumeric) => format!("{}/{single}", unit(output)),
-            product => format!("{}/({product})", unit(output)),
-        },
-    }
-}
-
-/// Roots of polynomials in numbers. The channels of a model have most polynomials in common, and roots are what takes time.
-#[derive(Default)]
-struct Roots(HashMap<Vec<u64>, Vec<Complex>>);
-
-impl Roots {
-    /// The roots of the polynomial with these coefficients from s^0 upwards; none for zero.
-    fn of(&mut self, polynomial: &[f64]) -> Result<Vec<Complex>, TransferError> {
-        if polynomial.iter().all(|coefficient| *coefficient == 0.0) {
-            return Ok(Vec::new());
-        }
-        let key: Vec<u64> = polynomial.iter().map(|coefficient| coefficient.to_bits()).collect();
-        if let Some(known) = self.0.get(&key) {
-            return Ok(known.clone());
-        }
-        // Roots are eigenvalues, found by some thirty steps of the squares of the degree.
-        budget::charge(ROOTS.saturating_mul((polynomial.len() as u64).pow(3)));
-        let found = TransferFunction::new(&[1.0], polynomial)?.poles();
-        self.0.insert(key, found.clone());
-        Ok(found)
-    }
-}
-
-impl ExactChannel {
-    fn new(model: &ExactModel, exact: &SymbolicTransfer) -> Self {
-        let list = |list: &[ExprId]| list.iter().map(|coefficient| model.display(*coefficient)).collect();
-        Self {
-            numerator: list(&exact.numerator),
-            denominator: list(&exact.denominator),
-            cancelled_powers_of_s: exact.cancelled,
-        }
-    }
-}
-
-impl ChannelNumbers {
-    fn new(
-        resolvent: &Resolvent<'_>,
-        coordinate: usize,
-        input: usize,
-        known: &mut Roots,
-    ) -> Result<Self, TransferError> {
-        let states = resolvent.characteristic_polynomial().len() - 1;
-        let output: Vec<Rational> =
-            (0..states).map(|state| rational::integer(i64::from(state == coordinate))).collect();
-        let exact = resolvent
-            .transfer_function(&output, input)
-            .expect("invariant: coordinate and input are those of the state space");
-        let numerator = if exact.numerator.is_empty() { vec![0.0] } else { rounded(&exact.numerator) };
-        let function = TransferFunction::new(&numerator, &rounded(&exact.denominator))?;
-        let cancelled = known.of(&rounded(&exact.cancelled))?;
-        let (poles, zeros) = (known.of(function.denominator())?, known.of(function.numerator())?);
-        let mut close = Vec::new();
-        for pole in &poles {
-            let nearest = zeros.iter().min_by(|a, b| (*a - pole).norm().total_cmp(&(*b - pole).norm()));
-            if let Some(zero) = nearest.filter(|zero| (*zero - pole).norm() <= NEARLY_CANCELLING * pole.norm()) {
-                close.push(Close { pole: *pole, zero: *zero });
-            }
-        }
-        Ok(Self {
-            numerator: function.numerator().to_vec(),
-            denominator: function.denominator().to_vec(),
-            poles,
-            zeros,
-            cancelled,
-            nearly_cancelling: close,
-            static_gain: function.static_gain(),
-            function,
-        })
-    }
-}
-
-impl Comparison {
-    fn new(name: String, own: TransferFunction, other: TransferFunction, low: f64, high: f64) -> Self {
-        let mut differences: Vec<f64> = (0..COMPARED)
-            .map(|i| {
-                let w = TAU * low * (high / low).powf(i as f64 / (COMPARED - 1) as f64);
-                (other.response(w) / own.response(w) - 1.0).norm()
-            })
-            .collect();
-        differences.sort_by(f64::total_cmp);
-        let (median, largest) = (differences[COMPARED / 2], differences[COMPARED - 1]);
-        Comparison {
-            name,
-            own,
-            numerator: other.numerator().to_vec(),
-            denominator: other.denominator().to_vec(),
-            poles: other.poles(),
-            zeros: other.zeros(),
-            static_gain: other.static_gain(),
-            other,
-            low_hz: low,
-            high_hz: high,
-            median_difference: median,
-            largest_difference: largest,
-            consistent: median <= CONSISTENT,
-        }
-    }
 }
 
 impl fmt::Display for Linearised {
@@ -494,109 +235,6 @@ impl fmt::Display for Linearised {
         }
         Ok(())
     }
-}
-
-impl Channel {
-    fn name(&self) -> String {
-        format!("{} over {}", self.output, self.input)
-    }
-}
-
-impl fmt::Display for Channel {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (name, exact) = (self.name(), &self.exact);
-        if exact.numerator.is_empty() {
-            return writeln!(f, "{name}: 0, exactly; the input does not move this coordinate");
-        }
-        writeln!(f, "transfer function of {name}\n")?;
-        let mut head = vec![("", Align::Left), ("power", Align::Left), ("exact coefficient", Align::Left)];
-        if self.numbers.is_some() {
-            head.push(("over the highest below", Align::Right));
-        }
-        let mut table = TextTable::new(&head);
-        let numbers = self.numbers.as_ref();
-        let reduced = numbers.map_or(0, |n| exact.denominator.len().saturating_sub(n.denominator.len()));
-        for (part, coefficients, values) in [
-            ("above", &exact.numerator, numbers.map(|n| &n.numerator)),
-            ("below", &exact.denominator, numbers.map(|n| &n.denominator)),
-        ] {
-            for (power, coefficient) in coefficients.iter().enumerate().rev() {
-                let mut row = vec![part.to_owned(), format!("s^{power}"), coefficient.clone()];
-                if let Some(value) = values.filter(|_| reduced == 0).and_then(|values| values.get(power)) {
-                    row.push(number(*value));
-                }
-                table.row(&row);
-            }
-        }
-        f.write_str(&table.finish())?;
-        if exact.cancelled_powers_of_s > 0 {
-            let (what, poles) = match exact.cancelled_powers_of_s {
-                1 => ("a factor s".to_owned(), "a pole"),
-                power => (format!("s^{power}"), "poles"),
-            };
-            writeln!(f, "{what} above and below has cancelled: {} does not show {poles} at 0", self.output)?;
-        }
-        let Some(numbers) = numbers else { return Ok(()) };
-        if reduced > 0 {
-            let (above, below) = (polynomial_text(&numbers.numerator), polynomial_text(&numbers.denominator));
-            writeln!(f, "in numbers, more cancels: ({above}) / ({below})")?;
-        }
-        writeln!(f, "poles [rad/s]: {}\nzeros [rad/s]: {}", roots_text(&numbers.poles), roots_text(&numbers.zeros))?;
-        if !numbers.cancelled.is_empty() {
-            writeln!(f, "cancelled, exactly: {}", roots_text(&numbers.cancelled))?;
-        }
-        for close in &numbers.nearly_cancelling {
-            writeln!(f, "nearly cancel: pole {} and zero {}", root_text(close.pole), root_text(close.zero))?;
-        }
-        writeln!(f, "static gain: {}", gain_text(numbers.static_gain))
-    }
-}
-
-impl fmt::Display for Comparison {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut table = table_of(&[&self.name, "model", "beside"]);
-        let mut row = |name: &str, of: &dyn Fn(&TransferFunction) -> String| {
-            table.row(&[name.to_owned(), of(&self.own), of(&self.other)]);
-        };
-        row("order", &|f| format!("{}/{}", f.numerator().len() - 1, f.denominator().len() - 1));
-        row("poles [rad/s]", &|f| roots_text(&f.poles()));
-        row("zeros [rad/s]", &|f| roots_text(&f.zeros()));
-        row("static gain", &|f| gain_text(f.static_gain()));
-        writeln!(
-            f,
-            "{}the two are {}: from {} to {} Hz their responses differ by {} % of the model's (median), {} % at most",
-            table.finish(),
-            if self.consistent { "consistent" } else { "not consistent" },
-            number(self.low_hz),
-            number(self.high_hz),
-            number(100.0 * self.median_difference),
-            number(100.0 * self.largest_difference)
-        )
-    }
-}
-
-/// A table of texts.
-fn table_of(head: &[&str]) -> TextTable {
-    TextTable::new(&head.iter().map(|name| (*name, Align::Left)).collect::<Vec<_>>())
-}
-
-fn gain_text(gain: f64) -> String {
-    if gain.is_finite() { number(gain) } else { "infinite".to_owned() }
-}
-
-fn polynomial_text(coefficients: &[f64]) -> String {
-    let terms: Vec<String> = coefficients
-        .iter()
-        .enumerate()
-        .rev()
-        .filter(|(_, c)| **c != 0.0)
-        .map(|(power, c)| match power {
-            0 => number(*c),
-            1 => format!("{} s", number(*c)),
-            _ => format!("{} s^{power}", number(*c)),
-        })
-        .collect();
-    if terms.is_empty() { "0".to_owned() } else { terms.join(" + ") }
 }
 
 fn matrix_text(name: &str, matrix: &[Vec<f64>]) -> String {

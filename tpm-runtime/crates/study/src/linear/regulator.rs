@@ -1,6 +1,6 @@
 //! A regulator about a machine's point of rest, with its poles and margins.
 
-use crate::linear::roots::{root_text, roots, roots_text};
+use crate::linear::words::{root_text, roots, roots_text};
 use serde::Serialize;
 use std::f64::consts::TAU;
 use std::fmt;

@@ -1,7 +1,8 @@
 //! Whether motors can follow a pattern: which limit they exceed and when, and the largest frequency and amplitudes that they can follow.
 
+use crate::by_name::by_name;
 use crate::motors::moved::MovedMachine;
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use std::fmt;
 use tpm_controller::model::Model as _;
 use tpm_frequency::Complex;
@@ -51,10 +52,6 @@ pub struct Actuators {
     requirements: Vec<Requirement>,
     #[serde(skip)]
     figure: Figure,
-}
-
-fn by_name<S: Serializer>(pairs: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
 }
 
 /// What is needed of one motor.

@@ -1,5 +1,6 @@
 //! The common and the split feed-forward of a machine side by side, on the simulated machine, with filters and motors.
 
+use crate::by_name::by_name;
 use crate::motors::moved::MovedMachine;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -35,10 +36,6 @@ pub struct FeedForwards {
     coordinates: Vec<String>,
     #[serde(skip)]
     figure: Figure,
-}
-
-fn by_name<N: Serialize, T: Serialize, S: Serializer>(pairs: &[(N, T)], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
 }
 
 /// How one scheme follows the reference.

@@ -1,6 +1,7 @@
 //! Parameters of a model, linearised at rest, fitted to a response.
 
-use serde::{Serialize, Serializer};
+use crate::by_name::by_name;
+use serde::Serialize;
 use std::fmt;
 use tpm_frequency::StructuredFit;
 use tpm_physical::{LinearizedError, LinearizedResponse};
@@ -95,14 +96,8 @@ struct FittedParameter {
 }
 
 /// A direction in the space of relative changes of the parameters, by their names.
-#[derive(Debug)]
-struct Direction(Vec<(String, f64)>);
-
-impl Serialize for Direction {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.0.iter().map(|(name, share)| (name, share)))
-    }
-}
+#[derive(Debug, Serialize)]
+struct Direction(#[serde(serialize_with = "by_name")] Vec<(String, f64)>);
 
 impl fmt::Display for Direction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

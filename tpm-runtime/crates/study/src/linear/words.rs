@@ -1,8 +1,8 @@
-//! Poles and zeros in words and as pairs of numbers.
+//! Poles, zeros and gains in words, and poles and zeros as pairs of numbers.
 
 use serde::{Serialize, Serializer};
 use tpm_frequency::Complex;
-use tpm_report::number;
+use tpm_report::{Align, TextTable, number};
 
 /// A root in words, with its conjugate.
 pub(crate) fn root_text(root: Complex) -> String {
@@ -15,6 +15,16 @@ pub(crate) fn root_text(root: Complex) -> String {
 pub(crate) fn roots_text(roots: &[Complex]) -> String {
     let list: Vec<String> = roots.iter().filter(|root| root.im >= 0.0).map(|root| root_text(*root)).collect();
     if list.is_empty() { "none".to_owned() } else { list.join(", ") }
+}
+
+/// A static gain in words.
+pub(crate) fn gain_text(gain: f64) -> String {
+    if gain.is_finite() { number(gain) } else { "infinite".to_owned() }
+}
+
+/// A table of texts.
+pub(crate) fn table_of(head: &[&str]) -> TextTable {
+    TextTable::new(&head.iter().map(|name| (*name, Align::Left)).collect::<Vec<_>>())
 }
 
 #[derive(Serialize)]
