@@ -124,7 +124,7 @@ pub fn hash(text: &str) -> u64 {
     text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// The sources that [`write`] wrote into a folder.
+/// The sources that [`write()`] wrote into a folder.
 ///
 /// # Errors
 /// When a file cannot be read as text.
