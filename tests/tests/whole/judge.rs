@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use tpm_runtime::campaign::{NearMode, Outcome};
 use tpm_runtime::document::Document;
-use tpm_runtime::estimate::{PhysicalRemark, ResidualOf};
+use tpm_runtime::estimate::{PhysicalRemark, ResidualOf, Term, TermKind};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
@@ -47,6 +47,7 @@ fn sound() -> Identification {
 /// A term that a model may lack.
 fn term() -> MissingTerm {
     MissingTerm {
+        of: Term { kind: TermKind::Power(3), row: Some(0), of: 0, other: None },
         term: "x^3".into(),
         row: Some("u".into()),
         value: 1.0,

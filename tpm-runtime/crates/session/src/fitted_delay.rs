@@ -8,9 +8,9 @@ use crate::identification::Identification;
 use crate::log_fault::LogFault;
 use crate::log_report::LogReport;
 use crate::options::LogOptions;
-use crate::term_words;
 use std::collections::BTreeMap;
 use tpm_controller::model::Model;
+use tpm_estimate::TermKind;
 use tpm_estimate::named::EstimateReport;
 use tpm_numerics::Matrix;
 
@@ -38,7 +38,7 @@ pub(super) fn with_delays(
     for _ in 0..MOST_PASSES {
         let mut moved = false;
         for &input in &options.fitted_delays {
-            let Some((delay, std)) = named(found.log.as_ref(), model.input(input).name) else { continue };
+            let Some((delay, std)) = named(found.log.as_ref(), input) else { continue };
             let before = applied.actuators[input].delay;
             // An input cannot act before it is commanded; what says so is left in the result.
             let next = (before + delay).max(0.0);
@@ -81,8 +81,7 @@ pub(super) fn with_delays(
 }
 
 /// By how much an input acts later than it is recorded, beyond what is known, with its deviation, s.
-fn named(log: Option<&LogReport>, input: &str) -> Option<(f64, f64)> {
-    let term = term_words::late(input);
-    let own = log?.missing().iter().find(|missing| missing.term == term)?;
+fn named(log: Option<&LogReport>, input: usize) -> Option<(f64, f64)> {
+    let own = log?.missing().iter().find(|missing| missing.is(TermKind::Delay, input))?;
     Some((own.value, own.std))
 }

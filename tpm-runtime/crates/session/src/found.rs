@@ -16,6 +16,8 @@ pub(super) struct Found {
     pub(super) hold_residuals: HoldResiduals,
     pub(super) refinement: Option<RefinementReport>,
     pub(super) warnings: Vec<Warning>,
+    /// Whether a simulation tells that the inputs do the other thing between samples.
+    pub(super) tells_hold: bool,
     /// What faults of the sensors' calibration would do; nothing where the way does not tell it.
     pub(super) calibration: Vec<CalibrationFault>,
 }

@@ -307,9 +307,7 @@ fn found(
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
         Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
             let other = samples_log::identify(model, machine, segments, options)?;
-            let follows = |other: &Found| {
-                other.refinement.as_ref().is_some_and(|report| lines_log::follows(report, &other.warnings))
-            };
+            let follows = |other: &Found| other.refinement.as_ref().is_some_and(|report| lines_log::follows(report));
             Ok(other.filter(follows).unwrap_or(found))
         }
         found => found,
@@ -326,7 +324,7 @@ fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
                 || Warning::other_hold(hold, found.hold_residuals, ResidualOf::Force).is_some()
         }
         Some(report) if dims.inputs < dims.rows => report.used,
-        Some(report) => lines_log::follows(report, &found.warnings),
+        Some(report) => lines_log::follows(report),
         None => false,
     }
 }
@@ -356,7 +354,17 @@ struct Used<'a> {
 /// The result of what was found in a log.
 fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found: Found) -> Identification {
     let dims = model.dims();
-    let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings, calibration: _ } = found;
+    let Found {
+        estimate,
+        harmonics,
+        way,
+        row_residuals,
+        hold_residuals,
+        refinement,
+        warnings,
+        tells_hold,
+        calibration: _,
+    } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
         let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
         let bandwidth = dynamics.bandwidth;
@@ -377,7 +385,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
     };
     let mut all = warnings;
     // A simulation that tells the holds apart has said so.
-    if !all.iter().any(|warning| matches!(warning, Warning::OtherHold { .. })) {
+    if !tells_hold {
         all.splice(0..0, Warning::other_hold(options.reading.hold, hold_residuals, ResidualOf::Force));
     }
     let estimate = estimate.in_own_scales();

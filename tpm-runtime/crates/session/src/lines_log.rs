@@ -89,7 +89,7 @@ pub(super) fn identify(
         // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
         let once_more = dims.inputs < dims.rows
             && dims.coordinates <= MOST_SIMULATED
-            && !by_lines.report.as_ref().is_some_and(|report| follows(report, &by_lines.warnings));
+            && !by_lines.report.as_ref().is_some_and(|report| follows(report));
         let derivatives = machine.map(|machine| machine.derivatives);
         let in_band =
             || OneBand::new(&record).and_then(|band| band.estimate(model, derivatives, &options.constants, settings));
@@ -119,8 +119,7 @@ pub(super) fn identify(
         warnings.extend(period_not_used(segments, &options.reading));
     }
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
-    let told = refined.warnings.iter().any(|warning| matches!(warning, Warning::OtherHold { .. }));
-    if !told {
+    if !refined.tells_hold {
         warnings.extend(late_by_hold(model, &record, &found, whole.is_some(), options));
     }
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
@@ -143,6 +142,7 @@ pub(super) fn identify(
         estimate: refined.estimate,
         refinement: refined.report,
         warnings,
+        tells_hold: refined.tells_hold,
         calibration: found.calibration,
     })
 }
@@ -207,11 +207,10 @@ pub(super) fn calibration(
 
 /// Whether a simulation of several coordinates follows a record to the noise of its sensors with a model that lacks nothing, but for a limit
 /// of an input.
-pub(super) fn follows(report: &RefinementReport, warnings: &[Warning]) -> bool {
+pub(super) fn follows(report: &RefinementReport) -> bool {
     let within = |(left, noise): (&f64, &f64)| *left <= NOISE_FOLLOWED * noise;
-    let limited = warnings.iter().any(|warning| matches!(warning, Warning::Limited { .. }));
     report.used
-        && report.missing.len() <= usize::from(limited)
+        && report.missing.len() <= usize::from(report.is_limited())
         && report.residual.iter().zip(&report.sensor_noise).all(within)
 }
 
@@ -224,7 +223,7 @@ fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims, apart:
     // With noise of the inputs a simulation follows any record, and what the model lacks passes for such noise.
     let exact = report.input_noise.iter().all(|noise| *noise == 0.0);
     let left_by_lines = lines.report.with_terms.iter().copied().fold(0.0, f64::max);
-    if (follows(report, &refined.warnings) && (exact || apart.is_none())) || left_by_lines > LARGE_RESIDUAL {
+    if (follows(report) && (exact || apart.is_none())) || left_by_lines > LARGE_RESIDUAL {
         return true;
     }
     if dims.coordinates > 1 {
@@ -277,6 +276,7 @@ impl Apart {
             estimate: lines.restated(own.values.clone(), own.covariance.moved_by(&self.moved), settings),
             report: None,
             warnings: vec![warning],
+            tells_hold: false,
         }
     }
 }
@@ -289,7 +289,7 @@ pub(super) fn has_exact_harmonics(log: &Log) -> bool {
 
 /// The estimate of the lines as it is.
 fn unrefined(found: &OfAnyMotion) -> Refined {
-    Refined { estimate: found.estimate.clone(), report: None, warnings: Vec::new() }
+    Refined::none(found.estimate.clone())
 }
 
 /// The whole periods of a record from a sample on: the end goes over into the beginning, so that no window costs what is measured near the
@@ -453,6 +453,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         _ => ("a term".into(), "".into()),
     };
     MissingTerm {
+        of: own,
         term,
         row: own.row.map(|row| name(model.row(row))),
         value: lacking.value,

@@ -116,6 +116,7 @@ pub(super) fn identify(
         hold_residuals,
         refinement: refined.report,
         warnings,
+        tells_hold: refined.tells_hold,
         calibration: Vec::new(),
     })
 }

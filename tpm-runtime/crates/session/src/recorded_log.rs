@@ -68,6 +68,7 @@ pub(super) fn identify(
         estimate: fit.estimate,
         refinement: None,
         warnings,
+        tells_hold: false,
         calibration: Vec::new(),
     })
 }

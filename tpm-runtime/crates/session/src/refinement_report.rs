@@ -3,7 +3,7 @@
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_controller::model::Model;
-use tpm_estimate::{OutputErrorFault, RateFault, RateUse};
+use tpm_estimate::{OutputErrorFault, RateFault, RateUse, Term, TermKind};
 use tpm_report::number;
 
 /// What the refinement did with a log or a campaign.
@@ -84,6 +84,9 @@ impl RateReport {
 /// A term that would take what a model leaves unexplained.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MissingTerm {
+    /// Which term it is, by the model's indices.
+    #[serde(skip)]
+    pub of: Term,
     /// The term, in the words of the model.
     pub term: String,
     /// The row on which it acts; nothing for one that acts on a reading.
@@ -96,6 +99,13 @@ pub struct MissingTerm {
     pub gain: f64,
     /// What the term would mean.
     pub meaning: String,
+}
+
+impl MissingTerm {
+    /// Whether it is a term of this kind that belongs to this input.
+    pub(super) fn is(&self, kind: TermKind, input: usize) -> bool {
+        self.of.kind == kind && self.of.of == input
+    }
 }
 
 // What serde calls takes a reference.
@@ -159,6 +169,16 @@ impl Serialize for NotRefined {
 }
 
 impl RefinementReport {
+    /// Whether a limit of an input is known to it, which stands before all other terms.
+    pub(super) fn is_limited(&self) -> bool {
+        self.missing.first().is_some_and(|term| term.of.kind == TermKind::Limit)
+    }
+
+    /// Whether no parameters were found with which the model follows the record.
+    pub(super) const fn is_unsettled(&self) -> bool {
+        matches!(self.note, Some(NotRefined::Fault(OutputErrorFault::NotConverged { .. })))
+    }
+
     /// A refinement that was not begun.
     pub(super) fn left_out(values: &[f64], why: NotRefined) -> Self {
         RefinementReport { note: Some(why), ..Self::refused(values, &OutputErrorFault::NotSimulable) }
