@@ -132,6 +132,7 @@ fn findings() -> Vec<Warning> {
         Warning::SeveralMinima { parameter: m(), value: 1.0, other: 2.0, left: 1.1 },
         Warning::TakenAsKnown { parameter: m(), value: 1.0 },
         Warning::NotRefined { reason: NotRefined::WithoutTerm },
+        Warning::AskedInVain { reason: NotRefined::WithoutTerm },
         Warning::Physical { remark: PhysicalRemark::NotDetermined { parameters: vec![m()] } },
     ];
     // Whoever adds a kind of finding adds it above.
@@ -184,6 +185,7 @@ fn findings() -> Vec<Warning> {
             | Warning::SeveralMinima { .. }
             | Warning::TakenAsKnown { .. }
             | Warning::NotRefined { .. }
+            | Warning::AskedInVain { .. }
             | Warning::Physical { .. } => {}
         }
     }

@@ -3,7 +3,7 @@
 use crate::log_report::{HoldResiduals, Way};
 use crate::refinement_report::RefinementReport;
 use crate::warning::Warning;
-use tpm_estimate::{CalibrationFault, Estimate};
+use tpm_estimate::{CalibrationFault, Estimate, FittedDelay};
 
 /// What is found in a log.
 pub(super) struct Found {
@@ -18,6 +18,8 @@ pub(super) struct Found {
     pub(super) warnings: Vec<Warning>,
     /// Whether a simulation tells that the inputs do the other thing between samples.
     pub(super) tells_hold: bool,
+    /// Delays of inputs that were asked for, where the record shows them.
+    pub(super) delays: Vec<FittedDelay>,
     /// What faults of the sensors' calibration would do; nothing where the way does not tell it.
     pub(super) calibration: Vec<CalibrationFault>,
 }

@@ -6,18 +6,22 @@ use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, LogReport, Way};
 use crate::options::LogOptions;
 use crate::record::nothing;
+use crate::refinement_report::NotRefined;
 use crate::simulation::{Extent, simulate};
 use crate::warning::{Exchange, Warning};
 use crate::{lines_log, periodic_log, recorded_log, samples_log, summary};
+use std::collections::BTreeMap;
 use tpm_codegen::identified::Identified;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
-    Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, ResidualOf, TermKind, is_static,
+    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, OutputErrorFault, Refine, ResidualOf,
+    TermKind, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
+use tpm_numerics::tolerance;
 
 /// Share of the record that must be unexplained for exchanged columns to be looked for.
 const NOTICED: f64 = 0.1;
@@ -74,7 +78,19 @@ fn astray(
     let known = known.settled().ok()?;
     let parameters: Option<Vec<f64>> =
         (0..model.dims().parameters).map(|j| known.value(model.parameter(j).name)).collect();
-    simulate(machine, segments, options, &parameters?, &known.open, Extent::Evidence).ok()?.ok()?.astray()
+    let options = with_found_delays(model, options, result);
+    simulate(machine, segments, &options, &parameters?, &known.open, Extent::Evidence).ok()?.ok()?.astray()
+}
+
+/// Options in which delays that were found are known.
+fn with_found_delays(model: &dyn Model<f64>, options: &LogOptions, result: &Identification) -> LogOptions {
+    let mut known = options.clone();
+    known.actuators.resize(model.dims().inputs, Dynamics::default());
+    for input in std::mem::take(&mut known.estimation.fitted_delays) {
+        let found = result.log.as_ref().and_then(|log| log.actuators.get(model.input(input).name));
+        known.actuators[input].delay = found.map_or(0.0, |own| own.delay.max(0.0));
+    }
+    known
 }
 
 /// Says that the model explains a record far better when columns are exchanged, or with another sign, given the result without.
@@ -270,6 +286,10 @@ fn found(
         };
         periodic.map(identify).transpose()
     };
+    if !options.estimation.fitted_delays.is_empty() {
+        // A delay is a parameter of the lines.
+        return by_lines();
+    }
     // Harmonics of a motion without noise are exact, and so many coordinates are simulated from them.
     let exact = periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
     let asked = options.domain == Some(Domain::Harmonics);
@@ -342,6 +362,18 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
     Some(result_of(model, used, options, found))
 }
 
+/// Says that a refinement was asked for and not made, which needs none where the model explains a log but for rounding.
+fn in_vain(log: &LogReport, estimate: &Estimate, options: &LogOptions) -> Option<Warning> {
+    let simulated = matches!(log.way, Way::Recorded(_)) || log.refinement.as_ref().is_some_and(|report| report.used);
+    let exact = estimate.residual <= tolerance::EXPLAINED_FORCE;
+    if options.refine != Refine::OutputError || simulated || exact {
+        return None;
+    }
+    let note = log.refinement.as_ref().and_then(|report| report.note.clone());
+    let reason = note.unwrap_or(NotRefined::Fault(OutputErrorFault::NotSimulable));
+    Some(Warning::AskedInVain { reason })
+}
+
 /// The log that a result is about.
 struct Used<'a> {
     path: &'a str,
@@ -363,6 +395,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         refinement,
         warnings,
         tells_hold,
+        delays,
         calibration: _,
     } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
@@ -371,7 +404,17 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth, ..ActuatorReport::default() };
         (model.input(i).name.to_string(), report)
     };
-    let actuators = options.actuators.iter().take(dims.inputs).enumerate();
+    let known = (0..dims.inputs).map(|i| options.actuators.get(i).copied().unwrap_or_default()).collect::<Vec<_>>();
+    let mut actuators: BTreeMap<String, ActuatorReport> =
+        known.iter().enumerate().filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect();
+    for &input in &options.estimation.fitted_delays {
+        let own = actuators.entry(model.input(input).name.to_string()).or_default();
+        own.fitted = true;
+        if let Some(found) = delays.iter().find(|found| found.input == input) {
+            own.delay += found.value;
+            own.delay_std = Some(found.std);
+        }
+    }
     let log_report = LogReport {
         path: used.path.to_owned(),
         reading: ReadingReport::default(),
@@ -379,11 +422,12 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         sample_time: used.sample_time,
         way,
         row_residuals,
-        actuators: actuators.filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect(),
+        actuators,
         hold_residuals,
         refinement,
     };
     let mut all = warnings;
+    all.extend(in_vain(&log_report, &estimate, options));
     // A simulation that tells the holds apart has said so.
     if !tells_hold {
         all.splice(0..0, Warning::other_hold(options.reading.hold, hold_residuals, ResidualOf::Force));

@@ -38,7 +38,6 @@ mod excite;
 mod experiment_tests;
 #[cfg(test)]
 mod fault_tests;
-mod fitted_delay;
 mod folder;
 mod found;
 mod frames;

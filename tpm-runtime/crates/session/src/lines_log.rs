@@ -8,23 +8,20 @@ use crate::options::LogOptions;
 use crate::reading::RecordSettings;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
 use crate::refine::{Conditions, HALF_A_SAMPLE, Refined, Start, refined};
-use crate::refinement_report::{MissingTerm, RefinementReport};
+use crate::refinement_report::{MissingTerm, NotRefined, RefinementReport};
 use crate::summary;
 use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
-    ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
+    Refine, ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_motion::Dynamics;
 use tpm_numerics::alarm;
 
-/// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
-/// simulation: below it the smoothed motion says all that a joint estimate would.
-const LIMITED_BY_SENSORS: f64 = 0.3;
-/// Most coordinates of a machine that is simulated whatever limits the information: a simulation of more takes minutes.
+/// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
 pub(super) const MOST_SIMULATED: usize = 2;
 /// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
 const NOISE_FOLLOWED: f64 = 3.0;
@@ -66,7 +63,6 @@ pub(super) fn identify(
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
-    let lacks = !found.lacking.is_empty();
     let simulated = |estimate: &Estimate| {
         let start = Start {
             estimate,
@@ -84,7 +80,12 @@ pub(super) fn identify(
         let restate = |values, covariance| found.restated(values, covariance, settings);
         refined(machine, start, Conditions::of_log(options), settings, &restate)
     };
-    let refined = if dims.coordinates <= MOST_SIMULATED || found.sensor_share() > LIMITED_BY_SENSORS || lacks {
+    let asked = options.refine == Refine::OutputError;
+    let refined = if !settings.fitted_delays.is_empty() {
+        // A delay that is found is a parameter of the lines, which the simulation does not have.
+        let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::FittedDelay);
+        Refined { report: (options.refine != Refine::None).then(why), ..unrefined(&found) }
+    } else if dims.coordinates <= MOST_SIMULATED || asked {
         let by_lines = simulated(&found.estimate);
         // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
         let once_more = dims.inputs < dims.rows
@@ -103,15 +104,20 @@ pub(super) fn identify(
             _ => by_lines,
         }
     } else {
-        unrefined(&found)
+        not_simulated(&found, options.refine)
     };
     let apart = Apart::of(&refined, &found);
-    let refined = if told_by_simulation(&refined, &found, dims, apart.as_ref()) {
+    let used = refined.report.as_ref().is_some_and(|report| report.used);
+    let refined = if (asked && used) || told_by_simulation(&refined, &found, dims, apart.as_ref()) {
         refined
     } else {
+        // Why a simulation that was asked for, or one of many coordinates, was not made stays in the report.
+        let left_out = asked || dims.coordinates > MOST_SIMULATED || !settings.fitted_delays.is_empty();
+        let why = refined.report.filter(|report| !report.used && left_out);
         // Nothing that is named says why the two are apart, so that the lines may be as far off.
         let unexplained = apart.filter(|_| found.lacking.is_empty());
-        unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings))
+        let lines = unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings));
+        Refined { report: why, ..lines }
     };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
@@ -130,6 +136,10 @@ pub(super) fn identify(
         warnings.extend(found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() }));
     }
     warnings.extend(refined.warnings);
+    warnings.extend(found.delays.iter().filter(|delay| !delay.settled).map(|delay| {
+        let parameter = format!("the delay of {}", model.input(delay.input).name);
+        Warning::Unsettled { reason: NotRefined::Moving { parameter } }
+    }));
     Ok(Found {
         harmonics: 0,
         row_residuals: report.row_residuals.clone(),
@@ -143,6 +153,7 @@ pub(super) fn identify(
         refinement: refined.report,
         warnings,
         tells_hold: refined.tells_hold,
+        delays: found.delays,
         calibration: found.calibration,
     })
 }
@@ -285,6 +296,13 @@ impl Apart {
 /// rounds off the ends of a record leave a little of them.
 pub(super) fn has_exact_harmonics(log: &Log) -> bool {
     log.channels.iter().all(|channel| !Sensor::of(&[channel]).noisy)
+}
+
+/// The estimate of the lines of a machine that has too many coordinates to be simulated without being asked for.
+fn not_simulated(found: &OfAnyMotion, refine: Refine) -> Refined {
+    let left_out =
+        || RefinementReport::left_out(&found.estimate.values, NotRefined::Coordinates { most: MOST_SIMULATED });
+    Refined { report: (refine == Refine::Auto).then(left_out), ..unrefined(found) }
 }
 
 /// The estimate of the lines as it is.

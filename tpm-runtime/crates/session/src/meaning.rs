@@ -116,6 +116,8 @@ impl Warning {
             Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
             Warning::LongSimulation(_) => (Remark, Estimation, Nothing),
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
+            // The values hold, and are not what was asked for.
+            Warning::AskedInVain { .. } => (Distrust, Estimation, Nothing),
             Warning::LogsDisagree { .. } => (Distrust, Estimation, All),
             // More logs say what the result says.
             Warning::OddLog { .. } => (Remark, Estimation, Nothing),

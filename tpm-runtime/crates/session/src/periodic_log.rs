@@ -117,6 +117,7 @@ pub(super) fn identify(
         refinement: refined.report,
         warnings,
         tells_hold: refined.tells_hold,
+        delays: Vec::new(),
         calibration: Vec::new(),
     })
 }

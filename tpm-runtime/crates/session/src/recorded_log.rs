@@ -17,7 +17,7 @@ use tpm_motion::Dynamics;
 pub(super) fn may_be(options: &LogOptions) -> bool {
     let asked = options.domain == Some(tpm_estimate::Domain::Harmonics);
     let part = options.reading.period.is_some() || options.reading.from_sample.is_some();
-    options.actuators.iter().all(Dynamics::is_ideal) && options.fitted_delays.is_empty() && !asked && !part
+    options.actuators.iter().all(Dynamics::is_ideal) && options.estimation.fitted_delays.is_empty() && !asked && !part
 }
 
 /// Whether a log is simulated between its stamps from the beginning: only that tells the model's parameters, or an acceleration is measured,
@@ -69,6 +69,7 @@ pub(super) fn identify(
         refinement: None,
         warnings,
         tells_hold: false,
+        delays: Vec::new(),
         calibration: Vec::new(),
     })
 }

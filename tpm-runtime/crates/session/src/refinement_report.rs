@@ -101,13 +101,6 @@ pub struct MissingTerm {
     pub meaning: String,
 }
 
-impl MissingTerm {
-    /// Whether it is a term of this kind that belongs to this input.
-    pub(super) fn is(&self, kind: TermKind, input: usize) -> bool {
-        self.of.kind == kind && self.of.of == input
-    }
-}
-
 // What serde calls takes a reference.
 #[allow(clippy::trivially_copy_pass_by_ref)]
 const fn none(count: &usize) -> bool {
@@ -142,6 +135,13 @@ pub enum NotRefined {
     Fault(OutputErrorFault),
     /// The simulation settles only with a term that the model lacks.
     WithoutTerm,
+    /// The machine has more coordinates than are simulated without being asked for.
+    Coordinates {
+        /// The most that are.
+        most: usize,
+    },
+    /// A delay is found with the parameters, which the simulation takes as known.
+    FittedDelay,
     /// A nonlinear parameter goes on moving.
     Moving {
         /// The nonlinear parameter.
@@ -156,6 +156,13 @@ impl fmt::Display for NotRefined {
             NotRefined::Fault(fault) => write!(f, "not refined by a simulation: {fault}"),
             NotRefined::WithoutTerm => f.write_str(
                 "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them",
+            ),
+            NotRefined::Coordinates { most } => write!(
+                f,
+                "not refined by a simulation: a machine of more than {most} coordinates is simulated where that is asked for"
+            ),
+            NotRefined::FittedDelay => f.write_str(
+                "not refined by a simulation: it takes delays as known, and one is found with the parameters",
             ),
             NotRefined::Moving { parameter } => write!(f, "{parameter} does not settle on a value"),
         }

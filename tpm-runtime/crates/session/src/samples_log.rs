@@ -98,6 +98,7 @@ fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
         refinement: refined.report,
         warnings: refined.warnings,
         tells_hold: refined.tells_hold,
+        delays: Vec::new(),
         calibration: Vec::new(),
     }
 }

@@ -426,6 +426,12 @@ pub enum Warning {
         #[serde(rename = "message")]
         reason: NotRefined,
     },
+    /// A refinement was asked for, and the values are not those of one.
+    AskedInVain {
+        /// Why.
+        #[serde(rename = "message")]
+        reason: NotRefined,
+    },
     /// What the map from lumped to physical parameters shows.
     Physical {
         /// What it shows.
@@ -763,6 +769,9 @@ impl fmt::Display for Warning {
                 "{parameter} = {other:.4e} explains the data nearly as well as {value:.4e}, it leaves {left:.3} times as much: declare a narrower interval if one of them is impossible, or record a motion that tells them apart"
             ),
             Warning::NotRefined { reason } => reason.fmt(f),
+            Warning::AskedInVain { reason } => {
+                write!(f, "a refinement by simulation was asked for, and the values are not those of one: {reason}")
+            }
             Warning::Physical { remark } => remark.fmt(f),
         }
     }

@@ -43,6 +43,8 @@ const MOST_LEVERAGE: f64 = 0.9;
 /// less than this share of its deviation.
 const APPLIED_SHOWN: f64 = 30.0;
 const APPLIED_PASSES: usize = 4;
+/// As many times where a delay is asked for, which may be many samples.
+const FITTED_PASSES: usize = 12;
 const APPLIED_SETTLED: f64 = 0.1;
 /// A gain of which the last pass still asks for more than this share does not settle: of one that is there a few percent are left by then,
 /// be it a factor of a thousand.
@@ -72,6 +74,19 @@ pub struct Lacking {
     pub std: f64,
     /// Share that it takes of the sum of squares that the row, in which it makes most, would leave without it.
     pub gain: f64,
+}
+
+/// The delay of an input, found with the parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FittedDelay {
+    /// The input.
+    pub input: usize,
+    /// By how much later it acts than is recorded, beyond what is known, s.
+    pub value: f64,
+    /// Standard deviation, s.
+    pub std: f64,
+    /// Whether it moves no more by a share of its deviation.
+    pub settled: bool,
 }
 
 /// What a fault of a sensor's calibration would do.
@@ -136,6 +151,8 @@ pub struct OfAnyMotion {
     pub report: LineReport,
     /// Terms that the model lacks, the clearest first.
     pub lacking: Vec<Lacking>,
+    /// Delays of inputs that were asked for; values and covariance of the parameters are those beside them.
+    pub delays: Vec<FittedDelay>,
     /// What faults of the sensors' calibration would do.
     pub calibration: Vec<CalibrationFault>,
     /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
@@ -171,12 +188,6 @@ impl OfAnyMotion {
         let report = LineReport { with_terms: with_terms.report.with_terms, ..self.report };
         OfAnyMotion { estimate, report, lacking: with_terms.lacking, scale_unknown: with_terms.scale_unknown, ..self }
     }
-
-    /// Share of the information that noise of the sensors limits, of the row where it is largest.
-    #[must_use]
-    pub fn sensor_share(&self) -> f64 {
-        self.report.sensor_share.iter().copied().fold(0.0, f64::max)
-    }
 }
 
 /// Estimates the parameters in which a model is linear from any motion. `circular` says that the record is whole periods of a motion that
@@ -198,7 +209,7 @@ pub fn estimate_any_motion(
     let rows = Rows { model, constants };
     let memory = Memory::default();
     let known = (record, &motion, circular, &memory);
-    let mut look = Look::first(model);
+    let mut look = Look::first(model, settings);
     // Every round but the last refuses one gain at least.
     let found = loop {
         let refused = look.refused.len();
@@ -206,12 +217,13 @@ pub fn estimate_any_motion(
         if look.refused.len() == refused {
             break result;
         }
-        look = Look { refused: look.refused, ..Look::first(model) };
+        look = Look { refused: look.refused, ..Look::first(model, settings) };
     };
     if found.estimate.residual <= LARGE_RESIDUAL {
         return Ok(found);
     }
-    let mut look = Look { alone: true, ..Look::first(model) };
+    let late = std::mem::replace(&mut look, Look { alone: true, ..Look::first(model, settings) });
+    look.take_delays(&late);
     let alone = first_pass(rows, known, &mut look, (&free, settings))?.with_terms()?.fit(&free)?.result;
     Ok(match alone.estimate.residual <= LARGE_RESIDUAL {
         false => found,
@@ -244,13 +256,15 @@ fn applied<'a>(
     (free, settings): (&Free, &Settings),
 ) -> Result<OfAnyMotion, EstimateError> {
     let mut settled = false;
-    for _ in 0..APPLIED_PASSES {
-        let fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free)?;
+    let passes = if look.fitted.is_empty() { APPLIED_PASSES } else { FITTED_PASSES };
+    for _ in 0..passes {
+        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
-            found.term.kind == TermKind::Delay && late.abs() > LONGEST_DELAY
+            found.term.kind == TermKind::Delay && !look.is_fitted(found.term) && late.abs() > LONGEST_DELAY
         };
         if fitted.applied.is_empty() || settled || fitted.applied.iter().any(beyond) {
+            fitted.result.delays.iter_mut().for_each(|delay| delay.settled = settled);
             return Ok(fitted.result);
         }
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
@@ -440,12 +454,22 @@ impl Pass<'_> {
             .filter(|(shown, own)| of_input(own.term.kind) && *shown > APPLIED_SHOWN)
             .map(|(_, own)| Applied { term: own.term, value: own.value, std: own.std })
             .collect();
+        let mut delays = Vec::new();
         for (a, &column) in fixed.iter().enumerate().skip(kept) {
             let (term, size) = (self.terms[column - p], self.sizes[column - p]);
             let (value, std) = (solved.values[a] / size, covariance[(a, a)].max(0.0).sqrt() / size);
             let own = self.look.inputs[term.of];
             let whole = if term.kind == TermKind::Delay { own.delay + value } else { (1.0 + value) / own.gain - 1.0 };
             applied.push(Applied { term, value, std });
+            if self.look.is_fitted(term) {
+                delays.push(FittedDelay { input: term.of, value: whole, std, settled: false });
+                // Nothing acts before it is commanded.
+                let known = self.record.actuators.get(term.of).map_or(0.0, |known| known.delay);
+                let early = whole + known < 0.0 && (whole + known).powi(2) > threshold * std * std;
+                if !early {
+                    continue;
+                }
+            }
             lacking.push((f64::INFINITY, named(column, (whole * size, std * size))));
         }
         // The column of a gain is what acts, so that its coefficient says by which share more is recorded.
@@ -530,6 +554,7 @@ impl Pass<'_> {
                 reach: crate::time_domain::band::reach(followed, self.paths.sample_time),
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
+                delays,
                 calibration,
                 scale_unknown,
                 report,
