@@ -59,7 +59,7 @@ pub(super) fn identify(
     let first = segments.first().ok_or_else(nothing)?;
     let all = stretches(segments, dims.coordinates, &options.reading)?;
     let (used, whole) = used(first, &all, periodic, (dims.coordinates, &options.reading));
-    let samples = used.iter().map(Stretch::samples).sum();
+    let samples = all.iter().map(Stretch::samples).sum();
     let record = record(first.sample_time, options, used);
     let found = estimate_any_motion(model, &options.constants, &record, whole.is_some(), settings)
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
@@ -143,7 +143,7 @@ pub(super) fn identify(
         repeats.iter().flat_map(|repeats| remarks(&options.reading, repeats, first.len())).collect();
     warnings.extend(summary::doubts(model, &refined.estimate, Data::Log));
     warnings.extend(differing_rates(model, &report.rate_gains));
-    if periodic.is_none() {
+    if repeats.is_none() {
         warnings.extend(period_not_used(segments, &options.reading));
     }
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
