@@ -53,7 +53,8 @@ pub mod estimate {
     pub use tpm_estimate::{
         Along, CombinationReport, Domain, Estimate, EstimateError, ForceCourse, Frozen, InputShift, LARGE_RESIDUAL,
         LineTable, Method, NumericalSettings, OutputErrorFault, POOR_DEVIATION, POOR_PHYSICAL_DEVIATION,
-        ParameterReport, PhysicalRemark, Refine, ResidualOf, RowLines, Settings, Status, Swiftness, Weights, named,
+        ParameterReport, PhysicalRemark, Refine, ResidualOf, RowLines, Settings, Status, Swiftness, Term, TermKind,
+        Weights, named,
     };
 }
 

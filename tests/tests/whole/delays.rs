@@ -18,6 +18,16 @@ const STEPS: usize = 20;
 
 /// Twenty seconds of the cart under a held command that acts behind known dynamics; commands repeat after four seconds, or never.
 fn samples(dynamics: Dynamics, repeats: bool) -> Samples {
+    as_samples(series(dynamics, repeats))
+}
+
+/// Times, readings and commands as a log.
+fn as_samples([time, x, u]: [Vec<f64>; 3]) -> Samples {
+    Samples::new(vec![("t_s".into(), time), ("x".into(), x), ("u".into(), u)])
+}
+
+/// Times, readings and commands of [`samples`].
+fn series(dynamics: Dynamics, repeats: bool) -> [Vec<f64>; 3] {
     let mut normal = ChaCha8Rng::seed_from_u64(11);
     let count = 10_000;
     let base = if repeats { 0.25 } else { 0.2371 };
@@ -63,7 +73,7 @@ fn samples(dynamics: Dynamics, repeats: bool) -> Samples {
             [q, v, value, rate] = next;
         }
     }
-    Samples::new(vec![("t_s".into(), time), ("x".into(), x), ("u".into(), u)])
+    [time, x, u]
 }
 
 fn identified(samples: Samples, change: impl FnOnce(&mut LogRequest)) -> Identification {
@@ -126,7 +136,32 @@ fn a_delay_is_found_with_the_parameters() {
         assert!(late.to_string().contains("found with the parameters"), "{late}");
         let none = identified(samples(Dynamics::default(), repeats), fit);
         let own = none.log.as_ref().and_then(|log| log.actuators.get("u")).expect("said");
-        assert!(own.fitted && own.delay == 0.0 && own.delay_std.is_none(), "{own:?}");
+        let std = own.delay_std.expect("a delay is a parameter of the fit, be it nothing");
+        assert!(own.fitted && own.delay.abs() < 4.0 * std && std < 2e-5, "{own:?}");
         deviations(&none);
+    }
+}
+
+#[test]
+fn a_delay_that_noise_hides_lies_within_its_deviation() {
+    let delay = 2.5 * STEP;
+    let exact = series(Dynamics { delay, ..Dynamics::default() }, true);
+    for seed in 0..6 {
+        let mut normal = ChaCha8Rng::seed_from_u64(seed);
+        let mut log = exact.clone();
+        for (values, noise) in log.iter_mut().skip(1).zip([2e-4, 0.05]) {
+            for value in values {
+                let own: f64 = StandardNormal.sample(&mut normal);
+                *value += noise * own;
+            }
+        }
+        let result = identified(as_samples(log), |request| {
+            request.estimation.fitted_delays.insert("u".into());
+        });
+        let own = result.log.as_ref().and_then(|log| log.actuators.get("u")).expect("a delay");
+        let std = own.delay_std.expect("found");
+        assert!((own.delay - delay).abs() < 4.0 * std && std < 2e-4, "{seed}: {own:?}");
+        deviations(&result);
+        assert!(result.is_complete() && result.warnings.is_empty(), "{result}");
     }
 }

@@ -5,13 +5,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use tpm_runtime::campaign::{NearMode, Outcome};
 use tpm_runtime::document::Document;
-use tpm_runtime::estimate::{PhysicalRemark, ResidualOf};
+use tpm_runtime::estimate::{PhysicalRemark, ResidualOf, Term, TermKind};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
 use tpm_runtime::session::{
-    Calibration, Data, DeclaredModel, Exchange, Identification, LogRequest, LongSimulation, MissingTerm, NotRefined,
-    Severity, UnseenFaultReport, Warning, from_log, from_logs,
+    Calibration, Data, DeclaredModel, Exchange, HarmonicSetting, Identification, LogRequest, LongSimulation,
+    MissingTerm, NotRefined, Severity, UnseenFaultReport, Warning, from_log, from_logs,
 };
 
 const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg], c [N*s/m], k [N/m];
@@ -47,6 +47,7 @@ fn sound() -> Identification {
 /// A term that a model may lack.
 fn term() -> MissingTerm {
     MissingTerm {
+        of: Term { kind: TermKind::Power(3), row: Some(0), of: 0, other: None },
         term: "x^3".into(),
         row: Some("u".into()),
         value: 1.0,
@@ -131,6 +132,8 @@ fn findings() -> Vec<Warning> {
         Warning::SeveralMinima { parameter: m(), value: 1.0, other: 2.0, left: 1.1 },
         Warning::TakenAsKnown { parameter: m(), value: 1.0 },
         Warning::NotRefined { reason: NotRefined::WithoutTerm },
+        Warning::AskedInVain { reason: NotRefined::WithoutTerm },
+        Warning::SettingNotUsed { setting: HarmonicSetting::EqualWeights },
         Warning::Physical { remark: PhysicalRemark::NotDetermined { parameters: vec![m()] } },
     ];
     // Whoever adds a kind of finding adds it above.
@@ -183,6 +186,8 @@ fn findings() -> Vec<Warning> {
             | Warning::SeveralMinima { .. }
             | Warning::TakenAsKnown { .. }
             | Warning::NotRefined { .. }
+            | Warning::AskedInVain { .. }
+            | Warning::SettingNotUsed { .. }
             | Warning::Physical { .. } => {}
         }
     }

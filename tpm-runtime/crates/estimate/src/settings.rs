@@ -91,6 +91,8 @@ pub struct Settings {
     /// Directions that the experiments cannot show, known beforehand: the estimate keeps its prior along them although
     /// noise and errors of the tracking seem to show them.
     pub hidden: Vec<Vec<f64>>,
+    /// Inputs whose delays are found with the parameters, by estimators of a log.
+    pub fitted_delays: Vec<usize>,
     /// How much every equation counts in `measured-motion`.
     pub weights: Weights,
     /// How `numerical` uses its matrix.

@@ -1,7 +1,6 @@
 //! One log on its way to a result: as even samples or, where a coordinate is not measured, as it was recorded.
 
 use crate::error::SessionError;
-use crate::fitted_delay::with_delays;
 use crate::identification::Identification;
 use crate::identify::identify_recorded;
 use crate::log_fault::LogFault;
@@ -111,8 +110,8 @@ impl Entry<'_> {
             replaced.extend(lone_readings(model, &lone));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part = with_delays(model, self.options, &|options| self.rows.identify(&segments, options))
-            .map_err(|error| of_pieces(error, &recording.report))?;
+        let mut part =
+            (self.rows.identify(&segments, self.options)).map_err(|error| of_pieces(error, &recording.report))?;
         part.warnings.extend(replaced);
         if let Some(report) = &mut part.log {
             report.reading = recording.report;

@@ -3,10 +3,33 @@
 use crate::log_report::{HoldResiduals, Way};
 use crate::refinement_report::RefinementReport;
 use crate::warning::Warning;
-use tpm_estimate::{CalibrationFault, Estimate};
+use tpm_estimate::{CalibrationFault, Estimate, FittedDelay};
+
+/// How a way from a log to its parameters ended, as far as what follows depends on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ending {
+    /// The model explains the record but for noise, and for terms that it lacks and that are named.
+    Explained,
+    /// Something of the record contradicts the model, whatever the residual is: halves, a row without an input, a scale that nothing fixes,
+    /// a value that no machine has.
+    Doubtful,
+}
+
+impl Ending {
+    /// Doubtful where something contradicts the model.
+    pub(super) const fn doubtful_if(contradicts: bool) -> Self {
+        if contradicts { Ending::Doubtful } else { Ending::Explained }
+    }
+
+    /// The worse of two.
+    pub(super) const fn and(self, other: Self) -> Self {
+        Self::doubtful_if(matches!(self, Ending::Doubtful) || matches!(other, Ending::Doubtful))
+    }
+}
 
 /// What is found in a log.
 pub(super) struct Found {
+    pub(super) outcome: Ending,
     pub(super) estimate: Estimate,
     /// Highest harmonic used; zero in the time domain.
     pub(super) harmonics: usize,
@@ -16,6 +39,10 @@ pub(super) struct Found {
     pub(super) hold_residuals: HoldResiduals,
     pub(super) refinement: Option<RefinementReport>,
     pub(super) warnings: Vec<Warning>,
+    /// Whether a simulation tells that the inputs do the other thing between samples.
+    pub(super) tells_hold: bool,
+    /// Delays of inputs that were asked for, where the record shows them.
+    pub(super) delays: Vec<FittedDelay>,
     /// What faults of the sensors' calibration would do; nothing where the way does not tell it.
     pub(super) calibration: Vec<CalibrationFault>,
 }

@@ -1,23 +1,26 @@
 //! From a log to its result, whichever way the log is used.
 
-use crate::found::Found;
+use crate::found::{Ending, Found};
 use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, LogReport, Way};
 use crate::options::LogOptions;
 use crate::record::nothing;
+use crate::refinement_report::NotRefined;
 use crate::simulation::{Extent, simulate};
-use crate::warning::{Exchange, Warning};
+use crate::warning::{Exchange, HarmonicSetting, Warning};
 use crate::{lines_log, periodic_log, recorded_log, samples_log, summary};
+use std::collections::BTreeMap;
 use tpm_codegen::identified::Identified;
-use tpm_controller::harmonics::Hold;
-use tpm_controller::model::{Dims, Model};
+use tpm_controller::model::Model;
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
-    Arrangement, Differentiable, Domain, EstimateError, LARGE_RESIDUAL, ResidualOf, TermKind, is_static,
+    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, OutputErrorFault, Refine, ResidualOf,
+    Settings, TermKind, Weights, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
+use tpm_numerics::tolerance;
 
 /// Share of the record that must be unexplained for exchanged columns to be looked for.
 const NOTICED: f64 = 0.1;
@@ -66,15 +69,27 @@ fn astray(
 ) -> Option<Warning> {
     let refinement = result.log.as_ref().and_then(|log| log.refinement.as_ref());
     let simulated = refinement.is_some_and(|report| report.used);
-    let judged = !result.is_explained() || result.warnings.iter().any(Warning::is_distrust);
-    if simulated || judged || is_static(model) || model.dims().coordinates > lines_log::MOST_SIMULATED {
+    let doubted = !result.is_explained() || result.ended == Ending::Doubtful;
+    if simulated || doubted || is_static(model) || model.dims().coordinates > lines_log::MOST_SIMULATED {
         return None;
     }
     let known = Identified::from(result);
     let known = known.settled().ok()?;
     let parameters: Option<Vec<f64>> =
         (0..model.dims().parameters).map(|j| known.value(model.parameter(j).name)).collect();
-    simulate(machine, segments, options, &parameters?, &known.open, Extent::Evidence).ok()?.ok()?.astray()
+    let options = with_found_delays(model, options, result);
+    simulate(machine, segments, &options, &parameters?, &known.open, Extent::Evidence).ok()?.ok()?.astray()
+}
+
+/// Options in which delays that were found are known.
+fn with_found_delays(model: &dyn Model<f64>, options: &LogOptions, result: &Identification) -> LogOptions {
+    let mut known = options.clone();
+    known.actuators.resize(model.dims().inputs, Dynamics::default());
+    for input in std::mem::take(&mut known.estimation.fitted_delays) {
+        let found = result.log.as_ref().and_then(|log| log.actuators.get(model.input(input).name));
+        known.actuators[input].delay = found.map_or(0.0, |own| own.delay.max(0.0));
+    }
+    known
 }
 
 /// Says that the model explains a record far better when columns are exchanged, or with another sign, given the result without.
@@ -253,7 +268,7 @@ fn check_constants(model: &dyn Model<f64>, options: &LogOptions) -> Result<(), L
     })
 }
 
-/// What is found in a record, by the way that tells it best; `periodic` is the part that repeats.
+/// What is found in a record: by its lines, which are those of whole periods where it repeats; `periodic` is the part that does.
 fn found(
     model: &dyn Model<f64>,
     machine: Option<Differentiable<'_>>,
@@ -270,24 +285,15 @@ fn found(
         };
         periodic.map(identify).transpose()
     };
-    // Harmonics of a motion without noise are exact, and so many coordinates are simulated from them.
-    let exact = periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
-    let asked = options.domain == Some(Domain::Harmonics);
-    if (asked || exact || dims.coordinates <= lines_log::MOST_SIMULATED)
+    if !options.estimation.fitted_delays.is_empty() {
+        // A delay is a parameter of the lines.
+        return by_lines();
+    }
+    if let Some((log, _)) = periodic
+        && by_harmonics_alone(model, machine, log, options)
         && let Some(found) = by_harmonics()?
     {
-        let better = |other: &Found| {
-            other.estimate.residual <= LARGE_RESIDUAL
-                && !other.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. }))
-                && (dims.coordinates > 1 || other.estimate.rank >= found.estimate.rank)
-        };
-        // Where neither explains the record, a simulation is far from it, and what it names is what would bring it nearer. The rows stay on
-        // the measured motion.
-        let named = |own: &Found| own.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }));
-        let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other);
-        let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
-        let other = if enough { None } else { by_lines().ok().filter(|other| better(other) || says_more(other)) };
-        return Ok(other.unwrap_or(found));
+        return Ok(found);
     }
     match by_lines() {
         // A record that is too short for lines may still have harmonics, and may be simulated.
@@ -304,31 +310,35 @@ fn found(
             }
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
-        // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
-        Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
+        // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near. Those of
+        // whole periods have no ends, and begin it no farther than these.
+        Ok(found)
+            if found.estimate.residual > LARGE_RESIDUAL
+                && periodic.is_none()
+                && dims.coordinates <= lines_log::MOST_SIMULATED =>
+        {
             let other = samples_log::identify(model, machine, segments, options)?;
-            let follows = |other: &Found| {
-                other.refinement.as_ref().is_some_and(|report| lines_log::follows(report, &other.warnings))
-            };
+            let follows = |other: &Found| other.refinement.as_ref().is_some_and(|report| lines_log::follows(report));
             Ok(other.filter(follows).unwrap_or(found))
         }
         found => found,
     }
 }
 
-/// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is
-/// told by the lines of the rows, which know what the model may lack, and which scales no row shows; but a simulation that settles finds the
-/// ratios of a row without an input better. A single coordinate is told by the lines where nothing else explains it.
-fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
-    match &found.refinement {
-        _ if dims.coordinates == 1 => {
-            found.estimate.residual <= LARGE_RESIDUAL
-                || Warning::other_hold(hold, found.hold_residuals, ResidualOf::Force).is_some()
-        }
-        Some(report) if dims.inputs < dims.rows => report.used,
-        Some(report) => lines_log::follows(report, &found.warnings),
-        None => false,
-    }
+/// Whether harmonics tell a log that repeats, known beforehand: their settings ask for them, a motion without noise makes them exact, and one
+/// coordinate that is not simulated shows more by them where a loop feeds the noise of its sensor back. All other logs are told by the
+/// lines of their rows.
+fn by_harmonics_alone(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    log: &Log,
+    options: &LogOptions,
+) -> bool {
+    let settings = &options.estimation;
+    let asked =
+        options.domain == Some(Domain::Harmonics) || settings.harmonics.is_some() || settings.weights == Weights::Equal;
+    let simulated = machine.is_some() && options.refine != Refine::None;
+    asked || lines_log::has_exact_harmonics(log) || (model.dims().coordinates == 1 && !simulated)
 }
 
 /// The result of what was found in the segments of a record; nothing without a segment.
@@ -344,6 +354,26 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
     Some(result_of(model, used, options, found))
 }
 
+/// The settings of harmonics that lines and simulations do not take.
+fn not_used(way: &Way, settings: &Settings) -> impl Iterator<Item = HarmonicSetting> {
+    let equal = (settings.weights == Weights::Equal).then_some(HarmonicSetting::EqualWeights);
+    let highest = settings.harmonics.map(|_| HarmonicSetting::Highest);
+    let takes = matches!(way, Way::Harmonics(_) | Way::Samples(_));
+    [equal, highest].into_iter().flatten().filter(move |_| !takes)
+}
+
+/// Says that a refinement was asked for and not made, which needs none where the model explains a log but for rounding.
+fn in_vain(log: &LogReport, estimate: &Estimate, options: &LogOptions) -> Option<Warning> {
+    let simulated = matches!(log.way, Way::Recorded(_)) || log.refinement.as_ref().is_some_and(|report| report.used);
+    let exact = estimate.residual <= tolerance::EXPLAINED_FORCE;
+    if options.refine != Refine::OutputError || simulated || exact {
+        return None;
+    }
+    let note = log.refinement.as_ref().and_then(|report| report.note.clone());
+    let reason = note.unwrap_or(NotRefined::Fault(OutputErrorFault::NotSimulable));
+    Some(Warning::AskedInVain { reason })
+}
+
 /// The log that a result is about.
 struct Used<'a> {
     path: &'a str,
@@ -356,14 +386,36 @@ struct Used<'a> {
 /// The result of what was found in a log.
 fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found: Found) -> Identification {
     let dims = model.dims();
-    let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings, calibration: _ } = found;
+    let Found {
+        estimate,
+        harmonics,
+        way,
+        row_residuals,
+        hold_residuals,
+        refinement,
+        warnings,
+        outcome,
+        tells_hold,
+        delays,
+        calibration: _,
+    } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
         let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
         let bandwidth = dynamics.bandwidth;
         let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth, ..ActuatorReport::default() };
         (model.input(i).name.to_string(), report)
     };
-    let actuators = options.actuators.iter().take(dims.inputs).enumerate();
+    let known = (0..dims.inputs).map(|i| options.actuators.get(i).copied().unwrap_or_default()).collect::<Vec<_>>();
+    let mut actuators: BTreeMap<String, ActuatorReport> =
+        known.iter().enumerate().filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect();
+    for &input in &options.estimation.fitted_delays {
+        let own = actuators.entry(model.input(input).name.to_string()).or_default();
+        own.fitted = true;
+        if let Some(found) = delays.iter().find(|found| found.input == input) {
+            own.delay += found.value;
+            own.delay_std = Some(found.std);
+        }
+    }
     let log_report = LogReport {
         path: used.path.to_owned(),
         reading: ReadingReport::default(),
@@ -371,13 +423,15 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         sample_time: used.sample_time,
         way,
         row_residuals,
-        actuators: actuators.filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect(),
+        actuators,
         hold_residuals,
         refinement,
     };
     let mut all = warnings;
+    all.extend(in_vain(&log_report, &estimate, options));
+    all.extend(not_used(&log_report.way, &options.estimation).map(|setting| Warning::SettingNotUsed { setting }));
     // A simulation that tells the holds apart has said so.
-    if !all.iter().any(|warning| matches!(warning, Warning::OtherHold { .. })) {
+    if !tells_hold {
         all.splice(0..0, Warning::other_hold(options.reading.hold, hold_residuals, ResidualOf::Force));
     }
     let estimate = estimate.in_own_scales();
@@ -415,6 +469,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         provenance: summary::provenance(),
         current: estimate.values.clone(),
         estimate: Some(estimate),
+        ended: outcome,
         shortfall: None,
     };
     summary::warn_of_impossible_values(&mut result, model, &options.constants, &used.position);

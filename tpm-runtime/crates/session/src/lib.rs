@@ -38,7 +38,6 @@ mod excite;
 mod experiment_tests;
 #[cfg(test)]
 mod fault_tests;
-mod fitted_delay;
 mod folder;
 mod found;
 mod frames;
@@ -143,5 +142,5 @@ pub use summary::of_campaign;
 pub use templates::{Placed, Proposal, Quantity, TEMPLATES, Template, proposals};
 pub use text::closed_loop;
 pub use validate::{RowCourse, RowPrediction, RowUnpredicted, Validation, evidence, validate, validate_log};
-pub use warning::{Data, Exchange, Warning};
+pub use warning::{Data, Exchange, HarmonicSetting, Warning};
 pub use whiteness::{CorrelationTest, FALSE_ALARM, LAGS};

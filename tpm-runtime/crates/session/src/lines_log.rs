@@ -1,30 +1,29 @@
 //! A log of any motion, identified by the lines of its rows.
 
-use crate::excerpt::{Excerpt, at_most};
-use crate::found::Found;
+use crate::excerpt::{Excerpt, MOST_WHOLE_SAMPLES, at_most};
+use crate::found::{Ending, Found};
 use crate::log_fault::LogFault;
-use crate::log_report::{Calibration, HoldResiduals, SpectralReport, UnseenFaultReport, Way};
+use crate::log_report::{Calibration, HoldResiduals, PeriodicReport, SpectralReport, UnseenFaultReport, Way};
 use crate::options::LogOptions;
+use crate::periodic_log::{remarks, untested_report};
 use crate::reading::RecordSettings;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
 use crate::refine::{Conditions, HALF_A_SAMPLE, Refined, Start, refined};
-use crate::refinement_report::{MissingTerm, RefinementReport};
+use crate::refinement_report::{MissingTerm, NotRefined, RefinementReport};
 use crate::summary;
 use crate::term_words::{self, Words};
 use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Label, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
-    ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
+    Refine, ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, Untested, best_arrangement,
+    estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
-use tpm_motion::Dynamics;
+use tpm_motion::{Dynamics, Window};
 use tpm_numerics::alarm;
 
-/// Share of the information that noise of the sensors limits above which the motion is estimated along with the parameters, by a
-/// simulation: below it the smoothed motion says all that a joint estimate would.
-const LIMITED_BY_SENSORS: f64 = 0.3;
-/// Most coordinates of a machine that is simulated whatever limits the information: a simulation of more takes minutes.
+/// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
 pub(super) const MOST_SIMULATED: usize = 2;
 /// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
 const NOISE_FOLLOWED: f64 = 3.0;
@@ -60,17 +59,16 @@ pub(super) fn identify(
     let first = segments.first().ok_or_else(nothing)?;
     let all = stretches(segments, dims.coordinates, &options.reading)?;
     let (used, whole) = used(first, &all, periodic, (dims.coordinates, &options.reading));
-    let samples = used.iter().map(Stretch::samples).sum();
+    let samples = all.iter().map(Stretch::samples).sum();
     let record = record(first.sample_time, options, used);
     let found = estimate_any_motion(model, &options.constants, &record, whole.is_some(), settings)
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
-    let lacks = !found.lacking.is_empty();
     let simulated = |estimate: &Estimate| {
         let start = Start {
             estimate,
-            excerpt: Excerpt::of_stretches(&all),
+            excerpt: excerpt(first, &all, whole.as_ref().zip(periodic), dims.coordinates),
             course: Course::Any {
                 typical_period: found.typical_period,
                 reach: found.reach,
@@ -84,12 +82,17 @@ pub(super) fn identify(
         let restate = |values, covariance| found.restated(values, covariance, settings);
         refined(machine, start, Conditions::of_log(options), settings, &restate)
     };
-    let refined = if dims.coordinates <= MOST_SIMULATED || found.sensor_share() > LIMITED_BY_SENSORS || lacks {
+    let asked = options.refine == Refine::OutputError;
+    let refined = if !settings.fitted_delays.is_empty() {
+        // A delay that is found is a parameter of the lines, which the simulation does not have.
+        let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::FittedDelay);
+        Refined { report: (options.refine != Refine::None).then(why), ..unrefined(&found) }
+    } else if dims.coordinates <= MOST_SIMULATED || asked {
         let by_lines = simulated(&found.estimate);
         // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
         let once_more = dims.inputs < dims.rows
             && dims.coordinates <= MOST_SIMULATED
-            && !by_lines.report.as_ref().is_some_and(|report| follows(report, &by_lines.warnings));
+            && !by_lines.report.as_ref().is_some_and(|report| follows(report));
         let derivatives = machine.map(|machine| machine.derivatives);
         let in_band =
             || OneBand::new(&record).and_then(|band| band.estimate(model, derivatives, &options.constants, settings));
@@ -103,48 +106,99 @@ pub(super) fn identify(
             _ => by_lines,
         }
     } else {
-        unrefined(&found)
+        not_simulated(&found, options.refine)
     };
     let apart = Apart::of(&refined, &found);
-    let refined = if told_by_simulation(&refined, &found, dims, apart.as_ref()) {
+    let used = refined.report.as_ref().is_some_and(|report| report.used);
+    let refined = if (asked && used) || told_by_simulation(&refined, &found, dims, apart.as_ref()) {
         refined
     } else {
+        // Why a simulation that was asked for, or one of many coordinates, was not made stays in the report.
+        let left_out = asked || dims.coordinates > MOST_SIMULATED || !settings.fitted_delays.is_empty();
+        let why = refined.report.filter(|report| !report.used && left_out);
         // Nothing that is named says why the two are apart, so that the lines may be as far off.
         let unexplained = apart.filter(|_| found.lacking.is_empty());
-        unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings))
+        let lines = unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings));
+        Refined { report: why, ..lines }
     };
-    let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
+    let repeats = whole.as_ref().zip(periodic).map(|(whole, periodic)| {
+        let own = |own: &Untested| Untested { harmonic: own.harmonic / whole.periods.max(1), ..*own };
+        let untested = found.untested.iter().map(|found| untested_report(model, &refined.estimate, own(found)));
+        let period = whole.period as f64 * first.sample_time;
+        PeriodicReport {
+            steady_from_sample: periodic.steady_from,
+            from_sample: whole.from,
+            from_line: first.lines.get(whole.from).copied().unwrap_or(0),
+            period,
+            samples_per_period: whole.period as f64,
+            periods: whole.periods,
+            mismatch: periodic.mismatch,
+            window: Window::Rectangular.to_string(),
+            lines: report.used.iter().map(|used| (1..=(used * period + WHOLE) as usize).collect()).collect(),
+            motion_harmonics: report.followed.iter().map(|to| (to * period) as usize).max().unwrap_or(0),
+            untested: untested.collect(),
+        }
+    });
+    let mut warnings: Vec<Warning> =
+        repeats.iter().flat_map(|repeats| remarks(&options.reading, repeats, first.len())).collect();
+    warnings.extend(summary::doubts(model, &refined.estimate, Data::Log));
     warnings.extend(differing_rates(model, &report.rate_gains));
-    if periodic.is_none() {
+    if repeats.is_none() {
         warnings.extend(period_not_used(segments, &options.reading));
     }
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
-    let told = refined.warnings.iter().any(|warning| matches!(warning, Warning::OtherHold { .. }));
-    if !told {
+    if !refined.tells_hold {
         warnings.extend(late_by_hold(model, &record, &found, whole.is_some(), options));
     }
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
+    let mut outcome = refined.outcome.and(Ending::doubtful_if(found.delays.iter().any(|delay| !delay.settled)));
     if !settled {
+        outcome = outcome.and(Ending::doubtful_if(report.free_row_left.is_some() || found.scale_unknown));
         warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force }));
         warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
         let inputs = || (0..dims.inputs).map(|i| model.input(i).name.to_string()).collect();
         warnings.extend(found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() }));
     }
     warnings.extend(refined.warnings);
+    warnings.extend(found.delays.iter().filter(|delay| !delay.settled).map(|delay| {
+        let parameter = format!("the delay of {}", model.input(delay.input).name);
+        Warning::Unsettled { reason: NotRefined::Moving { parameter } }
+    }));
     Ok(Found {
         harmonics: 0,
         row_residuals: report.row_residuals.clone(),
         hold_residuals: HoldResiduals::of(options.reading.hold, found.estimate.residual, found.other_hold),
         way: Way::Spectral(SpectralReport {
             lines: report.clone(),
-            period: whole.map(|period| period as f64 * first.sample_time),
+            repeats,
             missing: if settled { Vec::new() } else { missing },
         }),
         estimate: refined.estimate,
         refinement: refined.report,
         warnings,
+        outcome,
+        tells_hold: refined.tells_hold,
+        delays: found.delays,
         calibration: found.calibration,
     })
+}
+
+/// What is simulated of a record: all of it or, where it is long, means of its whole periods, or blocks where nothing repeats so.
+fn excerpt<'a>(
+    first: &'a Log,
+    all: &[Stretch<'a>],
+    repeats: Option<(&Whole, &Periodic)>,
+    coordinates: usize,
+) -> Excerpt<'a> {
+    let long = all.iter().map(Stretch::samples).sum::<usize>() > MOST_WHOLE_SAMPLES;
+    let Some((whole, periodic)) = repeats.filter(|_| long) else { return Excerpt::of_stretches(all) };
+    let rates: Vec<usize> = (0..coordinates).filter(|&c| first.rates.get(c).is_some_and(Option::is_some)).collect();
+    let channels = first.channels.iter().chain(first.rates.iter().flatten());
+    let used = whole.from..whole.from + whole.periods * whole.period;
+    let used: Vec<&[f64]> = channels.map(|channel| &channel[used.clone()]).collect();
+    let exact =
+        Periodic { from: whole.from, samples_per_period: whole.period as f64, periods: whole.periods, ..*periodic };
+    Excerpt::of_periods(&used, rates, &exact)
 }
 
 /// What is said of an input that seems late by about half a sample, where it is not with the other hold.
@@ -167,18 +221,28 @@ fn late_by_hold(
     (!still).then(|| Warning::LateByHold { input: input(), late: late.value, better })
 }
 
-/// The stretches of a record that are used: whole periods where it repeats, with their length in samples.
+/// Whole periods of a record.
+struct Whole {
+    /// Samples of a period.
+    period: usize,
+    /// The first sample.
+    from: usize,
+    periods: usize,
+}
+
+/// The stretches of a record that are used: whole periods where it repeats.
 fn used<'a>(
     first: &'a Log,
     all: &[Stretch<'a>],
     periodic: Option<&Periodic>,
     (coordinates, reading): (usize, &RecordSettings),
-) -> (Vec<Stretch<'a>>, Option<usize>) {
+) -> (Vec<Stretch<'a>>, Option<Whole>) {
     let stated = reading.period.map(|period| period / first.sample_time);
     let whole = periodic.and_then(|periodic| whole_period(&first.channels[..coordinates], periodic, stated));
     match (whole, periodic) {
         (Some(period), Some(periodic)) => {
-            (vec![whole_periods(first, coordinates, (periodic.from, period))], Some(period))
+            let (stretch, whole) = whole_periods(first, coordinates, (periodic.from, period));
+            (vec![stretch], Some(whole))
         }
         _ => (at_most(all.to_vec(), MOST_SAMPLES, BLOCKS), None),
     }
@@ -207,11 +271,10 @@ pub(super) fn calibration(
 
 /// Whether a simulation of several coordinates follows a record to the noise of its sensors with a model that lacks nothing, but for a limit
 /// of an input.
-pub(super) fn follows(report: &RefinementReport, warnings: &[Warning]) -> bool {
+pub(super) fn follows(report: &RefinementReport) -> bool {
     let within = |(left, noise): (&f64, &f64)| *left <= NOISE_FOLLOWED * noise;
-    let limited = warnings.iter().any(|warning| matches!(warning, Warning::Limited { .. }));
     report.used
-        && report.missing.len() <= usize::from(limited)
+        && report.missing.len() <= usize::from(report.is_limited())
         && report.residual.iter().zip(&report.sensor_noise).all(within)
 }
 
@@ -224,7 +287,7 @@ fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims, apart:
     // With noise of the inputs a simulation follows any record, and what the model lacks passes for such noise.
     let exact = report.input_noise.iter().all(|noise| *noise == 0.0);
     let left_by_lines = lines.report.with_terms.iter().copied().fold(0.0, f64::max);
-    if (follows(report, &refined.warnings) && (exact || apart.is_none())) || left_by_lines > LARGE_RESIDUAL {
+    if (follows(report) && (exact || apart.is_none())) || left_by_lines > LARGE_RESIDUAL {
         return true;
     }
     if dims.coordinates > 1 {
@@ -277,6 +340,8 @@ impl Apart {
             estimate: lines.restated(own.values.clone(), own.covariance.moved_by(&self.moved), settings),
             report: None,
             warnings: vec![warning],
+            outcome: Ending::Explained,
+            tells_hold: false,
         }
     }
 }
@@ -287,14 +352,21 @@ pub(super) fn has_exact_harmonics(log: &Log) -> bool {
     log.channels.iter().all(|channel| !Sensor::of(&[channel]).noisy)
 }
 
+/// The estimate of the lines of a machine that has too many coordinates to be simulated without being asked for.
+fn not_simulated(found: &OfAnyMotion, refine: Refine) -> Refined {
+    let left_out =
+        || RefinementReport::left_out(&found.estimate.values, NotRefined::Coordinates { most: MOST_SIMULATED });
+    Refined { report: (refine == Refine::Auto).then(left_out), ..unrefined(found) }
+}
+
 /// The estimate of the lines as it is.
 fn unrefined(found: &OfAnyMotion) -> Refined {
-    Refined { estimate: found.estimate.clone(), report: None, warnings: Vec::new() }
+    Refined::none(found.estimate.clone())
 }
 
 /// The whole periods of a record from a sample on: the end goes over into the beginning, so that no window costs what is measured near the
 /// ends.
-fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) -> Stretch<'_> {
+fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) -> (Stretch<'_>, Whole) {
     // The steady motion may begin a little earlier than a search for it tells.
     let early = from.min(period / LEAST_COMPARED);
     let periods = (log.len() - from + early) / period;
@@ -303,7 +375,8 @@ fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) 
     let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..to]).collect();
     let (own, inputs) = channels.split_at(coordinates);
     let rate = |c: usize| log.rates.get(c).and_then(Option::as_ref).map(|rate| &rate[from..to]);
-    Stretch { coordinates: own.to_vec(), rates: (0..coordinates).map(rate).collect(), inputs: inputs.to_vec() }
+    let rates = (0..coordinates).map(rate).collect();
+    (Stretch { coordinates: own.to_vec(), rates, inputs: inputs.to_vec() }, Whole { period, from, periods })
 }
 
 /// The period, samples, by which a motion repeats best, where no fraction of a sample repeats it better. `stated` is a period that
@@ -453,6 +526,7 @@ fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
         _ => ("a term".into(), "".into()),
     };
     MissingTerm {
+        of: own,
         term,
         row: own.row.map(|row| name(model.row(row))),
         value: lacking.value,

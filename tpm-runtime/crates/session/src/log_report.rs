@@ -99,9 +99,9 @@ pub struct SpectralReport {
     /// The lines.
     #[serde(flatten)]
     pub lines: LineReport,
-    /// Period of the motion, s, where whole periods were used.
+    /// The part that repeats, where whole periods were used.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub period: Option<f64>,
+    pub repeats: Option<PeriodicReport>,
     /// Terms that the model lacks, the clearest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<MissingTerm>,
@@ -264,12 +264,13 @@ impl PeriodicReport {
 }
 
 impl LogReport {
-    /// What was found about the part that repeats; nothing where harmonics were not used.
+    /// What was found about the part that repeats; nothing where no whole periods were used.
     #[must_use]
     pub const fn periodic(&self) -> Option<&PeriodicReport> {
         match &self.way {
             Way::Harmonics(periodic) => Some(periodic),
-            Way::Samples(_) | Way::Spectral(_) | Way::Recorded(_) => None,
+            Way::Spectral(own) => own.repeats.as_ref(),
+            Way::Samples(_) | Way::Recorded(_) => None,
         }
     }
 

@@ -1,11 +1,11 @@
 //! What findings mean for a result: one row for every kind.
 
 use crate::warning::Warning;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::slice;
 
 /// What a finding means for the numbers of a result.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Severity {
     /// Values and deviations hold.
@@ -116,6 +116,9 @@ impl Warning {
             Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
             Warning::LongSimulation(_) => (Remark, Estimation, Nothing),
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
+            // The values hold, and are not what was asked for.
+            Warning::AskedInVain { .. } => (Distrust, Estimation, Nothing),
+            Warning::SettingNotUsed { .. } => (Distrust, Estimation, Nothing),
             Warning::LogsDisagree { .. } => (Distrust, Estimation, All),
             // More logs say what the result says.
             Warning::OddLog { .. } => (Remark, Estimation, Nothing),

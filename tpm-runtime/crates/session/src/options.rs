@@ -11,8 +11,6 @@ pub struct LogOptions {
     pub reading: RecordSettings,
     /// Known dynamics between the recorded inputs and the forces, by input; inputs past the end of the list have none.
     pub actuators: Vec<Dynamics>,
-    /// Inputs whose delays are found with the parameters.
-    pub fitted_delays: Vec<usize>,
     /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
     pub domain: Option<Domain>,
     /// Whether the estimates are refined by simulating the model.

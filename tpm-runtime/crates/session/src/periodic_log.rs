@@ -116,12 +116,15 @@ pub(super) fn identify(
         hold_residuals,
         refinement: refined.report,
         warnings,
+        outcome: refined.outcome,
+        tells_hold: refined.tells_hold,
+        delays: Vec::new(),
         calibration: Vec::new(),
     })
 }
 
 /// An untested parameter by its name.
-fn untested_report(model: &dyn Model<f64>, estimate: &Estimate, own: Untested) -> UntestedReport {
+pub(super) fn untested_report(model: &dyn Model<f64>, estimate: &Estimate, own: Untested) -> UntestedReport {
     let Label { name, unit } = model.parameter(own.parameter);
     UntestedReport {
         parameter: name.to_string(),
@@ -293,13 +296,8 @@ fn periodic_part(log: &Log, coordinates: usize, options: &RecordSettings) -> Res
     })
 }
 
-fn warnings(
-    model: &dyn Model<f64>,
-    record: &MeasuredMotion,
-    estimate: &Estimate,
-    options: &RecordSettings,
-    (log, samples): (&PeriodicReport, usize),
-) -> Vec<Warning> {
+/// What is said of the part of a log of so many samples that repeats.
+pub(super) fn remarks(options: &RecordSettings, log: &PeriodicReport, samples: usize) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if log.periods == 1 {
         warnings.push(Warning::OnePeriod);
@@ -310,6 +308,17 @@ fn warnings(
     if options.from_sample.is_none() && 2 * log.steady_from_sample > samples {
         warnings.push(Warning::MostlyLeftOut { left_out: log.steady_from_sample, samples });
     }
+    warnings
+}
+
+fn warnings(
+    model: &dyn Model<f64>,
+    record: &MeasuredMotion,
+    estimate: &Estimate,
+    options: &RecordSettings,
+    (log, samples): (&PeriodicReport, usize),
+) -> Vec<Warning> {
+    let mut warnings = remarks(options, log, samples);
     if let Some((from, to)) = record.left_out() {
         warnings.push(Warning::HarmonicsLeftOut { from, to });
     }

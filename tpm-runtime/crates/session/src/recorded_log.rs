@@ -1,6 +1,6 @@
 //! A log whose model is simulated between its stamps, since only a simulation tells its parameters.
 
-use crate::found::Found;
+use crate::found::{Ending, Found};
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, RecordedReport, SensorReport, Way};
 use crate::model::DeclaredModel;
@@ -17,7 +17,7 @@ use tpm_motion::Dynamics;
 pub(super) fn may_be(options: &LogOptions) -> bool {
     let asked = options.domain == Some(tpm_estimate::Domain::Harmonics);
     let part = options.reading.period.is_some() || options.reading.from_sample.is_some();
-    options.actuators.iter().all(Dynamics::is_ideal) && options.fitted_delays.is_empty() && !asked && !part
+    options.actuators.iter().all(Dynamics::is_ideal) && options.estimation.fitted_delays.is_empty() && !asked && !part
 }
 
 /// Whether a log is simulated between its stamps from the beginning: only that tells the model's parameters, or an acceleration is measured,
@@ -49,6 +49,7 @@ pub(super) fn identify(
     let beyond = (0..signals.sensors.len())
         .filter(|&s| !fit.explains(s))
         .max_by(|&a, &b| fit.shares[a].total_cmp(&fit.shares[b]));
+    let outcome = Ending::doubtful_if(beyond.is_some());
     warnings.extend(beyond.map(|s| {
         let Sensed { coordinate, derivative, .. } = signals.sensors[s];
         Warning::BeyondNoise {
@@ -68,6 +69,9 @@ pub(super) fn identify(
         estimate: fit.estimate,
         refinement: None,
         warnings,
+        outcome,
+        tells_hold: false,
+        delays: Vec::new(),
         calibration: Vec::new(),
     })
 }

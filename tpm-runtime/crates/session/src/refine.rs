@@ -1,6 +1,7 @@
 //! Estimates of a log or a campaign refined by simulating the model sample by sample.
 
 use crate::excerpt::{Excerpt, accelerated};
+use crate::found::Ending;
 use crate::log_report::HoldResiduals;
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
@@ -11,7 +12,7 @@ use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
     Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Refine, ResidualOf,
-    Settings,
+    Settings, Term, TermKind,
 };
 use tpm_motion::Dynamics;
 use tpm_numerics::{Matrix, alarm, tolerance};
@@ -33,6 +34,16 @@ pub(super) struct Refined {
     /// Nothing where no refinement was asked for, or the model cannot be simulated with what is known.
     pub(super) report: Option<RefinementReport>,
     pub(super) warnings: Vec<Warning>,
+    pub(super) outcome: Ending,
+    /// Whether it tells that the inputs do the other thing between samples.
+    pub(super) tells_hold: bool,
+}
+
+impl Refined {
+    /// An estimate that was not refined.
+    pub(super) const fn none(estimate: Estimate) -> Self {
+        Refined { estimate, report: None, warnings: Vec::new(), outcome: Ending::Explained, tells_hold: false }
+    }
 }
 
 /// What a refinement begins with.
@@ -82,7 +93,7 @@ pub(super) fn refined(
     let estimate = start.estimate;
     let wanted = conditions.refine != Refine::None && estimate.residual > tolerance::EXPLAINED_FORCE;
     let Some(machine) = machine.filter(|_| wanted) else {
-        return Refined { estimate: estimate.clone(), report: None, warnings: Vec::new() };
+        return Refined::none(estimate.clone());
     };
     let period = match &start.course {
         Course::Periodic { samples_per_period, .. } => Some(*samples_per_period),
@@ -95,16 +106,17 @@ pub(super) fn refined(
         let long = LongSimulation { work, most: MOST_WORK };
         let report = RefinementReport::left_out(&estimate.values, NotRefined::LongSimulation(long));
         let warnings = vec![Warning::LongSimulation(long)];
-        return Refined { estimate: estimate.clone(), report: Some(report), warnings };
+        return Refined { report: Some(report), warnings, ..Refined::none(estimate.clone()) };
     }
     refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {
         let report = RefinementReport::refused(&estimate.values, &fault);
-        let remark = |reason| match fault {
-            OutputErrorFault::NotConverged { .. } => Warning::Unsettled { reason },
-            _ => Warning::NotRefined { reason },
+        let remark = |reason| match report.is_unsettled() {
+            true => Warning::Unsettled { reason },
+            false => Warning::NotRefined { reason },
         };
         let warnings = report.note.iter().cloned().map(remark).collect();
-        Refined { estimate: estimate.clone(), report: Some(report), warnings }
+        let outcome = Ending::doubtful_if(report.is_unsettled());
+        Refined { report: Some(report), warnings, outcome, ..Refined::none(estimate.clone()) }
     })
 }
 
@@ -180,7 +192,9 @@ fn refine(
         let signals = excerpt.signals(dims.coordinates, start.sample_time, hold, (start.course.clone(), &start.steps));
         OutputError::fit(machine, conditions.constants, &signals, &found.values, &free, &hidden).ok()
     };
-    warnings.extend(other_hold(&found, conditions, start.sample_time, held));
+    let other_hold = other_hold(&found, conditions, start.sample_time, held);
+    let tells_hold = other_hold.is_some();
+    warnings.extend(other_hold);
     let (limits, others) = report.missing.split_at(usize::from(misfit.limited));
     warnings.extend(limits.iter().cloned().map(|term| Warning::Limited { term }));
     if lacking {
@@ -192,6 +206,7 @@ fn refine(
     if let Some(frequency) = misfit.vibration.filter(|_| matters(&|a| misfit.bent[a])) {
         warnings.push(Warning::Vibration { frequency });
     }
+    let mut outcome = Ending::Explained;
     for ((a, half), &j) in misfit.halves.iter().enumerate().zip(&free) {
         let known = shift[a].powi(2) + range[a].powi(2) + misfit.bent[a].powi(2);
         // A half has twice the variance of the whole, so that the difference of two has four times as much.
@@ -199,6 +214,7 @@ fn refine(
         if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
             && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
         {
+            outcome = Ending::Doubtful;
             let parameter = model.parameter(j).name.to_string();
             warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
         }
@@ -208,7 +224,7 @@ fn refine(
     if settled {
         (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
     }
-    Ok(Refined { estimate: restated, report: Some(report), warnings })
+    Ok(Refined { estimate: restated, report: Some(report), warnings, outcome, tells_hold })
 }
 
 /// The other hold, where a simulation with it leaves clearly less. It is asked for where an input seems to act half a sample later or earlier
@@ -265,12 +281,45 @@ fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
             "backlash or hysteresis between machine and sensor".into(),
         ),
     };
+    let (of, other) = match candidate.term {
+        CandidateKind::Product { coordinate, other } => (coordinate, Some(other)),
+        CandidateKind::Offset => (candidate.row.unwrap_or(0), None),
+        CandidateKind::Power { coordinate, .. }
+        | CandidateKind::RatePower { coordinate, .. }
+        | CandidateKind::Drag { coordinate }
+        | CandidateKind::Friction { coordinate }
+        | CandidateKind::Stribeck { coordinate }
+        | CandidateKind::Backlash { coordinate } => (coordinate, None),
+        CandidateKind::Drift { parameter } => (parameter, None),
+        CandidateKind::Delay { input } | CandidateKind::Flexible { input } | CandidateKind::Limit { input, .. } => {
+            (input, None)
+        }
+    };
     MissingTerm {
+        of: Term { kind: kind(candidate.term), row: candidate.row, of, other },
         term,
         row: candidate.row.map(|row| name(model.row(row))),
         value: candidate.value,
         std: candidate.std,
         gain: candidate.gain,
         meaning: meaning.into_owned(),
+    }
+}
+
+/// A candidate of a simulation among all kinds of terms.
+const fn kind(candidate: CandidateKind) -> TermKind {
+    match candidate {
+        CandidateKind::Offset => TermKind::Offset,
+        CandidateKind::Power { exponent, .. } => TermKind::Power(exponent),
+        CandidateKind::Product { .. } => TermKind::Product,
+        CandidateKind::RatePower { exponent, .. } => TermKind::RatePower(exponent),
+        CandidateKind::Drag { .. } => TermKind::Drag,
+        CandidateKind::Friction { .. } => TermKind::Friction,
+        CandidateKind::Stribeck { .. } => TermKind::Stribeck,
+        CandidateKind::Drift { .. } => TermKind::ParameterDrift,
+        CandidateKind::Delay { .. } => TermKind::Delay,
+        CandidateKind::Flexible { .. } => TermKind::Flexible,
+        CandidateKind::Limit { .. } => TermKind::Limit,
+        CandidateKind::Backlash { .. } => TermKind::Backlash,
     }
 }

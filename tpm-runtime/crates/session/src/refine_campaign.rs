@@ -11,7 +11,7 @@
 use crate::excerpt::Excerpt;
 use crate::machine::Machine;
 use crate::refine::{Conditions, Refined, Start, refined};
-use crate::warning::Warning;
+use crate::refinement_report::RefinementReport;
 use std::sync::OnceLock;
 use tpm_campaign::{Campaign, Refinement, Setup, SteadyRun};
 use tpm_estimate::{Course, Differentiable, Estimate, Method, Refine, Weights, reach_in};
@@ -69,8 +69,7 @@ impl<'a> RunSimulation<'a> {
         let part = JUDGED_SAMPLES * runs.len();
         let long = runs.iter().map(|run| run.samples()).sum::<usize>().min(most) > MOST_SAMPLES_AT_ONCE.max(part);
         let judged = if long { self.of_runs(&runs, estimate, part) } else { None };
-        let unsettled = |warning: &Warning| matches!(warning, Warning::Unsettled { .. });
-        let refused = judged.filter(|judged| judged.warnings.iter().any(unsettled));
+        let refused = judged.filter(|judged| judged.report.as_ref().is_some_and(RefinementReport::is_unsettled));
         let mut refined = match refused {
             Some(refused) => refused,
             None => self.of_runs(&runs, estimate, most)?,

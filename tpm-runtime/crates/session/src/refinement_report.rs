@@ -3,7 +3,7 @@
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_controller::model::Model;
-use tpm_estimate::{OutputErrorFault, RateFault, RateUse};
+use tpm_estimate::{OutputErrorFault, RateFault, RateUse, Term, TermKind};
 use tpm_report::number;
 
 /// What the refinement did with a log or a campaign.
@@ -84,6 +84,9 @@ impl RateReport {
 /// A term that would take what a model leaves unexplained.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MissingTerm {
+    /// Which term it is, by the model's indices.
+    #[serde(skip)]
+    pub of: Term,
     /// The term, in the words of the model.
     pub term: String,
     /// The row on which it acts; nothing for one that acts on a reading.
@@ -132,6 +135,13 @@ pub enum NotRefined {
     Fault(OutputErrorFault),
     /// The simulation settles only with a term that the model lacks.
     WithoutTerm,
+    /// The machine has more coordinates than are simulated without being asked for.
+    Coordinates {
+        /// The most that are.
+        most: usize,
+    },
+    /// A delay is found with the parameters, which the simulation takes as known.
+    FittedDelay,
     /// A nonlinear parameter goes on moving.
     Moving {
         /// The nonlinear parameter.
@@ -147,6 +157,13 @@ impl fmt::Display for NotRefined {
             NotRefined::WithoutTerm => f.write_str(
                 "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them",
             ),
+            NotRefined::Coordinates { most } => write!(
+                f,
+                "not refined by a simulation: a machine of more than {most} coordinates is simulated where that is asked for"
+            ),
+            NotRefined::FittedDelay => f.write_str(
+                "not refined by a simulation: it takes delays as known, and one is found with the parameters",
+            ),
             NotRefined::Moving { parameter } => write!(f, "{parameter} does not settle on a value"),
         }
     }
@@ -159,6 +176,16 @@ impl Serialize for NotRefined {
 }
 
 impl RefinementReport {
+    /// Whether a limit of an input is known to it, which stands before all other terms.
+    pub(super) fn is_limited(&self) -> bool {
+        self.missing.first().is_some_and(|term| term.of.kind == TermKind::Limit)
+    }
+
+    /// Whether no parameters were found with which the model follows the record.
+    pub(super) const fn is_unsettled(&self) -> bool {
+        matches!(self.note, Some(NotRefined::Fault(OutputErrorFault::NotConverged { .. })))
+    }
+
     /// A refinement that was not begun.
     pub(super) fn left_out(values: &[f64], why: NotRefined) -> Self {
         RefinementReport { note: Some(why), ..Self::refused(values, &OutputErrorFault::NotSimulable) }

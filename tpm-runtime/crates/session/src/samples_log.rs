@@ -36,7 +36,7 @@ pub(super) fn identify(
         let found = estimate_sampled(model, &options.constants, &record, 0, &options.estimation).map_err(fault)?;
         let mut warnings = summary::doubts(model, &found.estimate, Data::Log);
         warnings.extend(period_not_used(segments, &options.reading));
-        let own = Refined { estimate: found.estimate.clone(), report: None, warnings };
+        let own = Refined { warnings, ..Refined::none(found.estimate.clone()) };
         return Ok(Some(as_found(found, own, options)));
     }
     let pace = Pace::of(&record).map_err(fault)?;
@@ -97,6 +97,9 @@ fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
         estimate: refined.estimate,
         refinement: refined.report,
         warnings: refined.warnings,
+        outcome: refined.outcome,
+        tells_hold: refined.tells_hold,
+        delays: Vec::new(),
         calibration: Vec::new(),
     }
 }

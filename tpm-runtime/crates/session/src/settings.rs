@@ -105,7 +105,6 @@ impl EstimationSettings {
         let mut options = LogOptions {
             reading,
             actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
-            fitted_delays: (0..inputs.len()).filter(|&i| self.fitted_delays.contains(&inputs[i])).collect(),
             domain: self.domain,
             refine: self.refine,
             constants: constants.iter().map(|name| self.constants[name]).collect(),
@@ -113,6 +112,7 @@ impl EstimationSettings {
                 harmonics: self.harmonics,
                 weights: self.weights,
                 frozen: parameters.iter().enumerate().filter_map(held).collect(),
+                fitted_delays: (0..inputs.len()).filter(|&i| self.fitted_delays.contains(&inputs[i])).collect(),
                 ..Settings::default()
             },
             zero_deviations: coordinates.iter().map(|name| self.calibration.get(name).copied()).collect(),

@@ -2,7 +2,7 @@
 
 use crate::identification::{Identification, Source};
 use crate::log_report::{LogReport, PeriodicReport, PoolReport, SensorReport, Way};
-use crate::refinement_report::RateReport;
+use crate::refinement_report::{NotRefined, RateReport};
 use std::fmt::{self, Write as _};
 use tpm_estimate::{CombinationReport, ParameterReport, Status, WrittenCombination};
 use tpm_log::Assumption;
@@ -243,8 +243,14 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             )
         }
         Way::Spectral(found) => {
-            let part = match found.period {
-                Some(period) => format!("{} samples of whole periods of {} s", found.lines.samples, number(period)),
+            let part = match &found.repeats {
+                Some(own) => format!(
+                    "{} periods of {} s from sample {} (line {})",
+                    own.periods,
+                    number(own.period),
+                    own.from_sample,
+                    own.from_line
+                ),
                 None if found.lines.samples < samples => format!("{} of them in blocks", found.lines.samples),
                 None => "all of them used".into(),
             };
@@ -267,6 +273,9 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             stretches => format!("{} samples, means of {stretches} stretches each", refined.samples),
         };
         text.push_str(&format!("refined by a simulation of {part}, because the log is long\n\n"));
+    }
+    if let Some(note @ NotRefined::Coordinates { .. }) = log.refinement.as_ref().and_then(|own| own.note.as_ref()) {
+        text.push_str(&format!("{note}\n\n"));
     }
     for rate in log.refinement.iter().flat_map(|refined| &refined.rates) {
         let RateReport { coordinate, noise, why, .. } = rate;

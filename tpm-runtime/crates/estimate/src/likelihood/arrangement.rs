@@ -101,7 +101,7 @@ pub fn best_arrangement(
     let free = settings.free(model.dims().parameters)?.indices;
     let motion = Motion::new(record, false)?;
     let rows = Rows { model, constants };
-    let look = Look::first(model);
+    let look = Look::first(model, settings);
     let paths = Paths::new(rows, record, &motion, false, (&look.inputs, &look.taken));
     let held = settings.start(model.dims().parameters);
     let regression = Regression { rows, free: &free, held: &held };

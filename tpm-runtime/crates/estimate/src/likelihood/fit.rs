@@ -10,6 +10,7 @@ use crate::likelihood::pass::{Known, Look, Memory, Pass};
 use crate::likelihood::path::{Along, Entry};
 use crate::likelihood::split::{Solved, Split};
 use crate::likelihood::start::{KNOWN_SHARE, RANK};
+use crate::measured_motion::{ASKED_ABOUT, Untested, least};
 use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::scale::Scale;
@@ -43,6 +44,8 @@ const MOST_LEVERAGE: f64 = 0.9;
 /// less than this share of its deviation.
 const APPLIED_SHOWN: f64 = 30.0;
 const APPLIED_PASSES: usize = 4;
+/// As many times where a delay is asked for, which may be many samples.
+const FITTED_PASSES: usize = 12;
 const APPLIED_SETTLED: f64 = 0.1;
 /// A gain of which the last pass still asks for more than this share does not settle: of one that is there a few percent are left by then,
 /// be it a factor of a thousand.
@@ -72,6 +75,19 @@ pub struct Lacking {
     pub std: f64,
     /// Share that it takes of the sum of squares that the row, in which it makes most, would leave without it.
     pub gain: f64,
+}
+
+/// The delay of an input, found with the parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FittedDelay {
+    /// The input.
+    pub input: usize,
+    /// By how much later it acts than is recorded, beyond what is known, s.
+    pub value: f64,
+    /// Standard deviation, s.
+    pub std: f64,
+    /// Whether it moves no more by a share of its deviation.
+    pub settled: bool,
 }
 
 /// What a fault of a sensor's calibration would do.
@@ -136,6 +152,10 @@ pub struct OfAnyMotion {
     pub report: LineReport,
     /// Terms that the model lacks, the clearest first.
     pub lacking: Vec<Lacking>,
+    /// Delays of inputs that were asked for; values and covariance of the parameters are those beside them.
+    pub delays: Vec<FittedDelay>,
+    /// Parameters that a motion which repeats does not test.
+    pub untested: Vec<Untested>,
     /// What faults of the sensors' calibration would do.
     pub calibration: Vec<CalibrationFault>,
     /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
@@ -171,12 +191,6 @@ impl OfAnyMotion {
         let report = LineReport { with_terms: with_terms.report.with_terms, ..self.report };
         OfAnyMotion { estimate, report, lacking: with_terms.lacking, scale_unknown: with_terms.scale_unknown, ..self }
     }
-
-    /// Share of the information that noise of the sensors limits, of the row where it is largest.
-    #[must_use]
-    pub fn sensor_share(&self) -> f64 {
-        self.report.sensor_share.iter().copied().fold(0.0, f64::max)
-    }
 }
 
 /// Estimates the parameters in which a model is linear from any motion. `circular` says that the record is whole periods of a motion that
@@ -198,7 +212,7 @@ pub fn estimate_any_motion(
     let rows = Rows { model, constants };
     let memory = Memory::default();
     let known = (record, &motion, circular, &memory);
-    let mut look = Look::first(model);
+    let mut look = Look::first(model, settings);
     // Every round but the last refuses one gain at least.
     let found = loop {
         let refused = look.refused.len();
@@ -206,12 +220,13 @@ pub fn estimate_any_motion(
         if look.refused.len() == refused {
             break result;
         }
-        look = Look { refused: look.refused, ..Look::first(model) };
+        look = Look { refused: look.refused, ..Look::first(model, settings) };
     };
     if found.estimate.residual <= LARGE_RESIDUAL {
         return Ok(found);
     }
-    let mut look = Look { alone: true, ..Look::first(model) };
+    let late = std::mem::replace(&mut look, Look { alone: true, ..Look::first(model, settings) });
+    look.take_delays(&late);
     let alone = first_pass(rows, known, &mut look, (&free, settings))?.with_terms()?.fit(&free)?.result;
     Ok(match alone.estimate.residual <= LARGE_RESIDUAL {
         false => found,
@@ -244,13 +259,15 @@ fn applied<'a>(
     (free, settings): (&Free, &Settings),
 ) -> Result<OfAnyMotion, EstimateError> {
     let mut settled = false;
-    for _ in 0..APPLIED_PASSES {
-        let fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free)?;
+    let passes = if look.fitted.is_empty() { APPLIED_PASSES } else { FITTED_PASSES };
+    for _ in 0..passes {
+        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
-            found.term.kind == TermKind::Delay && late.abs() > LONGEST_DELAY
+            found.term.kind == TermKind::Delay && !look.is_fitted(found.term) && late.abs() > LONGEST_DELAY
         };
         if fitted.applied.is_empty() || settled || fitted.applied.iter().any(beyond) {
+            fitted.result.delays.iter_mut().for_each(|delay| delay.settled = settled);
             return Ok(fitted.result);
         }
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
@@ -440,12 +457,22 @@ impl Pass<'_> {
             .filter(|(shown, own)| of_input(own.term.kind) && *shown > APPLIED_SHOWN)
             .map(|(_, own)| Applied { term: own.term, value: own.value, std: own.std })
             .collect();
+        let mut delays = Vec::new();
         for (a, &column) in fixed.iter().enumerate().skip(kept) {
             let (term, size) = (self.terms[column - p], self.sizes[column - p]);
             let (value, std) = (solved.values[a] / size, covariance[(a, a)].max(0.0).sqrt() / size);
             let own = self.look.inputs[term.of];
             let whole = if term.kind == TermKind::Delay { own.delay + value } else { (1.0 + value) / own.gain - 1.0 };
             applied.push(Applied { term, value, std });
+            if self.look.is_fitted(term) {
+                delays.push(FittedDelay { input: term.of, value: whole, std, settled: false });
+                // Nothing acts before it is commanded.
+                let known = self.record.actuators.get(term.of).map_or(0.0, |known| known.delay);
+                let early = whole + known < 0.0 && (whole + known).powi(2) > threshold * std * std;
+                if !early {
+                    continue;
+                }
+            }
             lacking.push((f64::INFINITY, named(column, (whole * size, std * size))));
         }
         // The column of a gain is what acts, so that its coefficient says by which share more is recorded.
@@ -520,6 +547,7 @@ impl Pass<'_> {
             samples: self.record.stretches.iter().map(Stretch::samples).sum(),
             rate_gains: self.motion.rate_gains.clone(),
         };
+        let untested = self.untested(&noise, &fixed, &split.parameters, &estimate.std);
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
         let followed = self.paths.fastest();
         Ok(Outcome {
@@ -530,6 +558,8 @@ impl Pass<'_> {
                 reach: crate::time_domain::band::reach(followed, self.paths.sample_time),
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
+                delays,
+                untested,
                 calibration,
                 scale_unknown,
                 report,
@@ -564,6 +594,46 @@ impl Pass<'_> {
             Some(CalibrationFault { term, std: 1.0 / told, change, unseen })
         };
         asked.terms.iter().enumerate().filter_map(of).collect()
+    }
+
+    /// The parameters that a force at one line would change beyond their deviations without being noticed, each with the line where it does so
+    /// most; asked of whole periods of a motion that repeats, of which every line is a harmonic. `factor` is the triangle of the columns.
+    fn untested(&self, noise: &Noise, columns: &[usize], factor: &DMatrix<f64>, std: &[f64]) -> Vec<Untested> {
+        let n = columns.len();
+        let mut inverse = DMatrix::identity(n, n);
+        if !self.paths.paths.iter().all(|path| path.circular) || !factor.solve_upper_triangular_mut(&mut inverse) {
+            return Vec::new();
+        }
+        let covariance = &inverse * inverse.transpose();
+        let mut largest: Vec<Option<Untested>> = vec![None; self.kept.len()];
+        for (r, (row, variance)) in self.lines.iter().zip(&noise.variance).enumerate() {
+            let variance: Vec<f64> = variance.iter().map(|variance| row.correlation * variance).collect();
+            let (at, matrix) = row.weighted(columns, &weights(&variance));
+            let lines = row.lines();
+            // Power over the whole record: all lines but the first stand for two frequencies.
+            let twice = |l: usize| if l == 0 { 1.0 } else { 2.0 };
+            let force: f64 = (0..lines).map(|l| 2.0 * twice(l) * row.power[l]).sum();
+            for l in 0..lines {
+                let parts: Vec<usize> = [l, lines + l].into_iter().filter(|&part| !row.is_void(part)).collect();
+                let own = DMatrix::from_fn(parts.len(), n, |part, column| {
+                    at.iter().position(|&own| own == column).map_or(0.0, |own| matrix[(parts[part], own)])
+                });
+                let size = ASKED_ABOUT * (force / (twice(l) * variance[l])).sqrt();
+                let gain = &covariance * own.transpose();
+                let (left, phase) = least(&(DMatrix::identity(parts.len(), parts.len()) - own * &gain));
+                if size * left.max(0.0).sqrt() > alarm::FORCE_NOTICED {
+                    continue;
+                }
+                for ((k, change), slot) in (gain * phase * size).iter().enumerate().zip(&mut largest) {
+                    let (parameter, change) = (self.kept[k], change.abs());
+                    let beyond = change > alarm::BIAS_LEAVES_INTERVAL * std[parameter];
+                    if beyond && slot.is_none_or(|before| before.change < change) {
+                        *slot = Some(Untested { parameter, row: r, harmonic: l, change });
+                    }
+                }
+            }
+        }
+        largest.into_iter().flatten().collect()
     }
 
     /// Whether something that is known fixes the scale of the forces: a known term, or a parameter that is held.

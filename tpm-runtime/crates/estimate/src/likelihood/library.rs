@@ -86,17 +86,26 @@ pub enum TermKind {
     PairPlay,
     /// An inertia that couples two coordinates.
     PairInertia,
+    /// The product of two coordinates. This kind and those below are asked of a simulation alone.
+    Product,
+    /// A parameter that changes over the record; the term is of the parameter.
+    ParameterDrift,
+    /// Dynamics between an input and a sensor: a flexible mode, or a lag.
+    Flexible,
+    /// An input that is cut off at a limit behind the place where it is recorded.
+    Limit,
+    /// Backlash between the machine and a sensor.
+    Backlash,
 }
 
 /// A term in its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[non_exhaustive]
 pub struct Term {
     /// What it is.
     pub kind: TermKind,
     /// The row on which it acts; nothing for an input, which acts where it acts.
     pub row: Option<usize>,
-    /// The coordinate on which it depends, or for a delay and a gain the input.
+    /// The coordinate on which it depends; the input of a term of an input, and the parameter of one that drifts.
     pub of: usize,
     /// The other coordinate of a force between two.
     pub other: Option<usize>,

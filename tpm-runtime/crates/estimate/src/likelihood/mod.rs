@@ -38,5 +38,5 @@ mod tests;
 mod widening;
 
 pub use arrangement::{Arranged, Arrangement, best_arrangement};
-pub use fit::{CalibrationFault, Lacking, LineReport, OfAnyMotion, UnseenFault, estimate_any_motion};
+pub use fit::{CalibrationFault, FittedDelay, Lacking, LineReport, OfAnyMotion, UnseenFault, estimate_any_motion};
 pub use library::{Term, TermKind};

@@ -5,6 +5,7 @@ use crate::likelihood::library::{Scales, Term, TermKind};
 use crate::likelihood::lines::{Remembered, RowLines, Signals, View, row_lines, row_lines_beside};
 use crate::likelihood::path::{Acting, Along, Columns, Entry, Felt, Paths, band, lost};
 use crate::rows::Rows;
+use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use std::cell::{OnceCell, RefCell};
 use std::rc::Rc;
@@ -20,6 +21,8 @@ pub(super) struct Look {
     pub(super) inputs: Vec<Acting>,
     /// Terms of the inputs that were found and applied; they are parameters from then on.
     pub(super) applied: Vec<Term>,
+    /// Inputs whose delays are asked for: they are parameters from the beginning.
+    pub(super) fitted: Vec<usize>,
     /// Gains of inputs that are no candidates: the record that they correct asks for ever more of them.
     pub(super) refused: Vec<Term>,
     /// Whether the model is taken as it is, without terms that it may lack, and all lines of a row count alike, so that what is left of the
@@ -30,10 +33,31 @@ pub(super) struct Look {
 }
 
 impl Look {
-    pub(super) fn first(model: &dyn Model<f64>) -> Self {
+    pub(super) fn first(model: &dyn Model<f64>, settings: &Settings) -> Self {
         let dims = model.dims();
         let inputs = vec![Acting { delay: 0.0, gain: 1.0 }; dims.inputs];
-        Look { inputs, applied: Vec::new(), refused: Vec::new(), alone: false, taken: vec![0.0; dims.coordinates] }
+        let fitted: Vec<usize> = settings.fitted_delays.iter().copied().filter(|&input| input < dims.inputs).collect();
+        let delay = |&of: &usize| Term { kind: TermKind::Delay, row: None, of, other: None };
+        Look {
+            inputs,
+            applied: fitted.iter().map(delay).collect(),
+            fitted,
+            refused: Vec::new(),
+            alone: false,
+            taken: vec![0.0; dims.coordinates],
+        }
+    }
+
+    /// Whether a term is a delay that is asked for.
+    pub(super) fn is_fitted(&self, term: Term) -> bool {
+        term.kind == TermKind::Delay && self.fitted.contains(&term.of)
+    }
+
+    /// Begins with the delays that another look found of those that are asked for.
+    pub(super) fn take_delays(&mut self, other: &Look) {
+        for &input in &self.fitted {
+            self.inputs[input].delay = other.inputs[input].delay;
+        }
     }
 
     /// Applies what was found of an input beside what was applied before.

@@ -93,7 +93,8 @@ impl<'a> Pass<'a> {
     pub(super) fn with_terms(mut self) -> Result<Self, EstimateError> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
         self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c], &feels);
-        self.terms.retain(|term| !self.look.alone && !self.look.refused.contains(term));
+        let look = &self.look;
+        self.terms.retain(|term| look.is_fitted(*term) || !look.alone && !look.refused.contains(term));
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
             let of = |term: &Term| match term.kind {

@@ -3,6 +3,7 @@
 use crate::compare::comparison::{Comparison, Difference, Direction, Family, Joint, Side, Verdict};
 use crate::compare::stored::{StoredParameter, StoredResult};
 use crate::compare::vantage::{Vantage, Weights};
+use crate::meaning::Severity;
 use std::collections::BTreeMap;
 use tpm_estimate::LARGE_RESIDUAL;
 use tpm_numerics::independent::independent;
@@ -17,9 +18,6 @@ const LEAST_CORRELATION: f64 = 0.9;
 const LEAST_SHARE: f64 = 0.05;
 /// Digits of the weights in the direction of a change.
 const WEIGHT_DIGITS: usize = 3;
-/// Kinds of warnings after which stated deviations still hold.
-const HARMLESS_WARNINGS: [&str; 7] =
-    ["not_visible", "poorly_determined", "only_in_combinations", "near_mode", "run", "ended_early", "rotor_included"];
 
 /// Why two results cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -388,10 +386,11 @@ fn warnings<'f>(a: &StoredResult, b: &StoredResult, families: impl Iterator<Item
             ));
         }
         for (i, text) in result.warnings.iter().enumerate() {
-            // Files of the first schema do not say what kind their warnings are.
-            let kind = result.findings.get(i).map(|finding| finding.kind.as_str());
-            let repeated = kind == Some("unexplained");
-            if !repeated && kind.is_none_or(|kind| !HARMLESS_WARNINGS.contains(&kind)) {
+            // Files of the first schema, and old ones of the second, do not say how grave their warnings are.
+            let finding = result.findings.get(i);
+            let repeated = finding.is_some_and(|finding| finding.kind == "unexplained");
+            let severity = finding.and_then(|finding| finding.severity);
+            if !repeated && severity != Some(Severity::Remark) {
                 said.push(format!("{which} warns, and its deviations may not hold: {text}"));
             }
         }

@@ -1,6 +1,7 @@
 //! A result as its file has it.
 
 use crate::identification::{Identification, READABLE_SCHEMAS};
+use crate::meaning::Severity;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -76,10 +77,12 @@ pub(super) struct StoredCombination {
     pub(super) value: f64,
 }
 
-/// The kind of a warning.
+/// The kind of a warning, and how grave it is.
 #[derive(Clone, Debug, Deserialize)]
 pub(super) struct Finding {
     pub(super) kind: String,
+    #[serde(default)]
+    pub(super) severity: Option<Severity>,
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]

@@ -165,8 +165,12 @@ fn what_spoils_a_comparison_is_said() {
     let mut b = a.clone();
     b["provenance"]["logs"][0]["path"] = "b.csv".into();
     b["residual"] = 0.4.into();
-    b["warnings"] = json!(["poorly", "the halves differ"]);
-    b["findings"] = json!([{"kind": "poorly_determined"}, {"kind": "drift"}]);
+    b["warnings"] = json!(["poorly", "a period is not used", "the halves differ"]);
+    b["findings"] = json!([
+        {"kind": "poorly_determined", "severity": "remark"},
+        {"kind": "period_not_used", "severity": "remark"},
+        {"kind": "drift"},
+    ]);
     let said = compared(&a, &b).warnings;
     assert_eq!(said.len(), 3, "{said:?}");
     assert!(said[0].contains("use the same data (a.csv and b.csv)"), "{said:?}");
