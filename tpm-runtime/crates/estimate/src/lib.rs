@@ -47,6 +47,7 @@ mod scale;
 mod select;
 mod sensor;
 mod settings;
+mod simulation;
 mod stack;
 mod table;
 mod time_domain;
@@ -92,6 +93,7 @@ pub use sampled::{Sampled, estimate_sampled, is_static};
 pub use scale::Scale;
 pub use sensor::Sensor;
 pub use settings::{Domain, Frozen, NumericalSettings, Refine, Settings, Weights};
+pub use simulation::{Evenly, Explained, Half, Question, Reading, Record, Simulation, Variant};
 pub use table::{LineTable, RowLines};
 pub use time_domain::Swiftness;
 pub use time_domain::{

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use tpm_campaign::SteadyRun;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
-use tpm_estimate::{Course, Rate, Signals, Stretch};
+use tpm_estimate::{Channel, Course, Evenly, Rate, Reading, Record, Signals, Stretch};
 use tpm_log::Periodic;
 use tpm_motion::Dynamics;
 use tpm_numerics::differences::white_noise;
@@ -20,6 +20,8 @@ const MOST_MEANS: usize = 4;
 const SAMPLES_OF_LAST_PERIODS: usize = 24_000;
 /// Samples of all blocks of a long record that does not repeat.
 const SAMPLES_OF_BLOCKS: usize = 32_000;
+/// Samples between two stretches that are simulated one behind the other.
+const APART: usize = 100;
 /// Blocks of such a record, evenly spread over it.
 const BLOCKS: usize = 8;
 
@@ -198,6 +200,37 @@ impl<'a> Excerpt<'a> {
     /// Samples that are simulated.
     pub(super) fn samples(&self) -> usize {
         self.channels.first().map_or(0, |channel| channel.len())
+    }
+
+    /// The record to be simulated, the first so many of the channels being coordinates; `steps` has the step of every sensor, `reach` samples
+    /// on either side of one over which a polynomial follows the motion.
+    pub(super) fn record(
+        &self,
+        coordinates: usize,
+        (sample_time, hold): (f64, Hold),
+        (steps, reach): (&[f64], usize),
+    ) -> Record {
+        let channels: Vec<&[f64]> = self.channels.iter().map(AsRef::as_ref).collect();
+        let (channels, rates) = channels.split_at(channels.len() - self.rates.len());
+        let (positions, inputs) = channels.split_at(coordinates);
+        // Between stretches lies more than an interpolation of the inputs reaches.
+        let stamp = |k: usize| (k + APART * self.joins.partition_point(|join| *join <= k)) as f64 * sample_time;
+        let time: Vec<f64> = (0..self.samples()).map(stamp).collect();
+        let channel = |values: &[f64]| Channel { time: time.clone(), value: values.to_vec() };
+        let reading = |of: (usize, usize), values: &[f64]| {
+            // A mean of several roundings is on no grid.
+            let step = if self.averaged > 1 || of.1 > 0 { 0.0 } else { steps[of.0] };
+            let known = Evenly { white: white_noise(values), step, reach, copies: 1.0 };
+            Reading::evenly(of, channel(values), &self.joins, known)
+        };
+        let positions = positions.iter().enumerate().map(|(c, values)| reading((c, 0), values));
+        let rates = self.rates.iter().zip(rates).map(|(&c, values)| reading((c, 1), values));
+        Record {
+            inputs: inputs.iter().map(|values| channel(values)).collect(),
+            sensors: positions.chain(rates).collect(),
+            hold,
+            breaks: self.joins.iter().map(|&join| stamp(join)).collect(),
+        }
     }
 
     /// The signals to be simulated, the first so many of the channels being coordinates; `steps` has the step of every sensor.

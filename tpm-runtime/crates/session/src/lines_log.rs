@@ -8,12 +8,12 @@ use crate::options::LogOptions;
 use crate::periodic_log::{remarks, untested_report};
 use crate::reading::RecordSettings;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
-use crate::refine::{Conditions, HALF_A_SAMPLE, Refined, Start, refined};
+use crate::refine::{By, Conditions, HALF_A_SAMPLE, Refined, Start, refined};
 use crate::refinement_report::{MissingTerm, NotRefined, RefinementReport};
 use crate::summary;
-use crate::term_words::{self, Words};
+use crate::term_words::lacking;
 use crate::warning::{Data, Warning};
-use tpm_controller::model::{Dims, Label, Model};
+use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
     Refine, ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, Untested, best_arrangement,
@@ -25,6 +25,8 @@ use tpm_numerics::alarm;
 
 /// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
 pub(super) const MOST_SIMULATED: usize = 2;
+/// Most coordinates of one that is simulated because inputs do not act on all of them.
+const MOST_IN_A_CHAIN: usize = 4;
 /// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
 const NOISE_FOLLOWED: f64 = 3.0;
 /// Largest distance of a stated period from a whole number of samples, as a share of it.
@@ -64,6 +66,7 @@ pub(super) fn identify(
     let found = estimate_any_motion(model, &options.constants, &record, whole.is_some(), settings)
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;
+    let asked = options.refine == Refine::OutputError;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
     let simulated = |estimate: &Estimate| {
         let start = Start {
@@ -80,14 +83,16 @@ pub(super) fn identify(
             sample_time: first.sample_time,
         };
         let restate = |values, covariance| found.restated(values, covariance, settings);
-        refined(machine, start, Conditions::of_log(options), settings, &restate)
+        let by = if asked || is_chain(dims) { By::Likelihood } else { By::OutputError };
+        refined(machine, start, Conditions { by, ..Conditions::of_log(options) }, settings, &restate)
     };
-    let asked = options.refine == Refine::OutputError;
     let refined = if !settings.fitted_delays.is_empty() {
         // A delay that is found is a parameter of the lines, which the simulation does not have.
         let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::FittedDelay);
         Refined { report: (options.refine != Refine::None).then(why), ..unrefined(&found) }
-    } else if dims.coordinates <= MOST_SIMULATED || asked {
+    } else if asked || is_chain(dims) {
+        simulated(&found.estimate)
+    } else if dims.coordinates <= MOST_SIMULATED {
         let by_lines = simulated(&found.estimate);
         // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
         let once_more = dims.inputs < dims.rows
@@ -110,7 +115,7 @@ pub(super) fn identify(
     };
     let apart = Apart::of(&refined, &found);
     let used = refined.report.as_ref().is_some_and(|report| report.used);
-    let refined = if (asked && used) || told_by_simulation(&refined, &found, dims, apart.as_ref()) {
+    let refined = if ((asked || is_chain(dims)) && used) || told_by_simulation(&refined, &found, dims, apart.as_ref()) {
         refined
     } else {
         // Why a simulation that was asked for, or one of many coordinates, was not made stays in the report.
@@ -146,7 +151,7 @@ pub(super) fn identify(
     if repeats.is_none() {
         warnings.extend(period_not_used(segments, &options.reading));
     }
-    let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| term(model, own)).collect();
+    let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| lacking(model, own)).collect();
     if !refined.tells_hold {
         warnings.extend(late_by_hold(model, &record, &found, whole.is_some(), options));
     }
@@ -181,6 +186,11 @@ pub(super) fn identify(
         delays: found.delays,
         calibration: found.calibration,
     })
+}
+
+/// Whether a machine has more coordinates than are simulated otherwise, and rows without an input, whose ratios alone show in the lines.
+const fn is_chain(dims: Dims) -> bool {
+    dims.inputs < dims.rows && dims.coordinates > MOST_SIMULATED && dims.coordinates <= MOST_IN_A_CHAIN
 }
 
 /// What is simulated of a record: all of it or, where it is long, means of its whole periods, or blocks where nothing repeats so.
@@ -430,112 +440,4 @@ pub(super) fn unseen(model: &dyn Model<f64>, fault: &CalibrationFault) -> Option
         unit,
         deviations: found.moves,
     })
-}
-
-/// A term that the model lacks in the words of the model.
-fn term(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
-    let name = |label: Label<'_>| label.name.to_string();
-    let own = lacking.term;
-    let q = || name(model.coordinate(own.of));
-    let v = || format!("dot({})", q());
-    let power = |of: String, exponent: u32| if exponent == 1 { of } else { format!("{of}^{exponent}") };
-    let apart = || match own.other {
-        Some(other) => (
-            format!("({} - {})", q(), name(model.coordinate(other))),
-            format!("(dot({}) - dot({}))", q(), name(model.coordinate(other))),
-        ),
-        None => (q(), v()),
-    };
-    let (term, meaning): Words = match own.kind {
-        TermKind::Offset => term_words::offset(),
-        TermKind::Friction => term_words::friction(&q()),
-        TermKind::Stribeck => term_words::stribeck(&q()),
-        TermKind::RatePower(1) => (v(), "viscous damping".into()),
-        TermKind::RatePower(exponent) => term_words::rate_power(&q(), exponent),
-        TermKind::Drag => term_words::drag(&q()),
-        TermKind::Power(1) => (q(), "a spring".into()),
-        TermKind::Power(exponent) => term_words::power(&q(), exponent),
-        TermKind::PositionFriction(exponent) => {
-            (format!("{}*sign({})", power(q(), exponent), v()), "dry friction that depends on the position".into())
-        }
-        TermKind::PositionDamping(exponent) => {
-            (format!("{}*{}", power(q(), exponent), v()), "damping that depends on the position".into())
-        }
-        TermKind::Inertia(0) => (format!("ddot({})", q()), "an inertia of its own, as that of a rotor".into()),
-        TermKind::Inertia(exponent) => {
-            (format!("{}*ddot({})", power(q(), exponent), q()), "an inertia that depends on the position".into())
-        }
-        TermKind::Sine(multiple) => {
-            (angle("sin", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
-        }
-        TermKind::Cosine(multiple) => {
-            (angle("cos", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
-        }
-        TermKind::Ripple { half_waves, .. } => (
-            format!("a ripple over {}, {half_waves} half waves in its range", q()),
-            "cogging, or the ripple of a gear".into(),
-        ),
-        TermKind::Drift => ("time".into(), "a constant force that drifts".into()),
-        TermKind::DriftingDamping => (format!("{} * time", v()), "damping that changes over the record (drift)".into()),
-        TermKind::DriftingFriction => {
-            (format!("sign({}) * time", v()), "dry friction that changes over the record (drift)".into())
-        }
-        TermKind::LoadFriction => {
-            (format!("abs(force)*sign({})", v()), "dry friction in proportion to the force (gear)".into())
-        }
-        TermKind::Play => (format!("sign({})", q()), "play in a spring about zero".into()),
-        TermKind::DeadZone => ("sign(force)".into(), "a dead zone of the input".into()),
-        TermKind::Delay => {
-            let input = name(model.input(own.of));
-            let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
-            (term_words::late(&input), meaning.into())
-        }
-        TermKind::InputGain => {
-            let input = name(model.input(own.of));
-            let meaning = format!(
-                "what acts is {:.4} times the recorded {input}, as the other forces have it (gain of a sensor, or another unit)",
-                lacking.value
-            );
-            (input, meaning.into())
-        }
-        TermKind::PositionOffset => {
-            let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));
-            let meaning =
-                format!("{} is by {:.3e}{unit} larger than it is recorded (offset of a sensor)", q(), lacking.value);
-            (format!("derivative by {}", q()), meaning.into())
-        }
-        TermKind::PairPower(1) => (apart().0, "a spring between the coordinates".into()),
-        TermKind::PairPower(exponent) => {
-            (power(apart().0, exponent), "a force between the coordinates that is not linear in their distance".into())
-        }
-        TermKind::PairDamping => (apart().1, "damping between the coordinates".into()),
-        TermKind::PairAsymmetry => {
-            (format!("abs{}", apart().1), "damping between the coordinates that differs with the direction".into())
-        }
-        TermKind::PairDrag => (format!("{0}*abs{0}", apart().1), "drag between the coordinates".into()),
-        TermKind::PairPlay => (format!("sign{}", apart().0), "play in a spring between the coordinates".into()),
-        TermKind::PairFriction => (format!("sign{}", apart().1), "dry friction between the coordinates".into()),
-        TermKind::PairPositionDamping => (
-            format!("{}*{}", apart().0, apart().1),
-            "damping between the coordinates that depends on their distance".into(),
-        ),
-        TermKind::PairInertia => {
-            let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
-            (format!("ddot({other}) and ddot({})", q()), "an inertia that couples the coordinates".into())
-        }
-        _ => ("a term".into(), "".into()),
-    };
-    MissingTerm {
-        of: own,
-        term,
-        row: own.row.map(|row| name(model.row(row))),
-        value: lacking.value,
-        std: lacking.std,
-        gain: lacking.gain,
-        meaning: meaning.into_owned(),
-    }
-}
-
-fn angle(function: &str, multiple: u32, coordinate: &str) -> String {
-    if multiple == 1 { format!("{function}({coordinate})") } else { format!("{function}({multiple}*{coordinate})") }
 }

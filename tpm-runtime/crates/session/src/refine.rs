@@ -5,14 +5,14 @@ use crate::found::Ending;
 use crate::log_report::HoldResiduals;
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
-use crate::term_words::{self, Words};
+use crate::term_words::{self, Words, lacking};
 use crate::warning::Warning;
 use std::ops::RangeInclusive;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
-    Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Refine, ResidualOf,
-    Settings, Term, TermKind,
+    Candidate, CandidateKind, Course, Differentiable, Estimate, Lacking, OutputError, OutputErrorFault, Question,
+    Refine, ResidualOf, Settings, Simulation, Term, TermKind, reach_in,
 };
 use tpm_motion::Dynamics;
 use tpm_numerics::{Matrix, alarm, tolerance};
@@ -25,6 +25,8 @@ const LEAST_MOVE: f64 = 1e-3;
 const MOST_WORK: f64 = 1.5e8;
 /// Delays, samples, that the other hold would explain.
 pub(super) const HALF_A_SAMPLE: RangeInclusive<f64> = 0.25..=0.75;
+/// Most coordinates of a machine of which the likelihood asks what the model lacks; of more the lines of the rows say it.
+const MOST_ASKED: usize = 2;
 /// Evaluations of the derivatives in one step of the integration.
 const EVALUATIONS_PER_STEP: f64 = 4.0;
 
@@ -72,12 +74,22 @@ pub(super) struct Conditions<'a> {
     /// What lies between every recorded input and the machine.
     pub(super) actuators: &'a [Dynamics],
     pub(super) refine: Refine,
+    pub(super) by: By,
+}
+
+/// What a refinement weighs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum By {
+    /// Output error, whose inputs may have noise.
+    OutputError,
+    /// The likelihood of all ways to explain a record: noise of sensors and forces, terms, delays, play and limits.
+    Likelihood,
 }
 
 impl<'a> Conditions<'a> {
     pub(super) fn of_log(options: &'a LogOptions) -> Self {
         let LogOptions { constants, reading, actuators, refine, .. } = options;
-        Conditions { constants, hold: reading.hold, actuators, refine: *refine }
+        Conditions { constants, hold: reading.hold, actuators, refine: *refine, by: By::OutputError }
     }
 }
 
@@ -108,6 +120,10 @@ pub(super) fn refined(
         let warnings = vec![Warning::LongSimulation(long)];
         return Refined { report: Some(report), warnings, ..Refined::none(estimate.clone()) };
     }
+    let refine = match conditions.by {
+        By::OutputError => refine,
+        By::Likelihood => by_likelihood,
+    };
     refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {
         let report = RefinementReport::refused(&estimate.values, &fault);
         let remark = |reason| match report.is_unsettled() {
@@ -176,6 +192,8 @@ fn refine(
         steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),
         input_noise: found.input_noise.clone(),
+        force_left: Vec::new(),
+        ways: Vec::new(),
         rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
         residual: found.residual.clone(),
         before: estimate.values.clone(),
@@ -224,6 +242,89 @@ fn refine(
     if settled {
         (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
     }
+    Ok(Refined { estimate: restated, report: Some(report), warnings, outcome, tells_hold })
+}
+
+/// The estimate that the likelihood of all ways to explain a record hands out.
+fn by_likelihood(
+    machine: Differentiable<'_>,
+    start: &Start<'_>,
+    conditions: Conditions<'_>,
+    settings: &Settings,
+    restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
+) -> Result<Refined, OutputErrorFault> {
+    let model = machine.model;
+    let dims = model.dims();
+    let Start { estimate, excerpt, .. } = start;
+    let free: Vec<usize> =
+        (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
+    let hidden: Vec<Vec<f64>> =
+        estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
+    let (typical_period, reach) = match &start.course {
+        Course::Periodic { samples_per_period, .. } => (*samples_per_period, reach_in(*samples_per_period)),
+        Course::Any { typical_period, reach, .. } => (*typical_period, *reach),
+    };
+    let record = |hold: Hold| excerpt.record(dims.coordinates, (start.sample_time, hold), (&start.steps, reach));
+    let question = Question {
+        machine,
+        constants: conditions.constants,
+        start: &estimate.values,
+        free: &free,
+        hidden: &hidden,
+        typical_period: typical_period * start.sample_time,
+        terms: dims.coordinates <= MOST_ASKED,
+    };
+    let found = Simulation::fit(&question, &record(conditions.hold))?;
+    let report = RefinementReport {
+        used: true,
+        note: None,
+        samples: excerpt.samples(),
+        averaged: excerpt.averaged,
+        blocks: excerpt.blocks,
+        runs: 0,
+        of: excerpt.of,
+        steps: found.passes,
+        sensor_noise: found.sensor_noise.clone(),
+        input_noise: vec![0.0; dims.inputs],
+        force_left: found.force_left.clone(),
+        ways: found.tried.clone(),
+        rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
+        residual: found.residual.clone(),
+        before: estimate.values.clone(),
+        missing: found.lacking.iter().map(|own| lacking(model, own)).collect(),
+    };
+    let shifted = |own: &&Lacking| {
+        own.term.kind == TermKind::Delay && HALF_A_SAMPLE.contains(&(own.value.abs() / start.sample_time))
+    };
+    let late = found.lacking.iter().find(shifted).filter(|_| conditions.actuators.iter().all(Dynamics::is_ideal));
+    let better = conditions.hold.other();
+    let other_hold = late.and_then(|late| {
+        let other = Simulation::fit(&Question { start: &found.values, ..question.clone() }, &record(better)).ok()?;
+        let input = model.input(late.term.of).name.to_string();
+        let likelier = other.cost < found.cost - alarm::LIKELIHOOD_GAIN;
+        likelier.then(|| Warning::LateByHold { input, late: late.value, better })
+    });
+    let tells_hold = other_hold.is_some();
+    let mut warnings: Vec<Warning> = other_hold.into_iter().collect();
+    warnings.extend(report.missing.iter().cloned().map(|term| match term.of.kind {
+        TermKind::Limit => Warning::Limited { term },
+        _ => Warning::MissingTerm { term },
+    }));
+    let mut outcome = Ending::Explained;
+    for (half, &j) in found.halves.iter().zip(&free) {
+        // The difference of two halves has four times the variance of the whole.
+        let deviation = half.variance.max(4.0 * found.covariance[(j, j)]).sqrt();
+        if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
+            && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
+        {
+            outcome = Ending::Doubtful;
+            let parameter = model.parameter(j).name.to_string();
+            warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
+        }
+    }
+    let share = found.share;
+    let mut restated = restate(found.values, Matrix::of(found.covariance));
+    (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
     Ok(Refined { estimate: restated, report: Some(report), warnings, outcome, tells_hold })
 }
 

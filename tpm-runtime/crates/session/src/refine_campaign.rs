@@ -10,7 +10,7 @@
 
 use crate::excerpt::Excerpt;
 use crate::machine::Machine;
-use crate::refine::{Conditions, Refined, Start, refined};
+use crate::refine::{By, Conditions, Refined, Start, refined};
 use crate::refinement_report::RefinementReport;
 use std::sync::OnceLock;
 use tpm_campaign::{Campaign, Refinement, Setup, SteadyRun};
@@ -108,6 +108,7 @@ impl<'a> RunSimulation<'a> {
             hold: setup.procedure.hold,
             actuators: &setup.control.actuators,
             refine: Refine::OutputError,
+            by: By::OutputError,
         };
         let restate = |values, covariance| estimate.refined(values, covariance, settings);
         let derivatives = self.derivatives.get_or_init(|| self.machine.derivatives());

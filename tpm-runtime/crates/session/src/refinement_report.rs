@@ -3,7 +3,7 @@
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_controller::model::Model;
-use tpm_estimate::{OutputErrorFault, RateFault, RateUse, Term, TermKind};
+use tpm_estimate::{Explained, OutputErrorFault, RateFault, RateUse, Term, TermKind};
 use tpm_report::number;
 
 /// What the refinement did with a log or a campaign.
@@ -32,6 +32,12 @@ pub struct RefinementReport {
     pub sensor_noise: Vec<f64>,
     /// Standard deviation of every recorded input's noise, unit of the input; zero for an exact record.
     pub input_noise: Vec<f64>,
+    /// The force that noise is taken to make in every row, root mean square as a share of the row's force; where one likelihood weighed it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub force_left: Vec<f64>,
+    /// The ways in which that likelihood explained the log, and how much less likely each is than the one that is handed out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub ways: Vec<Explained>,
     /// Measured rates, where there are any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RateReport>,
@@ -208,6 +214,8 @@ impl RefinementReport {
             steps: 0,
             sensor_noise: Vec::new(),
             input_noise: Vec::new(),
+            force_left: Vec::new(),
+            ways: Vec::new(),
             rates: Vec::new(),
             residual: Vec::new(),
             before: values.to_vec(),

@@ -1,6 +1,9 @@
 //! Terms that a model may lack in the words of the model language, with what each of them means; `q` is the name of a coordinate.
 
+use crate::refinement_report::MissingTerm;
 use std::borrow::Cow;
+use tpm_controller::model::{Label, Model};
+use tpm_estimate::{Lacking, TermKind};
 
 /// A term, and its meaning.
 pub(super) type Words = (String, Cow<'static, str>);
@@ -32,4 +35,121 @@ pub(super) fn friction(q: &str) -> Words {
 
 pub(super) fn stribeck(q: &str) -> Words {
     (format!("sign(dot({q}))*exp(-(dot({q})/vs)^2)"), "friction that is larger at low speed (Stribeck)".into())
+}
+
+/// A term that the model lacks in the words of the model.
+pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm {
+    let name = |label: Label<'_>| label.name.to_string();
+    let own = lacking.term;
+    let q = || name(model.coordinate(own.of));
+    let v = || format!("dot({})", q());
+    let power = |of: String, exponent: u32| if exponent == 1 { of } else { format!("{of}^{exponent}") };
+    let apart = || match own.other {
+        Some(other) => (
+            format!("({} - {})", q(), name(model.coordinate(other))),
+            format!("(dot({}) - dot({}))", q(), name(model.coordinate(other))),
+        ),
+        None => (q(), v()),
+    };
+    let (term, meaning): Words = match own.kind {
+        TermKind::Offset => offset(),
+        TermKind::Friction => friction(&q()),
+        TermKind::Stribeck => stribeck(&q()),
+        TermKind::RatePower(1) => (v(), "viscous damping".into()),
+        TermKind::RatePower(exponent) => rate_power(&q(), exponent),
+        TermKind::Drag => drag(&q()),
+        TermKind::Power(1) => (q(), "a spring".into()),
+        TermKind::Power(exponent) => self::power(&q(), exponent),
+        TermKind::PositionFriction(exponent) => {
+            (format!("{}*sign({})", power(q(), exponent), v()), "dry friction that depends on the position".into())
+        }
+        TermKind::PositionDamping(exponent) => {
+            (format!("{}*{}", power(q(), exponent), v()), "damping that depends on the position".into())
+        }
+        TermKind::Inertia(0) => (format!("ddot({})", q()), "an inertia of its own, as that of a rotor".into()),
+        TermKind::Inertia(exponent) => {
+            (format!("{}*ddot({})", power(q(), exponent), q()), "an inertia that depends on the position".into())
+        }
+        TermKind::Sine(multiple) => {
+            (angle("sin", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
+        }
+        TermKind::Cosine(multiple) => {
+            (angle("cos", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
+        }
+        TermKind::Ripple { half_waves, .. } => (
+            format!("a ripple over {}, {half_waves} half waves in its range", q()),
+            "cogging, or the ripple of a gear".into(),
+        ),
+        TermKind::Drift => ("time".into(), "a constant force that drifts".into()),
+        TermKind::DriftingDamping => (format!("{} * time", v()), "damping that changes over the record (drift)".into()),
+        TermKind::DriftingFriction => {
+            (format!("sign({}) * time", v()), "dry friction that changes over the record (drift)".into())
+        }
+        TermKind::LoadFriction => {
+            (format!("abs(force)*sign({})", v()), "dry friction in proportion to the force (gear)".into())
+        }
+        TermKind::Play => (format!("sign({})", q()), "play in a spring about zero".into()),
+        TermKind::DeadZone => ("sign(force)".into(), "a dead zone of the input".into()),
+        TermKind::Delay => {
+            let input = name(model.input(own.of));
+            let meaning = format!("{input} acts {:.3} ms later than it is recorded (delay)", 1e3 * lacking.value);
+            (late(&input), meaning.into())
+        }
+        TermKind::InputGain => {
+            let input = name(model.input(own.of));
+            let meaning = format!(
+                "what acts is {:.4} times the recorded {input}, as the other forces have it (gain of a sensor, or another unit)",
+                lacking.value
+            );
+            (input, meaning.into())
+        }
+        TermKind::PositionOffset => {
+            let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));
+            let meaning =
+                format!("{} is by {:.3e}{unit} larger than it is recorded (offset of a sensor)", q(), lacking.value);
+            (format!("derivative by {}", q()), meaning.into())
+        }
+        TermKind::PairPower(1) => (apart().0, "a spring between the coordinates".into()),
+        TermKind::PairPower(exponent) => {
+            (power(apart().0, exponent), "a force between the coordinates that is not linear in their distance".into())
+        }
+        TermKind::PairDamping => (apart().1, "damping between the coordinates".into()),
+        TermKind::PairAsymmetry => {
+            (format!("abs{}", apart().1), "damping between the coordinates that differs with the direction".into())
+        }
+        TermKind::PairDrag => (format!("{0}*abs{0}", apart().1), "drag between the coordinates".into()),
+        TermKind::PairPlay => (format!("sign{}", apart().0), "play in a spring between the coordinates".into()),
+        TermKind::PairFriction => (format!("sign{}", apart().1), "dry friction between the coordinates".into()),
+        TermKind::PairPositionDamping => (
+            format!("{}*{}", apart().0, apart().1),
+            "damping between the coordinates that depends on their distance".into(),
+        ),
+        TermKind::PairInertia => {
+            let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
+            (format!("ddot({other}) and ddot({})", q()), "an inertia that couples the coordinates".into())
+        }
+        TermKind::Limit => (
+            format!("{0} beyond {1:.4}", name(model.input(own.of)), lacking.value),
+            format!("clipping: the input is limited (saturation) at about {:.4}", lacking.value).into(),
+        ),
+        TermKind::Backlash => (
+            format!("sign({}) on its reading", v()),
+            format!("backlash or hysteresis between machine and sensor, {:.3e} to either side", lacking.value.abs())
+                .into(),
+        ),
+        _ => ("a term".into(), "".into()),
+    };
+    MissingTerm {
+        of: own,
+        term,
+        row: own.row.map(|row| name(model.row(row))),
+        value: lacking.value,
+        std: lacking.std,
+        gain: lacking.gain,
+        meaning: meaning.into_owned(),
+    }
+}
+
+fn angle(function: &str, multiple: u32, coordinate: &str) -> String {
+    if multiple == 1 { format!("{function}({coordinate})") } else { format!("{function}({multiple}*{coordinate})") }
 }

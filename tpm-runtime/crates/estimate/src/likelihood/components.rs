@@ -24,30 +24,32 @@ const STEPS: usize = 300;
 const SWAPS: usize = 12;
 /// Share of the square of a candidate's length that the active ones leave of it below which it says nothing of its own: a tenth of the length,
 /// of which noise of the sensors would decide.
-const SPANNED: f64 = 0.01;
+pub(crate) const SPANNED: f64 = 0.01;
 /// The common variance is looked for on a grid of its logarithm, in these steps.
 const GRID: f64 = 0.5;
 
 /// The variances of all candidates. All products of columns are formed once, with columns of length one.
-pub(super) struct Components<'a> {
+pub(crate) struct Components<'a> {
     products: &'a Products,
     threshold: f64,
     /// Variance of every candidate's coefficient; zero for one that takes no part.
-    pub(super) variance: Vec<f64>,
+    pub(crate) variance: Vec<f64>,
 }
 
 /// Products of the columns with each other and with the target.
-pub(super) struct Products {
+pub(crate) struct Products {
     /// Lengths of the columns; one for a column of zeros.
     scale: Vec<f64>,
     gram: DMatrix<f64>,
     target: DVector<f64>,
+    /// Share of the square of a candidate's length that the active ones must leave of it, for it to say something of its own.
+    spanned: f64,
 }
 
 impl Products {
-    pub(super) fn of(factor: &DMatrix<f64>, target: &DVector<f64>) -> Self {
+    pub(crate) fn of(factor: &DMatrix<f64>, target: &DVector<f64>, spanned: f64) -> Self {
         let (columns, scale) = unit_columns(factor.clone());
-        Products { gram: gram(&columns), target: columns.tr_mul(target), scale }
+        Products { gram: gram(&columns), target: columns.tr_mul(target), scale, spanned }
     }
 }
 
@@ -98,8 +100,8 @@ impl Said {
     }
 
     /// From s and q of a column of length one, and the length that it has.
-    fn of(s: f64, q: f64, length: f64) -> Self {
-        let shown = if s > SPANNED { q * q / s } else { 0.0 };
+    fn of(s: f64, q: f64, length: f64, spanned: f64) -> Self {
+        let shown = if s > spanned { q * q / s } else { 0.0 };
         Said { s: (s * length * length).max(f64::MIN_POSITIVE), shown }
     }
 
@@ -115,7 +117,7 @@ impl Said {
 impl<'a> Components<'a> {
     /// The variances that the likelihood prefers; a candidate enters when the square of its standardised coefficient is above
     /// `threshold`.
-    pub(super) fn found(products: &'a Products, threshold: f64) -> Self {
+    pub(crate) fn found(products: &'a Products, threshold: f64) -> Self {
         let count = products.scale.len();
         let mut found = Components { products, threshold, variance: vec![0.0; count] };
         found.climb();
@@ -134,12 +136,12 @@ impl<'a> Components<'a> {
     }
 
     /// The candidates that take part.
-    pub(super) fn active(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn active(&self) -> impl Iterator<Item = usize> {
         (0..self.variance.len()).filter(|&i| self.variance[i] > 0.0)
     }
 
     /// -2 log p(z2) less that of no candidates.
-    fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         let inverse = Inverse::of(self.products, &self.variance);
         inverse.logs() - inverse.through(&|i| self.products.target[i]).norm_squared()
     }
@@ -147,7 +149,7 @@ impl<'a> Components<'a> {
     /// What every candidate says beside the others. Of an active one with the variance d^2, K = I + D A'A D gives what it says beside the
     /// other active ones: s = (1/(K^-1)_ii - 1)/d^2, where nothing cancels that counts.
     fn all(&self, variance: &[f64]) -> Vec<Said> {
-        let Products { scale, gram, target } = self.products;
+        let Products { scale, gram, target, spanned } = self.products;
         let inverse = Inverse::of(self.products, variance);
         let of_target = inverse.through(&|k| target[k]);
         let mut said: Vec<Said> = (0..variance.len())
@@ -157,7 +159,7 @@ impl<'a> Components<'a> {
                 }
                 let through = inverse.through(&|k| gram[(k, i)]);
                 let (s, q) = (gram[(i, i)] - through.norm_squared(), target[i] - through.dot(&of_target));
-                Said::of(s, q, scale[i])
+                Said::of(s, q, scale[i], *spanned)
             })
             .collect();
         let Some(factor) = &inverse.factor else { return said };
@@ -168,7 +170,7 @@ impl<'a> Components<'a> {
         for (a, &i) in inverse.active.iter().enumerate() {
             let own = whole[(a, a)];
             let s = (1.0 / own - 1.0) / (roots[a] * roots[a]);
-            said[i] = Said::of(s, means[a] / (roots[a] * own), scale[i]);
+            said[i] = Said::of(s, means[a] / (roots[a] * own), scale[i], *spanned);
         }
         said
     }
@@ -262,7 +264,7 @@ mod tests {
         let factor = DMatrix::from_fn(n, n, |r, c| if c >= r { draw() * 10_f64.powi(c as i32 % 4) } else { 0.0 });
         let target = DVector::from_fn(n, |_, _| 100.0 * draw());
         let variance: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 10_f64.powi(i as i32 - 4) } else { 0.0 }).collect();
-        let products = Products::of(&factor, &target);
+        let products = Products::of(&factor, &target, super::SPANNED);
         let found = Components { products: &products, threshold: 9.0, variance: variance.clone() }.all(&variance);
         for (i, said) in found.iter().enumerate() {
             let mut whole = DMatrix::<f64>::identity(n, n);
@@ -294,7 +296,7 @@ mod tests {
             coefficients[12] = 20.0;
             let target = &factor * &coefficients + DVector::from_fn(20, |_, _| draw());
             // Five in a hundred sets of twenty.
-            let products = Products::of(&factor, &target);
+            let products = Products::of(&factor, &target, super::SPANNED);
             let found = Components::found(&products, 9.14);
             missed += usize::from(found.variance[12] <= 0.0);
             entered += found.variance.iter().enumerate().filter(|(i, v)| *i != 12 && **v > 0.0).count();

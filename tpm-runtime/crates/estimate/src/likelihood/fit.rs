@@ -2,7 +2,7 @@
 
 use crate::error::EstimateError;
 use crate::free::Free;
-use crate::likelihood::components::{Components, Products};
+use crate::likelihood::components::{self, Components, Products};
 use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::noise::{Noise, triangle};
@@ -334,7 +334,7 @@ impl Pass<'_> {
         let passes = PASSES + if ratios { MORE_PASSES } else { 0 };
         for _ in 0..passes {
             let split = asked.split(&triangle(&self.lines, &noise.variance, &asked.all, right));
-            let products = Products::of(&split.candidates, &split.target);
+            let products = Products::of(&split.candidates, &split.target, components::SPANNED);
             let found = Components::found(&products, asked.threshold);
             let columns: Vec<usize> =
                 asked.fixed.iter().copied().chain(found.active().map(|i| asked.terms[i])).collect();
@@ -354,7 +354,7 @@ impl Pass<'_> {
             }
         }
         let split = asked.split(&triangle(&self.lines, &noise.variance, &asked.all, right));
-        let products = Products::of(&split.candidates, &split.target);
+        let products = Products::of(&split.candidates, &split.target, components::SPANNED);
         let found = Components::found(&products, asked.threshold);
         let common = found.common(&split.candidates, &split.target, &split.counts);
         let whole = |(own, counts): (&f64, &bool)| own + if *counts { common } else { 0.0 };

@@ -1,7 +1,6 @@
 //! Terms that a model may lack, each a column along the smoothed motion.
 
 use crate::likelihood::path::{Along, Columns, Entry, Path};
-use crate::rows::Rows;
 use std::f64::consts::{PI, SQRT_2};
 use tpm_controller::model::Model;
 use tpm_numerics::root_mean_square;
@@ -86,16 +85,16 @@ pub enum TermKind {
     PairPlay,
     /// An inertia that couples two coordinates.
     PairInertia,
-    /// The product of two coordinates. This kind and those below are asked of a simulation alone.
+    /// The product of two coordinates. This kind and the next two are asked of output error alone.
     Product,
     /// A parameter that changes over the record; the term is of the parameter.
     ParameterDrift,
     /// Dynamics between an input and a sensor: a flexible mode, or a lag.
     Flexible,
-    /// An input that is cut off at a limit behind the place where it is recorded.
-    Limit,
-    /// Backlash between the machine and a sensor.
+    /// Play between a coordinate and its sensor; the value is half its width, unit of the coordinate.
     Backlash,
+    /// An input that is cut off at a limit behind the place where it is recorded; the value is its largest size, unit of the input.
+    Limit,
 }
 
 /// A term in its place.
@@ -140,7 +139,7 @@ fn against_each_other((a, b): (usize, usize), values: Vec<f64>) -> Columns {
 
 /// What the terms of all stretches have in common: so that a column means the same in each of them.
 #[derive(Clone, Debug)]
-pub(super) struct Scales {
+pub(crate) struct Scales {
     /// Root mean square velocity, by coordinate.
     speed: Vec<f64>,
     /// Least and largest position.
@@ -157,67 +156,116 @@ pub(super) struct Scales {
     driven: Vec<bool>,
 }
 
+/// A motion along which terms are evaluated, with the inputs that act on it.
+pub(crate) trait Seen {
+    /// Number of points.
+    fn points(&self) -> usize;
+    /// Time of a point since the begin of the record, s.
+    fn time(&self, point: usize) -> f64;
+    /// Time from one point to the next, s.
+    fn apart(&self) -> f64;
+    /// Derivative `d` of a coordinate at all points.
+    fn series(&self, coordinate: usize, d: usize) -> Vec<f64>;
+    /// What a row does not owe to parameters, on the other side; nothing where that is nothing.
+    fn right(&self, row: usize) -> Option<Vec<f64>>;
+    /// Force that the rate of an input would make, were it the input.
+    fn rate_of(&self, input: usize) -> Columns;
+}
+
+/// A stretch on its grid, which begins at `from` seconds of the record.
+pub(super) struct OnGrid<'a> {
+    pub(super) path: &'a Path,
+    pub(super) along: &'a Along,
+    pub(super) from: f64,
+}
+
+impl Seen for OnGrid<'_> {
+    fn points(&self) -> usize {
+        self.path.points
+    }
+
+    fn time(&self, point: usize) -> f64 {
+        self.from + point as f64 * self.path.apart
+    }
+
+    fn apart(&self) -> f64 {
+        self.path.apart
+    }
+
+    fn series(&self, coordinate: usize, d: usize) -> Vec<f64> {
+        self.path.series(coordinate, d)
+    }
+
+    fn right(&self, row: usize) -> Option<Vec<f64>> {
+        Some(self.along.column(self.along.place(row, Entry::Right)?))
+    }
+
+    fn rate_of(&self, input: usize) -> Columns {
+        let entries = self.along.entries.iter().enumerate().filter(|(_, (_, entry))| *entry == Entry::Rate(input));
+        entries.map(|(at, (row, _))| (*row, self.along.column(at))).collect()
+    }
+}
+
 impl Scales {
-    pub(super) fn of(rows: Rows<'_>, paths: &[Path], along: &[Along], rate_deviation: Vec<f64>) -> Self {
-        let dims = rows.model.dims();
-        let series = |c: usize, d: usize| paths.iter().flat_map(move |path| path.series(c, d));
-        let right = |row: usize| {
-            let own = along.iter().filter_map(|along| Some(along.column(along.place(row, Entry::Right)?)));
-            root_mean_square(own.flatten())
-        };
+    /// The scales of a record of so many coordinates and inputs, whose stretches are given, with the deviation of every rate; `driven` says in
+    /// which rows an input acts.
+    pub(crate) fn of(
+        (coordinates, driven): (usize, Vec<bool>),
+        stretches: &[&dyn Seen],
+        rate_deviation: Vec<f64>,
+    ) -> Self {
+        let series = |c: usize, d: usize| stretches.iter().flat_map(move |own| own.series(c, d));
+        let right = |row: usize| root_mean_square(stretches.iter().filter_map(|own| own.right(row)).flatten());
         let range = |c: usize| {
             series(c, 0).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)))
         };
-        let points: usize = paths.iter().map(|path| path.points).sum();
-        let positions: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 0).collect()).collect();
+        let points: usize = stretches.iter().map(|own| own.points()).sum();
+        let positions: Vec<Vec<f64>> = (0..coordinates).map(|c| series(c, 0).collect()).collect();
         let product =
             |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / points.max(1) as f64;
-        let driven =
-            |row: usize| along.iter().any(|own| (0..dims.inputs).any(|i| own.place(row, Entry::Rate(i)).is_some()));
         Scales {
-            speed: (0..dims.coordinates).map(|c| root_mean_square(series(c, 1))).collect(),
-            range: (0..dims.coordinates).map(range).collect(),
+            speed: (0..coordinates).map(|c| root_mean_square(series(c, 1))).collect(),
+            range: (0..coordinates).map(range).collect(),
             products: positions.iter().map(|a| positions.iter().map(|b| product((a, b))).collect()).collect(),
             rate_deviation,
-            force: (0..dims.rows).map(right).collect(),
-            duration: paths.iter().map(|path| path.points as f64 * path.apart).sum(),
-            driven: (0..dims.rows).map(driven).collect(),
+            force: (0..driven.len()).map(right).collect(),
+            duration: stretches.iter().map(|own| own.points() as f64 * own.apart()).sum(),
+            driven,
         }
     }
 
     /// The range of a coordinate, its unit.
-    pub(super) fn span(&self, coordinate: usize) -> f64 {
+    pub(crate) fn span(&self, coordinate: usize) -> f64 {
         let (low, high) = self.range[coordinate];
         high - low
     }
 
     /// Whether an input acts in a row.
-    pub(super) fn driven(&self, row: usize) -> bool {
+    pub(crate) fn driven(&self, row: usize) -> bool {
         self.driven[row]
     }
 
-    /// The column of a term along a path that begins at `from` seconds of the record.
-    pub(super) fn columns(&self, term: Term, path: &Path, along: &Along, from: f64) -> Columns {
-        let series = |c: usize, d: usize| path.series(c, d);
+    /// The column of a term along a motion.
+    pub(crate) fn columns(&self, term: Term, seen: &dyn Seen) -> Columns {
+        let series = |c: usize, d: usize| seen.series(c, d);
         if term.kind == TermKind::Delay {
-            let entries = along.entries.iter().enumerate().filter(|(_, (_, entry))| *entry == Entry::Rate(term.of));
-            return entries.map(|(at, (row, _))| (*row, along.column(at))).collect();
+            return seen.rate_of(term.of);
         }
         let row = term.row.unwrap_or(term.of);
         if let Some(other) = term.other {
-            return self.between(term.kind, (term.of, other), path);
+            return self.between(term.kind, (term.of, other), seen);
         }
         let c = term.of;
         let (q, v) = (series(c, 0), series(c, 1));
         let a = series(c, 2);
-        let deviation = |k: usize| self.rate_deviation[c].hypot(CELL * path.apart * a[k]);
+        let deviation = |k: usize| self.rate_deviation[c].hypot(CELL * seen.apart() * a[k]);
         let (low, high) = self.range[c];
         let middle = 0.5 * (low + high);
-        let time = |k: usize| (from + k as f64 * path.apart) / self.duration - 0.5;
-        let right = || along.place(row, Entry::Right).map(|at| along.column(at)).unwrap_or_default();
-        let by = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..path.points).map(of).collect() };
+        let time = |k: usize| seen.time(k) / self.duration - 0.5;
+        let right = || seen.right(row).unwrap_or_default();
+        let by = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..seen.points()).map(of).collect() };
         let values = match term.kind {
-            TermKind::Offset => vec![1.0; path.points],
+            TermKind::Offset => vec![1.0; seen.points()],
             TermKind::Friction => by(&|k| sign(v[k], deviation(k))),
             TermKind::Stribeck => {
                 let bend = STRIBECK_VELOCITY * self.speed[c];
@@ -249,15 +297,15 @@ impl Scales {
             }
             TermKind::DeadZone => rounded_sign(&right(), self.force[row]),
             TermKind::Play => rounded_sign(&q, self.products[c][c].sqrt()),
-            _ => vec![0.0; path.points],
+            _ => vec![0.0; seen.points()],
         };
         if values.is_empty() { Vec::new() } else { vec![(row, values)] }
     }
 
     /// A force between two coordinates acts on both rows, with opposite signs; an inertia that couples them on each by the other's
     /// acceleration.
-    fn between(&self, kind: TermKind, (a, b): (usize, usize), path: &Path) -> Columns {
-        let series = |c: usize, d: usize| path.series(c, d);
+    fn between(&self, kind: TermKind, (a, b): (usize, usize), seen: &dyn Seen) -> Columns {
+        let series = |c: usize, d: usize| seen.series(c, d);
         if kind == TermKind::PairInertia {
             return vec![(a, series(b, 2)), (b, series(a, 2))];
         }
@@ -265,7 +313,7 @@ impl Scales {
         let (r, w) = (apart(0), apart(1));
         let acceleration = apart(2);
         let own = self.rate_deviation[a].hypot(self.rate_deviation[b]);
-        let deviation = |k: usize| own.hypot(CELL * path.apart * acceleration[k]);
+        let deviation = |k: usize| own.hypot(CELL * seen.apart() * acceleration[k]);
         if kind == TermKind::PairPlay {
             let size = (self.products[a][a] + self.products[b][b] - 2.0 * self.products[a][b]).max(0.0).sqrt();
             return against_each_other((a, b), rounded_sign(&r, size));
@@ -279,12 +327,12 @@ impl Scales {
             TermKind::PairPositionDamping => r[k] * w[k],
             _ => 0.0,
         };
-        against_each_other((a, b), (0..path.points).map(of).collect())
+        against_each_other((a, b), (0..seen.points()).map(of).collect())
     }
 
     /// The terms that are asked for; `coupled` says whether a row of the model has the acceleration of a coordinate, `feels` whether it
     /// depends on its motion.
-    pub(super) fn terms(
+    pub(crate) fn terms(
         &self,
         model: &dyn Model<f64>,
         coupled: &dyn Fn(usize, usize) -> bool,

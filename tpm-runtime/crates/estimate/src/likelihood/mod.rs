@@ -38,5 +38,9 @@ mod tests;
 mod widening;
 
 pub use arrangement::{Arranged, Arrangement, best_arrangement};
+pub(crate) use components::{Components, Products};
 pub use fit::{CalibrationFault, FittedDelay, Lacking, LineReport, OfAnyMotion, UnseenFault, estimate_any_motion};
+pub(crate) use library::{Scales, Seen};
 pub use library::{Term, TermKind};
+pub(crate) use path::Columns;
+pub(crate) use split::{Solved, Split};

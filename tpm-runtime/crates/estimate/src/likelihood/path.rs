@@ -54,7 +54,7 @@ pub(super) struct Acting {
 }
 
 /// Columns of something that acts: the rows in which it does, and what it makes there.
-pub(super) type Columns = Vec<(usize, Vec<f64>)>;
+pub(crate) type Columns = Vec<(usize, Vec<f64>)>;
 
 /// A coordinate as its sensor shows it.
 #[derive(Clone, Debug)]

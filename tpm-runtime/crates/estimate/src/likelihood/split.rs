@@ -3,35 +3,35 @@
 use tpm_numerics::{Cholesky, DMatrix, DVector};
 
 /// The triangle of the weighted equations, parameters first and candidates behind them.
-pub(super) struct Split {
+pub(crate) struct Split {
     /// R_Y.
-    pub(super) parameters: DMatrix<f64>,
+    pub(crate) parameters: DMatrix<f64>,
     /// R_F.
-    pub(super) mixed: DMatrix<f64>,
+    pub(crate) mixed: DMatrix<f64>,
     /// R2, with columns that others span set to zero.
-    pub(super) candidates: DMatrix<f64>,
+    pub(crate) candidates: DMatrix<f64>,
     /// z1.
-    pub(super) of_parameters: DVector<f64>,
+    pub(crate) of_parameters: DVector<f64>,
     /// z2.
-    pub(super) target: DVector<f64>,
+    pub(crate) target: DVector<f64>,
     /// Length of what the parameters leave of every candidate, also of those that are set to zero.
-    pub(super) told: Vec<f64>,
+    pub(crate) told: Vec<f64>,
     /// Which candidates say something of their own.
-    pub(super) counts: Vec<bool>,
+    pub(crate) counts: Vec<bool>,
 }
 
 /// Values and covariance given the variances of the candidates.
-pub(super) struct Solved {
-    pub(super) values: DVector<f64>,
-    pub(super) covariance: DMatrix<f64>,
-    pub(super) missing: DVector<f64>,
+pub(crate) struct Solved {
+    pub(crate) values: DVector<f64>,
+    pub(crate) covariance: DMatrix<f64>,
+    pub(crate) missing: DVector<f64>,
     /// Variance of every candidate's coefficient given the record.
-    pub(super) of_terms: Vec<f64>,
+    pub(crate) of_terms: Vec<f64>,
 }
 
 impl Split {
     /// `spanned` is the share of every candidate that the parameters must leave, for it to count.
-    pub(super) fn new(factor: &DMatrix<f64>, p: usize, spanned: &[f64]) -> Self {
+    pub(crate) fn new(factor: &DMatrix<f64>, p: usize, spanned: &[f64]) -> Self {
         let last = factor.ncols() - 1;
         let terms = last - p;
         let mixed = factor.view((0, p), (p, terms)).into_owned();
@@ -55,7 +55,7 @@ impl Split {
         }
     }
 
-    pub(super) fn solve(&self, variance: &[f64]) -> Option<Solved> {
+    pub(crate) fn solve(&self, variance: &[f64]) -> Option<Solved> {
         let (p, n) = (self.parameters.ncols(), self.target.len());
         let scaled = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c].sqrt());
         let whole = DMatrix::identity(n, n) + &scaled * scaled.transpose();

@@ -3,11 +3,11 @@
 use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
-use crate::likelihood::library::{Scales, Term, TermKind};
+use crate::likelihood::library::{OnGrid, Scales, Seen, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Known, Look, Pass};
-use crate::likelihood::path::{Along, Columns, Felt, Path, Paths};
+use crate::likelihood::path::{Along, Columns, Entry, Felt, Path, Paths};
 use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::MOST_NOISE_INFORMATION;
@@ -33,7 +33,12 @@ impl<'a> Pass<'a> {
         let along: Vec<Along> =
             ground.along.iter().zip(&paths.paths).map(|(own, path)| own.under_inputs_of(rows, path)).collect();
         let deviations = paths.measured.iter().map(|own| own.rate_deviation).collect();
-        let scales = Scales::of(rows, &paths.paths, &along, deviations);
+        let driven =
+            |row: usize| along.iter().any(|own| (0..dims.inputs).any(|i| own.place(row, Entry::Rate(i)).is_some()));
+        let stretches: Vec<OnGrid<'_>> =
+            paths.paths.iter().zip(&along).map(|(path, along)| OnGrid { path, along, from: 0.0 }).collect();
+        let stretches: Vec<&dyn Seen> = stretches.iter().map(|own| own as &dyn Seen).collect();
+        let scales = Scales::of((dims.coordinates, (0..dims.rows).map(driven).collect()), &stretches, deviations);
         let theta = settings.start(dims.parameters);
         let mut pass = Pass {
             rows,
@@ -100,7 +105,7 @@ impl<'a> Pass<'a> {
             let of = |term: &Term| match term.kind {
                 TermKind::InputGain => Ok(along.of_input(term.of, &self.theta)),
                 TermKind::PositionOffset => self.rows.by_position(path, &self.theta, term.of),
-                _ => Ok(self.scales.columns(*term, path, along, from)),
+                _ => Ok(self.scales.columns(*term, &OnGrid { path, along, from })),
             };
             let own = self.terms.iter().map(of).collect::<Result<Vec<Columns>, EstimateError>>()?;
             self.columns.push(own);

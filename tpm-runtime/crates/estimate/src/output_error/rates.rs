@@ -98,7 +98,12 @@ pub(super) fn trusted<'a>(
 
 /// Standard deviation of the errors of a rate beside the velocity of a motion, and what is wrong with it, over samples before and behind
 /// which the motion is not `apart`; nothing where they are too few or do not move.
-fn compared(rate: &[f64], velocity: &[f64], apart: &[bool], sample_time: f64) -> Option<(f64, Option<RateFault>)> {
+pub(crate) fn compared(
+    rate: &[f64],
+    velocity: &[f64],
+    apart: &[bool],
+    sample_time: f64,
+) -> Option<(f64, Option<RateFault>)> {
     let inner = |k: usize| !apart[k - 1] && !apart[k];
     let places: Vec<usize> = (1..velocity.len().saturating_sub(1)).filter(|&k| inner(k)).collect();
     let count = places.len() as f64;

@@ -5,7 +5,7 @@
 ///
 /// Rows have few entries and there are millions of them, so that loops over indices stand where iterators would take longer to set up
 /// than to run.
-pub(super) fn triangularise(matrix: &mut [f64], factors: &mut Vec<f64>, width: usize, pivots: usize) {
+pub(crate) fn triangularise(matrix: &mut [f64], factors: &mut Vec<f64>, width: usize, pivots: usize) {
     let rows = matrix.len() / width;
     factors.resize(width, 0.0);
     let factors = &mut factors[..width];
