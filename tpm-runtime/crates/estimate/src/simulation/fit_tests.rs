@@ -85,7 +85,6 @@ fn calibrated(what: &str, fits: &[Simulation]) -> f64 {
     let ratios = scores.each_ref().map(|scores| root_mean_square(scores.iter().copied()));
     let all: Vec<f64> = scores.concat();
     let covered = all.iter().filter(|z| z.abs() < 1.96).count() as f64 / all.len() as f64;
-    println!("{what}: {ratios:?} {covered}");
     assert!(ratios.iter().all(|ratio| band(fits.len()).contains(ratio)), "{what}: {ratios:?}");
     covered
 }
@@ -160,7 +159,6 @@ fn white_noise_is_met_at_the_cramer_rao_bound() {
         let errors: Vec<f64> = fits.iter().map(|found| found.values[j] - TRUTH[j]).collect();
         let efficiency = root_mean_square(errors) / bound;
         let stated = fits.iter().map(|found| deviation(found, j)).sum::<f64>() / fits.len() as f64;
-        println!("{j}: {efficiency} {}", stated / bound);
         assert!(efficiency < 1.2, "{j}: {efficiency}");
         // What is stated is the bound itself, but for the noise that each record is found to have.
         assert!((0.97..1.06).contains(&(stated / bound)), "{j}: {}", stated / bound);
@@ -188,11 +186,11 @@ fn a_measured_rate_is_used_as_a_reading_with_its_own_noise() {
         let rate: Vec<f64> = recorded.velocity.iter().map(&mut noisy).collect();
         fit_with_rate((&model, &derivatives), &recorded, START, Some(&rate))
     };
-    let fits: Vec<Simulation> = (0..SEEDS).into_par_iter().map(found).collect();
+    let fits: Vec<Simulation> = (0..FEWER).into_par_iter().map(found).collect();
     let covered = calibrated("rates", &fits);
     assert!((0.9..0.99).contains(&covered), "{covered}");
     let refused = fits.iter().filter(|found| found.rates.iter().any(|rate| rate.fault.is_some())).count();
-    assert!(refused <= 1, "{refused}");
+    assert!(refused * 20 <= fits.len(), "{refused}");
 }
 
 #[test]
