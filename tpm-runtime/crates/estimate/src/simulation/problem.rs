@@ -29,6 +29,10 @@ const INTEGRATION_OF_JUMPS: Doubling = Doubling { settled: 1e-3, ..INTEGRATION }
 const TRANSITIONS_TRIED: usize = 64;
 /// Transitions that one task linearises.
 const TRANSITIONS_PER_TASK: usize = 256;
+/// Longest time by which an input that is not held may be recorded too late, s.
+const LONGEST_LEAD: f64 = 0.06;
+/// Deviation of a state of which nothing is known, in units of what it varies over the record.
+const UNKNOWN: f64 = 10.0;
 /// Steps of integration are not cut at a stamp that is nearer to an end than this share of a step.
 const SHORTEST_PART: f64 = 1e-9;
 
@@ -687,11 +691,6 @@ impl<'a> Problem<'a> {
         Ok(loose)
     }
 }
-
-/// Longest time by which an input that is not held may be recorded too late, s.
-const LONGEST_LEAD: f64 = 0.06;
-/// Deviation of a state of which nothing is known, in units of what it varies over the record.
-const UNKNOWN: f64 = 10.0;
 
 /// What the rows have at every instant of a motion.
 pub(super) struct Along {

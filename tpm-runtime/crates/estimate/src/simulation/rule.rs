@@ -245,6 +245,9 @@ impl<'a> Trial<'a> {
     pub(super) fn new(question: &Question<'a>, record: &'a Record) -> Result<Self, OutputErrorFault> {
         let Question { machine, constants, free, typical_period, .. } = question;
         let mut problem = Problem::new(*machine, constants, record, free.to_vec(), *typical_period)?;
+        if problem.instants.len() < 2 {
+            return Err(OutputErrorFault::Singular);
+        }
         let Begun { states, rate_deviation, highest } = begin(&problem);
         let inputs = record.inputs.len();
         let point = Point {
@@ -385,7 +388,7 @@ impl<'a> Trial<'a> {
         let mut record = self.problem.record.clone();
         let kept: Vec<usize> = (0..stands.len()).filter(|&k| !stands[k]).collect();
         // A coordinate that mostly stands still says little of what happens while it moves.
-        if 2 * kept.len() < stands.len() {
+        if kept.is_empty() || 2 * kept.len() < stands.len() {
             return Err(OutputErrorFault::Singular);
         }
         let sensor_record = &mut record.sensors[sensor];
