@@ -310,13 +310,8 @@ fn found(
             }
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
-        // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near. Those of
-        // whole periods have no ends, and begin it no farther than these.
-        Ok(found)
-            if found.estimate.residual > LARGE_RESIDUAL
-                && periodic.is_none()
-                && dims.coordinates <= lines_log::MOST_SIMULATED =>
-        {
+        // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
+        Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
             let other = samples_log::identify(model, machine, segments, options)?;
             let follows = |other: &Found| other.refinement.as_ref().is_some_and(|report| lines_log::follows(report));
             Ok(other.filter(follows).unwrap_or(found))

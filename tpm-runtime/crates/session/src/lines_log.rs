@@ -61,7 +61,7 @@ pub(super) fn identify(
     let first = segments.first().ok_or_else(nothing)?;
     let all = stretches(segments, dims.coordinates, &options.reading)?;
     let (used, whole) = used(first, &all, periodic, (dims.coordinates, &options.reading));
-    let samples = all.iter().map(Stretch::samples).sum();
+    let samples = used.iter().map(Stretch::samples).sum();
     let record = record(first.sample_time, options, used);
     let found = estimate_any_motion(model, &options.constants, &record, whole.is_some(), settings)
         .map_err(|source| LogFault::Estimate { path: first.path.clone(), source })?;
@@ -148,7 +148,7 @@ pub(super) fn identify(
         repeats.iter().flat_map(|repeats| remarks(&options.reading, repeats, first.len())).collect();
     warnings.extend(summary::doubts(model, &refined.estimate, Data::Log));
     warnings.extend(differing_rates(model, &report.rate_gains));
-    if repeats.is_none() {
+    if periodic.is_none() {
         warnings.extend(period_not_used(segments, &options.reading));
     }
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| lacking(model, own)).collect();
