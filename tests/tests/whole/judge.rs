@@ -10,8 +10,8 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Repeated, Samples};
 use tpm_runtime::motion::RunEnding;
 use tpm_runtime::session::{
-    Calibration, Data, DeclaredModel, Exchange, HarmonicSetting, Identification, LogRequest, LongSimulation,
-    MissingTerm, NotRefined, Severity, UnseenFaultReport, Warning, from_log, from_logs,
+    Calibration, Data, DeclaredModel, Exchange, Identification, LogRequest, LongSimulation, MissingTerm, NotRefined,
+    Severity, UnseenFaultReport, Warning, from_log, from_logs,
 };
 
 const MODEL: &str = "model Cart { coordinate x [m]; input u [N]; parameter m [kg], c [N*s/m], k [N/m];
@@ -133,7 +133,6 @@ fn findings() -> Vec<Warning> {
         Warning::TakenAsKnown { parameter: m(), value: 1.0 },
         Warning::NotRefined { reason: NotRefined::WithoutTerm },
         Warning::AskedInVain { reason: NotRefined::WithoutTerm },
-        Warning::SettingNotUsed { setting: HarmonicSetting::EqualWeights },
         Warning::Physical { remark: PhysicalRemark::NotDetermined { parameters: vec![m()] } },
     ];
     // Whoever adds a kind of finding adds it above.
@@ -187,7 +186,6 @@ fn findings() -> Vec<Warning> {
             | Warning::TakenAsKnown { .. }
             | Warning::NotRefined { .. }
             | Warning::AskedInVain { .. }
-            | Warning::SettingNotUsed { .. }
             | Warning::Physical { .. } => {}
         }
     }

@@ -359,8 +359,8 @@ fn log(log: &LogReport) -> Vec<Block> {
         Way::Spectral(found) => {
             let lines: usize = found.lines.lines.iter().sum();
             let used = found.lines.used.iter().copied().fold(0.0, f64::max);
-            let whole = |own: &PeriodicReport| format!(", {} whole periods of {} s", own.periods, number(own.period));
-            let periods = found.repeats.as_ref().map_or(String::new(), whole);
+            let periods =
+                found.period.map_or(String::new(), |period| format!(", whole periods of {} s", number(period)));
             rows.push(("used".to_owned(), format!("{} samples{periods}", found.lines.samples)));
             rows.push(("lines of the rows".to_owned(), format!("{lines}, up to {} Hz", number(used))));
         }

@@ -5,31 +5,8 @@ use crate::refinement_report::RefinementReport;
 use crate::warning::Warning;
 use tpm_estimate::{CalibrationFault, Estimate, FittedDelay};
 
-/// How a way from a log to its parameters ended, as far as what follows depends on it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Ending {
-    /// The model explains the record but for noise, and for terms that it lacks and that are named.
-    Explained,
-    /// Something of the record contradicts the model, whatever the residual is: halves, a row without an input, a scale that nothing fixes,
-    /// a value that no machine has.
-    Doubtful,
-}
-
-impl Ending {
-    /// Doubtful where something contradicts the model.
-    pub(super) const fn doubtful_if(contradicts: bool) -> Self {
-        if contradicts { Ending::Doubtful } else { Ending::Explained }
-    }
-
-    /// The worse of two.
-    pub(super) const fn and(self, other: Self) -> Self {
-        Self::doubtful_if(matches!(self, Ending::Doubtful) || matches!(other, Ending::Doubtful))
-    }
-}
-
 /// What is found in a log.
 pub(super) struct Found {
-    pub(super) outcome: Ending,
     pub(super) estimate: Estimate,
     /// Highest harmonic used; zero in the time domain.
     pub(super) harmonics: usize,

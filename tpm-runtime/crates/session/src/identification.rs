@@ -1,6 +1,5 @@
 //! The one result of every identification.
 
-use crate::found::Ending;
 use crate::log_report::{LogReport, PoolReport};
 use crate::meaning::Severity;
 use crate::method_report::MethodReport;
@@ -132,8 +131,6 @@ pub struct Identification {
     pub current: Vec<f64>,
     /// The estimate itself, for further computation; nothing when no run was accepted. Not serialised.
     pub estimate: Option<Estimate>,
-    /// How the way of a log ended; explained for a campaign.
-    pub(super) ended: Ending,
     /// Why this is not all that was asked for, as the result was judged; nothing when it is.
     pub(super) shortfall: Option<String>,
 }

@@ -1,6 +1,6 @@
 //! From a log to its result, whichever way the log is used.
 
-use crate::found::{Ending, Found};
+use crate::found::Found;
 use crate::identification::{Identification, Source};
 use crate::log_fault::LogFault;
 use crate::log_report::{ActuatorReport, LogReport, Way};
@@ -8,15 +8,16 @@ use crate::options::LogOptions;
 use crate::record::nothing;
 use crate::refinement_report::NotRefined;
 use crate::simulation::{Extent, simulate};
-use crate::warning::{Exchange, HarmonicSetting, Warning};
+use crate::warning::{Exchange, Warning};
 use crate::{lines_log, periodic_log, recorded_log, samples_log, summary};
 use std::collections::BTreeMap;
 use tpm_codegen::identified::Identified;
-use tpm_controller::model::Model;
+use tpm_controller::harmonics::Hold;
+use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
     Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, OutputErrorFault, Refine, ResidualOf,
-    Settings, TermKind, Weights, is_static,
+    TermKind, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
@@ -69,8 +70,8 @@ fn astray(
 ) -> Option<Warning> {
     let refinement = result.log.as_ref().and_then(|log| log.refinement.as_ref());
     let simulated = refinement.is_some_and(|report| report.used);
-    let doubted = !result.is_explained() || result.ended == Ending::Doubtful;
-    if simulated || doubted || is_static(model) || model.dims().coordinates > lines_log::MOST_SIMULATED {
+    let judged = !result.is_explained() || result.warnings.iter().any(Warning::is_distrust);
+    if simulated || judged || is_static(model) || model.dims().coordinates > lines_log::MOST_SIMULATED {
         return None;
     }
     let known = Identified::from(result);
@@ -268,7 +269,7 @@ fn check_constants(model: &dyn Model<f64>, options: &LogOptions) -> Result<(), L
     })
 }
 
-/// What is found in a record: by its lines, which are those of whole periods where it repeats; `periodic` is the part that does.
+/// What is found in a record, by the way that tells it best; `periodic` is the part that repeats.
 fn found(
     model: &dyn Model<f64>,
     machine: Option<Differentiable<'_>>,
@@ -289,11 +290,24 @@ fn found(
         // A delay is a parameter of the lines.
         return by_lines();
     }
-    if let Some((log, _)) = periodic
-        && by_harmonics_alone(model, machine, log, options)
+    // Harmonics of a motion without noise are exact, and so many coordinates are simulated from them.
+    let exact = periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
+    let asked = options.domain == Some(Domain::Harmonics);
+    if (asked || exact || dims.coordinates <= lines_log::MOST_SIMULATED)
         && let Some(found) = by_harmonics()?
     {
-        return Ok(found);
+        let better = |other: &Found| {
+            other.estimate.residual <= LARGE_RESIDUAL
+                && !other.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. }))
+                && (dims.coordinates > 1 || other.estimate.rank >= found.estimate.rank)
+        };
+        // Where neither explains the record, a simulation is far from it, and what it names is what would bring it nearer. The rows stay on
+        // the measured motion.
+        let named = |own: &Found| own.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }));
+        let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other);
+        let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
+        let other = if enough { None } else { by_lines().ok().filter(|other| better(other) || says_more(other)) };
+        return Ok(other.unwrap_or(found));
     }
     match by_lines() {
         // A record that is too short for lines may still have harmonics, and may be simulated.
@@ -320,20 +334,19 @@ fn found(
     }
 }
 
-/// Whether harmonics tell a log that repeats, known beforehand: their settings ask for them, a motion without noise makes them exact, and one
-/// coordinate that is not simulated shows more by them where a loop feeds the noise of its sensor back. All other logs are told by the
-/// lines of their rows.
-fn by_harmonics_alone(
-    model: &dyn Model<f64>,
-    machine: Option<Differentiable<'_>>,
-    log: &Log,
-    options: &LogOptions,
-) -> bool {
-    let settings = &options.estimation;
-    let asked =
-        options.domain == Some(Domain::Harmonics) || settings.harmonics.is_some() || settings.weights == Weights::Equal;
-    let simulated = machine.is_some() && options.refine != Refine::None;
-    asked || lines_log::has_exact_harmonics(log) || (model.dims().coordinates == 1 && !simulated)
+/// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is
+/// told by the lines of the rows, which know what the model may lack, and which scales no row shows; but a simulation that settles finds the
+/// ratios of a row without an input better. A single coordinate is told by the lines where nothing else explains it.
+fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
+    match &found.refinement {
+        _ if dims.coordinates == 1 => {
+            found.estimate.residual <= LARGE_RESIDUAL
+                || Warning::other_hold(hold, found.hold_residuals, ResidualOf::Force).is_some()
+        }
+        Some(report) if dims.inputs < dims.rows => report.used,
+        Some(report) => lines_log::follows(report),
+        None => false,
+    }
 }
 
 /// The result of what was found in the segments of a record; nothing without a segment.
@@ -347,14 +360,6 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         position: log.channels[..model.dims().coordinates].iter().map(mean).collect(),
     };
     Some(result_of(model, used, options, found))
-}
-
-/// The settings of harmonics that lines and simulations do not take.
-fn not_used(way: &Way, settings: &Settings) -> impl Iterator<Item = HarmonicSetting> {
-    let equal = (settings.weights == Weights::Equal).then_some(HarmonicSetting::EqualWeights);
-    let highest = settings.harmonics.map(|_| HarmonicSetting::Highest);
-    let takes = matches!(way, Way::Harmonics(_) | Way::Samples(_));
-    [equal, highest].into_iter().flatten().filter(move |_| !takes)
 }
 
 /// Says that a refinement was asked for and not made, which needs none where the model explains a log but for rounding.
@@ -389,7 +394,6 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         hold_residuals,
         refinement,
         warnings,
-        outcome,
         tells_hold,
         delays,
         calibration: _,
@@ -424,7 +428,6 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
     };
     let mut all = warnings;
     all.extend(in_vain(&log_report, &estimate, options));
-    all.extend(not_used(&log_report.way, &options.estimation).map(|setting| Warning::SettingNotUsed { setting }));
     // A simulation that tells the holds apart has said so.
     if !tells_hold {
         all.splice(0..0, Warning::other_hold(options.reading.hold, hold_residuals, ResidualOf::Force));
@@ -464,7 +467,6 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         provenance: summary::provenance(),
         current: estimate.values.clone(),
         estimate: Some(estimate),
-        ended: outcome,
         shortfall: None,
     };
     summary::warn_of_impossible_values(&mut result, model, &options.constants, &used.position);

@@ -142,5 +142,5 @@ pub use summary::of_campaign;
 pub use templates::{Placed, Proposal, Quantity, TEMPLATES, Template, proposals};
 pub use text::closed_loop;
 pub use validate::{RowCourse, RowPrediction, RowUnpredicted, Validation, evidence, validate, validate_log};
-pub use warning::{Data, Exchange, HarmonicSetting, Warning};
+pub use warning::{Data, Exchange, Warning};
 pub use whiteness::{CorrelationTest, FALSE_ALARM, LAGS};

@@ -1,11 +1,10 @@
 //! A log of any motion, identified by the lines of its rows.
 
-use crate::excerpt::{Excerpt, MOST_WHOLE_SAMPLES, at_most};
-use crate::found::{Ending, Found};
+use crate::excerpt::{Excerpt, at_most};
+use crate::found::Found;
 use crate::log_fault::LogFault;
-use crate::log_report::{Calibration, HoldResiduals, PeriodicReport, SpectralReport, UnseenFaultReport, Way};
+use crate::log_report::{Calibration, HoldResiduals, SpectralReport, UnseenFaultReport, Way};
 use crate::options::LogOptions;
-use crate::periodic_log::{remarks, untested_report};
 use crate::reading::RecordSettings;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
 use crate::refine::{By, Conditions, HALF_A_SAMPLE, Refined, Start, refined};
@@ -16,11 +15,10 @@ use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
-    Refine, ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, Untested, best_arrangement,
-    estimate_any_motion,
+    Refine, ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
-use tpm_motion::{Dynamics, Window};
+use tpm_motion::Dynamics;
 use tpm_numerics::alarm;
 
 /// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
@@ -71,7 +69,7 @@ pub(super) fn identify(
     let simulated = |estimate: &Estimate| {
         let start = Start {
             estimate,
-            excerpt: excerpt(first, &all, whole.as_ref().zip(periodic), dims.coordinates),
+            excerpt: Excerpt::of_stretches(&all),
             course: Course::Any {
                 typical_period: found.typical_period,
                 reach: found.reach,
@@ -126,27 +124,7 @@ pub(super) fn identify(
         let lines = unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings));
         Refined { report: why, ..lines }
     };
-    let repeats = whole.as_ref().zip(periodic).map(|(whole, periodic)| {
-        let own = |own: &Untested| Untested { harmonic: own.harmonic / whole.periods.max(1), ..*own };
-        let untested = found.untested.iter().map(|found| untested_report(model, &refined.estimate, own(found)));
-        let period = whole.period as f64 * first.sample_time;
-        PeriodicReport {
-            steady_from_sample: periodic.steady_from,
-            from_sample: whole.from,
-            from_line: first.lines.get(whole.from).copied().unwrap_or(0),
-            period,
-            samples_per_period: whole.period as f64,
-            periods: whole.periods,
-            mismatch: periodic.mismatch,
-            window: Window::Rectangular.to_string(),
-            lines: report.used.iter().map(|used| (1..=(used * period + WHOLE) as usize).collect()).collect(),
-            motion_harmonics: report.followed.iter().map(|to| (to * period) as usize).max().unwrap_or(0),
-            untested: untested.collect(),
-        }
-    });
-    let mut warnings: Vec<Warning> =
-        repeats.iter().flat_map(|repeats| remarks(&options.reading, repeats, first.len())).collect();
-    warnings.extend(summary::doubts(model, &refined.estimate, Data::Log));
+    let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
     if periodic.is_none() {
         warnings.extend(period_not_used(segments, &options.reading));
@@ -156,9 +134,7 @@ pub(super) fn identify(
         warnings.extend(late_by_hold(model, &record, &found, whole.is_some(), options));
     }
     let settled = refined.report.as_ref().is_some_and(|report| report.used);
-    let mut outcome = refined.outcome.and(Ending::doubtful_if(found.delays.iter().any(|delay| !delay.settled)));
     if !settled {
-        outcome = outcome.and(Ending::doubtful_if(report.free_row_left.is_some() || found.scale_unknown));
         warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force }));
         warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
         let inputs = || (0..dims.inputs).map(|i| model.input(i).name.to_string()).collect();
@@ -175,13 +151,12 @@ pub(super) fn identify(
         hold_residuals: HoldResiduals::of(options.reading.hold, found.estimate.residual, found.other_hold),
         way: Way::Spectral(SpectralReport {
             lines: report.clone(),
-            repeats,
+            period: whole.map(|period| period as f64 * first.sample_time),
             missing: if settled { Vec::new() } else { missing },
         }),
         estimate: refined.estimate,
         refinement: refined.report,
         warnings,
-        outcome,
         tells_hold: refined.tells_hold,
         delays: found.delays,
         calibration: found.calibration,
@@ -191,24 +166,6 @@ pub(super) fn identify(
 /// Whether a machine has more coordinates than are simulated otherwise, and rows without an input, whose ratios alone show in the lines.
 const fn is_chain(dims: Dims) -> bool {
     dims.inputs < dims.rows && dims.coordinates > MOST_SIMULATED && dims.coordinates <= MOST_IN_A_CHAIN
-}
-
-/// What is simulated of a record: all of it or, where it is long, means of its whole periods, or blocks where nothing repeats so.
-fn excerpt<'a>(
-    first: &'a Log,
-    all: &[Stretch<'a>],
-    repeats: Option<(&Whole, &Periodic)>,
-    coordinates: usize,
-) -> Excerpt<'a> {
-    let long = all.iter().map(Stretch::samples).sum::<usize>() > MOST_WHOLE_SAMPLES;
-    let Some((whole, periodic)) = repeats.filter(|_| long) else { return Excerpt::of_stretches(all) };
-    let rates: Vec<usize> = (0..coordinates).filter(|&c| first.rates.get(c).is_some_and(Option::is_some)).collect();
-    let channels = first.channels.iter().chain(first.rates.iter().flatten());
-    let used = whole.from..whole.from + whole.periods * whole.period;
-    let used: Vec<&[f64]> = channels.map(|channel| &channel[used.clone()]).collect();
-    let exact =
-        Periodic { from: whole.from, samples_per_period: whole.period as f64, periods: whole.periods, ..*periodic };
-    Excerpt::of_periods(&used, rates, &exact)
 }
 
 /// What is said of an input that seems late by about half a sample, where it is not with the other hold.
@@ -231,28 +188,18 @@ fn late_by_hold(
     (!still).then(|| Warning::LateByHold { input: input(), late: late.value, better })
 }
 
-/// Whole periods of a record.
-struct Whole {
-    /// Samples of a period.
-    period: usize,
-    /// The first sample.
-    from: usize,
-    periods: usize,
-}
-
-/// The stretches of a record that are used: whole periods where it repeats.
+/// The stretches of a record that are used: whole periods where it repeats, with their length in samples.
 fn used<'a>(
     first: &'a Log,
     all: &[Stretch<'a>],
     periodic: Option<&Periodic>,
     (coordinates, reading): (usize, &RecordSettings),
-) -> (Vec<Stretch<'a>>, Option<Whole>) {
+) -> (Vec<Stretch<'a>>, Option<usize>) {
     let stated = reading.period.map(|period| period / first.sample_time);
     let whole = periodic.and_then(|periodic| whole_period(&first.channels[..coordinates], periodic, stated));
     match (whole, periodic) {
         (Some(period), Some(periodic)) => {
-            let (stretch, whole) = whole_periods(first, coordinates, (periodic.from, period));
-            (vec![stretch], Some(whole))
+            (vec![whole_periods(first, coordinates, (periodic.from, period))], Some(period))
         }
         _ => (at_most(all.to_vec(), MOST_SAMPLES, BLOCKS), None),
     }
@@ -350,7 +297,6 @@ impl Apart {
             estimate: lines.restated(own.values.clone(), own.covariance.moved_by(&self.moved), settings),
             report: None,
             warnings: vec![warning],
-            outcome: Ending::Explained,
             tells_hold: false,
         }
     }
@@ -376,7 +322,7 @@ fn unrefined(found: &OfAnyMotion) -> Refined {
 
 /// The whole periods of a record from a sample on: the end goes over into the beginning, so that no window costs what is measured near the
 /// ends.
-fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) -> (Stretch<'_>, Whole) {
+fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) -> Stretch<'_> {
     // The steady motion may begin a little earlier than a search for it tells.
     let early = from.min(period / LEAST_COMPARED);
     let periods = (log.len() - from + early) / period;
@@ -385,8 +331,7 @@ fn whole_periods(log: &Log, coordinates: usize, (from, period): (usize, usize)) 
     let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..to]).collect();
     let (own, inputs) = channels.split_at(coordinates);
     let rate = |c: usize| log.rates.get(c).and_then(Option::as_ref).map(|rate| &rate[from..to]);
-    let rates = (0..coordinates).map(rate).collect();
-    (Stretch { coordinates: own.to_vec(), rates, inputs: inputs.to_vec() }, Whole { period, from, periods })
+    Stretch { coordinates: own.to_vec(), rates: (0..coordinates).map(rate).collect(), inputs: inputs.to_vec() }
 }
 
 /// The period, samples, by which a motion repeats best, where no fraction of a sample repeats it better. `stated` is a period that

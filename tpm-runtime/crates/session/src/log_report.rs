@@ -99,9 +99,9 @@ pub struct SpectralReport {
     /// The lines.
     #[serde(flatten)]
     pub lines: LineReport,
-    /// The part that repeats, where whole periods were used.
+    /// Period of the motion, s, where whole periods were used.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub repeats: Option<PeriodicReport>,
+    pub period: Option<f64>,
     /// Terms that the model lacks, the clearest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<MissingTerm>,
@@ -264,13 +264,12 @@ impl PeriodicReport {
 }
 
 impl LogReport {
-    /// What was found about the part that repeats; nothing where no whole periods were used.
+    /// What was found about the part that repeats; nothing where harmonics were not used.
     #[must_use]
     pub const fn periodic(&self) -> Option<&PeriodicReport> {
         match &self.way {
             Way::Harmonics(periodic) => Some(periodic),
-            Way::Spectral(own) => own.repeats.as_ref(),
-            Way::Samples(_) | Way::Recorded(_) => None,
+            Way::Samples(_) | Way::Spectral(_) | Way::Recorded(_) => None,
         }
     }
 

@@ -118,7 +118,6 @@ impl Warning {
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
             // The values hold, and are not what was asked for.
             Warning::AskedInVain { .. } => (Distrust, Estimation, Nothing),
-            Warning::SettingNotUsed { .. } => (Distrust, Estimation, Nothing),
             Warning::LogsDisagree { .. } => (Distrust, Estimation, All),
             // More logs say what the result says.
             Warning::OddLog { .. } => (Remark, Estimation, Nothing),

@@ -116,7 +116,6 @@ pub(super) fn identify(
         hold_residuals,
         refinement: refined.report,
         warnings,
-        outcome: refined.outcome,
         tells_hold: refined.tells_hold,
         delays: Vec::new(),
         calibration: Vec::new(),
@@ -124,7 +123,7 @@ pub(super) fn identify(
 }
 
 /// An untested parameter by its name.
-pub(super) fn untested_report(model: &dyn Model<f64>, estimate: &Estimate, own: Untested) -> UntestedReport {
+fn untested_report(model: &dyn Model<f64>, estimate: &Estimate, own: Untested) -> UntestedReport {
     let Label { name, unit } = model.parameter(own.parameter);
     UntestedReport {
         parameter: name.to_string(),
@@ -296,8 +295,13 @@ fn periodic_part(log: &Log, coordinates: usize, options: &RecordSettings) -> Res
     })
 }
 
-/// What is said of the part of a log of so many samples that repeats.
-pub(super) fn remarks(options: &RecordSettings, log: &PeriodicReport, samples: usize) -> Vec<Warning> {
+fn warnings(
+    model: &dyn Model<f64>,
+    record: &MeasuredMotion,
+    estimate: &Estimate,
+    options: &RecordSettings,
+    (log, samples): (&PeriodicReport, usize),
+) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if log.periods == 1 {
         warnings.push(Warning::OnePeriod);
@@ -308,17 +312,6 @@ pub(super) fn remarks(options: &RecordSettings, log: &PeriodicReport, samples: u
     if options.from_sample.is_none() && 2 * log.steady_from_sample > samples {
         warnings.push(Warning::MostlyLeftOut { left_out: log.steady_from_sample, samples });
     }
-    warnings
-}
-
-fn warnings(
-    model: &dyn Model<f64>,
-    record: &MeasuredMotion,
-    estimate: &Estimate,
-    options: &RecordSettings,
-    (log, samples): (&PeriodicReport, usize),
-) -> Vec<Warning> {
-    let mut warnings = remarks(options, log, samples);
     if let Some((from, to)) = record.left_out() {
         warnings.push(Warning::HarmonicsLeftOut { from, to });
     }

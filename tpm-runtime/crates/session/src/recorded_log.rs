@@ -1,6 +1,6 @@
 //! A log whose model is simulated between its stamps, since only a simulation tells its parameters.
 
-use crate::found::{Ending, Found};
+use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, RecordedReport, SensorReport, Way};
 use crate::model::DeclaredModel;
@@ -49,7 +49,6 @@ pub(super) fn identify(
     let beyond = (0..signals.sensors.len())
         .filter(|&s| !fit.explains(s))
         .max_by(|&a, &b| fit.shares[a].total_cmp(&fit.shares[b]));
-    let outcome = Ending::doubtful_if(beyond.is_some());
     warnings.extend(beyond.map(|s| {
         let Sensed { coordinate, derivative, .. } = signals.sensors[s];
         Warning::BeyondNoise {
@@ -69,7 +68,6 @@ pub(super) fn identify(
         estimate: fit.estimate,
         refinement: None,
         warnings,
-        outcome,
         tells_hold: false,
         delays: Vec::new(),
         calibration: Vec::new(),

@@ -1,7 +1,6 @@
 //! Estimates of a log or a campaign refined by simulating the model sample by sample.
 
 use crate::excerpt::{Excerpt, accelerated};
-use crate::found::Ending;
 use crate::log_report::HoldResiduals;
 use crate::options::LogOptions;
 use crate::refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
@@ -36,7 +35,6 @@ pub(super) struct Refined {
     /// Nothing where no refinement was asked for, or the model cannot be simulated with what is known.
     pub(super) report: Option<RefinementReport>,
     pub(super) warnings: Vec<Warning>,
-    pub(super) outcome: Ending,
     /// Whether it tells that the inputs do the other thing between samples.
     pub(super) tells_hold: bool,
 }
@@ -44,7 +42,7 @@ pub(super) struct Refined {
 impl Refined {
     /// An estimate that was not refined.
     pub(super) const fn none(estimate: Estimate) -> Self {
-        Refined { estimate, report: None, warnings: Vec::new(), outcome: Ending::Explained, tells_hold: false }
+        Refined { estimate, report: None, warnings: Vec::new(), tells_hold: false }
     }
 }
 
@@ -131,8 +129,7 @@ pub(super) fn refined(
             false => Warning::NotRefined { reason },
         };
         let warnings = report.note.iter().cloned().map(remark).collect();
-        let outcome = Ending::doubtful_if(report.is_unsettled());
-        Refined { report: Some(report), warnings, outcome, ..Refined::none(estimate.clone()) }
+        Refined { report: Some(report), warnings, ..Refined::none(estimate.clone()) }
     })
 }
 
@@ -224,7 +221,6 @@ fn refine(
     if let Some(frequency) = misfit.vibration.filter(|_| matters(&|a| misfit.bent[a])) {
         warnings.push(Warning::Vibration { frequency });
     }
-    let mut outcome = Ending::Explained;
     for ((a, half), &j) in misfit.halves.iter().enumerate().zip(&free) {
         let known = shift[a].powi(2) + range[a].powi(2) + misfit.bent[a].powi(2);
         // A half has twice the variance of the whole, so that the difference of two has four times as much.
@@ -232,7 +228,6 @@ fn refine(
         if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
             && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
         {
-            outcome = Ending::Doubtful;
             let parameter = model.parameter(j).name.to_string();
             warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
         }
@@ -242,7 +237,7 @@ fn refine(
     if settled {
         (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
     }
-    Ok(Refined { estimate: restated, report: Some(report), warnings, outcome, tells_hold })
+    Ok(Refined { estimate: restated, report: Some(report), warnings, tells_hold })
 }
 
 /// The estimate that the likelihood of all ways to explain a record hands out.
@@ -310,14 +305,12 @@ fn by_likelihood(
         TermKind::Limit => Warning::Limited { term },
         _ => Warning::MissingTerm { term },
     }));
-    let mut outcome = Ending::Explained;
     for (half, &j) in found.halves.iter().zip(&free) {
         // The difference of two halves has four times the variance of the whole.
         let deviation = half.variance.max(4.0 * found.covariance[(j, j)]).sqrt();
         if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
             && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
         {
-            outcome = Ending::Doubtful;
             let parameter = model.parameter(j).name.to_string();
             warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
         }
@@ -325,7 +318,7 @@ fn by_likelihood(
     let share = found.share;
     let mut restated = restate(found.values, Matrix::of(found.covariance));
     (restated.residual, restated.residual_of) = (share, ResidualOf::Motion);
-    Ok(Refined { estimate: restated, report: Some(report), warnings, outcome, tells_hold })
+    Ok(Refined { estimate: restated, report: Some(report), warnings, tells_hold })
 }
 
 /// The other hold, where a simulation with it leaves clearly less. It is asked for where an input seems to act half a sample later or earlier

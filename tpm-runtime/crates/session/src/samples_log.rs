@@ -97,7 +97,6 @@ fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
         estimate: refined.estimate,
         refinement: refined.report,
         warnings: refined.warnings,
-        outcome: refined.outcome,
         tells_hold: refined.tells_hold,
         delays: Vec::new(),
         calibration: Vec::new(),

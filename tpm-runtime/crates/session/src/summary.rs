@@ -1,6 +1,5 @@
 //! What every result says in the same way, wherever its data come from.
 
-use crate::found::Ending;
 use crate::identification::{Identification, Provenance, Source};
 use crate::refine::Refined;
 use crate::warning::{Data, Warning};
@@ -148,7 +147,6 @@ fn of_estimate(
         },
         current: campaign.current().to_vec(),
         estimate: estimate.cloned(),
-        ended: Ending::Explained,
         shortfall: None,
     };
     if estimate.is_some() {
@@ -259,14 +257,11 @@ pub(super) fn warn_of_impossible_values(
             value: estimate.values[j],
             std: estimate.std[j],
         });
-        let before = result.warnings.len();
         result.warnings.extend(gives);
-        result.ended = result.ended.and(Ending::doubtful_if(result.warnings.len() > before));
         return;
     }
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     let negative = negative_inertias(named);
-    result.ended = result.ended.and(Ending::doubtful_if(!negative.is_empty()));
     result
         .warnings
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));

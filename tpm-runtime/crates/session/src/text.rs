@@ -243,14 +243,8 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             )
         }
         Way::Spectral(found) => {
-            let part = match &found.repeats {
-                Some(own) => format!(
-                    "{} periods of {} s from sample {} (line {})",
-                    own.periods,
-                    number(own.period),
-                    own.from_sample,
-                    own.from_line
-                ),
+            let part = match found.period {
+                Some(period) => format!("{} samples of whole periods of {} s", found.lines.samples, number(period)),
                 None if found.lines.samples < samples => format!("{} of them in blocks", found.lines.samples),
                 None => "all of them used".into(),
             };

@@ -39,16 +39,6 @@ impl fmt::Display for Data {
     }
 }
 
-/// A setting of harmonics.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum HarmonicSetting {
-    /// All equations count alike.
-    EqualWeights,
-    /// The highest harmonic that may be used.
-    Highest,
-}
-
 /// Readings that stand for others.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "of", rename_all = "snake_case")]
@@ -442,11 +432,6 @@ pub enum Warning {
         #[serde(rename = "message")]
         reason: NotRefined,
     },
-    /// A setting was stated that the way of this log does not take.
-    SettingNotUsed {
-        /// The setting.
-        setting: HarmonicSetting,
-    },
     /// What the map from lumped to physical parameters shows.
     Physical {
         /// What it shows.
@@ -784,14 +769,6 @@ impl fmt::Display for Warning {
                 "{parameter} = {other:.4e} explains the data nearly as well as {value:.4e}, it leaves {left:.3} times as much: declare a narrower interval if one of them is impossible, or record a motion that tells them apart"
             ),
             Warning::NotRefined { reason } => reason.fmt(f),
-            Warning::SettingNotUsed { setting } => f.write_str(match setting {
-                HarmonicSetting::EqualWeights => {
-                    "equations were asked to count alike, which only harmonics do: nothing in this log repeats, or it was not used so, and they count by their noise"
-                }
-                HarmonicSetting::Highest => {
-                    "a highest harmonic was stated, and nothing in this log repeats, or it was not used so"
-                }
-            }),
             Warning::AskedInVain { reason } => {
                 write!(f, "a refinement by simulation was asked for, and the values are not those of one: {reason}")
             }

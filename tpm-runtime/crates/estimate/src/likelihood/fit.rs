@@ -10,7 +10,6 @@ use crate::likelihood::pass::{Known, Look, Memory, Pass};
 use crate::likelihood::path::{Along, Entry};
 use crate::likelihood::split::{Solved, Split};
 use crate::likelihood::start::{KNOWN_SHARE, RANK};
-use crate::measured_motion::{ASKED_ABOUT, Untested, least};
 use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::scale::Scale;
@@ -154,8 +153,6 @@ pub struct OfAnyMotion {
     pub lacking: Vec<Lacking>,
     /// Delays of inputs that were asked for; values and covariance of the parameters are those beside them.
     pub delays: Vec<FittedDelay>,
-    /// Parameters that a motion which repeats does not test.
-    pub untested: Vec<Untested>,
     /// What faults of the sensors' calibration would do.
     pub calibration: Vec<CalibrationFault>,
     /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
@@ -547,7 +544,6 @@ impl Pass<'_> {
             samples: self.record.stretches.iter().map(Stretch::samples).sum(),
             rate_gains: self.motion.rate_gains.clone(),
         };
-        let untested = self.untested(&noise, &fixed, &split.parameters, &estimate.std);
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
         let followed = self.paths.fastest();
         Ok(Outcome {
@@ -559,7 +555,6 @@ impl Pass<'_> {
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
                 delays,
-                untested,
                 calibration,
                 scale_unknown,
                 report,
@@ -594,46 +589,6 @@ impl Pass<'_> {
             Some(CalibrationFault { term, std: 1.0 / told, change, unseen })
         };
         asked.terms.iter().enumerate().filter_map(of).collect()
-    }
-
-    /// The parameters that a force at one line would change beyond their deviations without being noticed, each with the line where it does so
-    /// most; asked of whole periods of a motion that repeats, of which every line is a harmonic. `factor` is the triangle of the columns.
-    fn untested(&self, noise: &Noise, columns: &[usize], factor: &DMatrix<f64>, std: &[f64]) -> Vec<Untested> {
-        let n = columns.len();
-        let mut inverse = DMatrix::identity(n, n);
-        if !self.paths.paths.iter().all(|path| path.circular) || !factor.solve_upper_triangular_mut(&mut inverse) {
-            return Vec::new();
-        }
-        let covariance = &inverse * inverse.transpose();
-        let mut largest: Vec<Option<Untested>> = vec![None; self.kept.len()];
-        for (r, (row, variance)) in self.lines.iter().zip(&noise.variance).enumerate() {
-            let variance: Vec<f64> = variance.iter().map(|variance| row.correlation * variance).collect();
-            let (at, matrix) = row.weighted(columns, &weights(&variance));
-            let lines = row.lines();
-            // Power over the whole record: all lines but the first stand for two frequencies.
-            let twice = |l: usize| if l == 0 { 1.0 } else { 2.0 };
-            let force: f64 = (0..lines).map(|l| 2.0 * twice(l) * row.power[l]).sum();
-            for l in 0..lines {
-                let parts: Vec<usize> = [l, lines + l].into_iter().filter(|&part| !row.is_void(part)).collect();
-                let own = DMatrix::from_fn(parts.len(), n, |part, column| {
-                    at.iter().position(|&own| own == column).map_or(0.0, |own| matrix[(parts[part], own)])
-                });
-                let size = ASKED_ABOUT * (force / (twice(l) * variance[l])).sqrt();
-                let gain = &covariance * own.transpose();
-                let (left, phase) = least(&(DMatrix::identity(parts.len(), parts.len()) - own * &gain));
-                if size * left.max(0.0).sqrt() > alarm::FORCE_NOTICED {
-                    continue;
-                }
-                for ((k, change), slot) in (gain * phase * size).iter().enumerate().zip(&mut largest) {
-                    let (parameter, change) = (self.kept[k], change.abs());
-                    let beyond = change > alarm::BIAS_LEAVES_INTERVAL * std[parameter];
-                    if beyond && slot.is_none_or(|before| before.change < change) {
-                        *slot = Some(Untested { parameter, row: r, harmonic: l, change });
-                    }
-                }
-            }
-        }
-        largest.into_iter().flatten().collect()
     }
 
     /// Whether something that is known fixes the scale of the forces: a known term, or a parameter that is held.

@@ -27,5 +27,4 @@ pub use fit::{Fitted, Structure, estimate_structured};
 pub(super) use pooled::PooledMotion;
 pub use record::MeasuredMotion;
 pub use refine::refine_last;
-pub(super) use reliability::least;
 pub use reliability::{ASKED_ABOUT, Untested};

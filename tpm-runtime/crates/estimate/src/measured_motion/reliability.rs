@@ -23,7 +23,7 @@ pub struct Untested {
     pub parameter: usize,
     /// Row of the model on which the force acts.
     pub row: usize,
-    /// Harmonic at which it acts: of the period, or of the whole time that lines of a spectrum are taken over.
+    /// Harmonic at which it acts.
     pub harmonic: usize,
     /// How far it changes the parameter, without a sign.
     pub change: f64,
@@ -74,7 +74,7 @@ impl MeasuredMotion {
 }
 
 /// Smallest eigenvalue of a symmetric matrix of one or two rows, and its direction as a column of length one.
-pub(crate) fn least(matrix: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
+fn least(matrix: &DMatrix<f64>) -> (f64, DMatrix<f64>) {
     if matrix.nrows() == 1 {
         return (matrix[(0, 0)], DMatrix::identity(1, 1));
     }

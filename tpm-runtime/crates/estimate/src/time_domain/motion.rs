@@ -96,8 +96,7 @@ impl Motion {
         let mut stretches = Vec::with_capacity(record.stretches.len());
         for stretch in &record.stretches {
             let samples = stretch.samples();
-            // What goes over into its beginning has nothing between.
-            let points = if circular { samples } else { quick(samples) };
+            let points = quick(samples);
             let transform = |signal: &[f64]| Transform::new(signal, points, record.sample_time);
             let mut random = |deviation: f64| -> Vec<f64> {
                 let draw = |_| -> f64 { deviation * Distribution::<f64>::sample(&StandardNormal, &mut rng) };

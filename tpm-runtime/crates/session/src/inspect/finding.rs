@@ -347,7 +347,7 @@ impl Finding {
                 "one period only: whether the motion has settled cannot be told; record at least four".into()
             }
             Finding::Repeats { .. } => {
-                "whole periods are used: no window costs what is measured near the ends, and noise is read between the harmonics".into()
+                "harmonics of this period are used: noise averages over the periods, and is read between the lines".into()
             }
             Finding::NotPeriodic => {
                 "every sample is used in the time domain; a motion that repeats would show noise and settling by itself".into()
