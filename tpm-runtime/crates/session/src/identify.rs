@@ -327,7 +327,7 @@ fn found(
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
         Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
             let other = samples_log::identify(model, machine, segments, options)?;
-            let follows = |other: &Found| other.refinement.as_ref().is_some_and(|report| lines_log::follows(report));
+            let follows = |other: &Found| other.refinement.as_ref().is_some_and(lines_log::follows);
             Ok(other.filter(follows).unwrap_or(found))
         }
         found => found,

@@ -95,7 +95,7 @@ pub(super) fn identify(
         // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
         let once_more = dims.inputs < dims.rows
             && dims.coordinates <= MOST_SIMULATED
-            && !by_lines.report.as_ref().is_some_and(|report| follows(report));
+            && !by_lines.report.as_ref().is_some_and(follows);
         let derivatives = machine.map(|machine| machine.derivatives);
         let in_band =
             || OneBand::new(&record).and_then(|band| band.estimate(model, derivatives, &options.constants, settings));

@@ -297,7 +297,7 @@ fn by_likelihood(
         let other = Simulation::fit(&Question { start: &found.values, ..question.clone() }, &record(better)).ok()?;
         let input = model.input(late.term.of).name.to_string();
         let likelier = other.cost < found.cost - alarm::LIKELIHOOD_GAIN;
-        likelier.then(|| Warning::LateByHold { input, late: late.value, better })
+        likelier.then_some(Warning::LateByHold { input, late: late.value, better })
     });
     let tells_hold = other_hold.is_some();
     let mut warnings: Vec<Warning> = other_hold.into_iter().collect();

@@ -154,9 +154,8 @@ impl<'a> Filter<'a> {
             for l in 0..n {
                 let factor = self.transition[i * n + l];
                 if factor != 0.0 {
-                    for j in l..n {
-                        row[j] += factor * self.upper[l * n + j];
-                    }
+                    let own = &self.upper[l * n + l..(l + 1) * n];
+                    row[l..n].iter_mut().zip(own).for_each(|(to, from)| *to += factor * from);
                 }
             }
             if i >= states {
@@ -399,12 +398,13 @@ mod tests {
         chain
     }
 
+    /// Readings less their mean, their dependence on the columns, their covariance, that of the states with them, and mean and dependence of
+    /// the states.
+    type WrittenOut = (DVector<f64>, DMatrix<f64>, DMatrix<f64>, DMatrix<f64>, DVector<f64>, DMatrix<f64>);
+
     /// All readings and states as one normal vector, written out: the readings' mean, their dependence on the columns, covariance, and the
     /// states' covariance with them.
-    fn written_out(
-        chain: &Chain,
-        noise: &Noise,
-    ) -> (DVector<f64>, DMatrix<f64>, DMatrix<f64>, DMatrix<f64>, DVector<f64>, DMatrix<f64>) {
+    fn written_out(chain: &Chain, noise: &Noise) -> WrittenOut {
         let (n, colours) = (chain.order, noise.colour.as_ref().map_or(0, |own| own.variance.len()));
         let drifts = noise.drift.as_ref().map_or(0, |own| own.variance.len());
         let order = n + drifts + colours;
