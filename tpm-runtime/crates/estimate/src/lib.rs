@@ -40,6 +40,8 @@ mod projected;
 mod recorded;
 mod response;
 mod result;
+#[cfg(test)]
+mod rig_checks;
 mod rows;
 mod run;
 mod sampled;
@@ -51,6 +53,7 @@ mod simulation;
 mod stack;
 mod table;
 mod time_domain;
+mod transition;
 mod verdict;
 
 pub use agreement::{CommonFactor, common_factor, pool_majority};
@@ -75,7 +78,7 @@ pub use named::{CombinationReport, ParameterReport, ProductReport, WrittenCombin
 pub use output_error::beside_counts;
 pub use output_error::reach_in;
 pub use output_error::{
-    Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Rate,
+    Candidate, CandidateKind, Course, Differentiable, Divergence, Half, Misfit, OutputError, OutputErrorFault, Rate,
     RateFault, RateUse, Signals, Simulated,
 };
 pub use physical_remark::PhysicalRemark;
@@ -93,7 +96,7 @@ pub use sampled::{Sampled, estimate_sampled, is_static};
 pub use scale::Scale;
 pub use sensor::Sensor;
 pub use settings::{Domain, Frozen, NumericalSettings, Refine, Settings, Weights};
-pub use simulation::{Evenly, Explained, Half, Question, Reading, Record, Simulation, Variant};
+pub use simulation::{Evenly, Explained, Question, Reading, Record, Simulation, Variant};
 pub use table::{LineTable, RowLines};
 pub use time_domain::Swiftness;
 pub use time_domain::{

@@ -144,6 +144,21 @@ fn work(machine: Differentiable<'_>, start: &Start<'_>, settings: &Settings) -> 
     start.excerpt.samples() as f64 * (EVALUATIONS_PER_STEP * rows as f64 + (states * states * unknowns) as f64)
 }
 
+/// The parameters that are estimated, and the directions of them that the data do not show.
+fn unknowns(estimate: &Estimate, parameters: usize, settings: &Settings) -> (Vec<usize>, Vec<Vec<f64>>) {
+    let free: Vec<usize> =
+        (0..parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
+    let of_free = |direction: &Vec<f64>| free.iter().map(|&j| direction[j]).collect();
+    let hidden = estimate.unobservable.iter().map(of_free).collect();
+    (free, hidden)
+}
+
+/// The warning about a parameter that moves from one half of a record to the other by more than the deviation of the difference allows.
+fn contradiction(label: Label<'_>, value: f64, moved: f64, deviation: f64) -> Option<Warning> {
+    let tells = moved.abs() > alarm::HALVES_CONTRADICT * deviation && moved.abs() > LEAST_MOVE * value.abs();
+    tells.then(|| Warning::Halves { parameter: label.name.to_string(), moved, deviation })
+}
+
 fn refine(
     machine: Differentiable<'_>,
     start: &Start<'_>,
@@ -156,10 +171,7 @@ fn refine(
     let Start { estimate, excerpt, .. } = start;
     let known = (start.course.clone(), start.steps.as_slice());
     let signals = excerpt.signals(dims.coordinates, start.sample_time, conditions.hold, known);
-    let free: Vec<usize> =
-        (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
-    let hidden: Vec<Vec<f64>> =
-        estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
+    let (free, hidden) = unknowns(estimate, dims.parameters, settings);
     let found = OutputError::fit(machine, conditions.constants, &signals, &estimate.values, &free, &hidden)?;
     let misfit = &found.misfit;
     let shift = &misfit.shift;
@@ -225,12 +237,7 @@ fn refine(
         let known = shift[a].powi(2) + range[a].powi(2) + misfit.bent[a].powi(2);
         // A half has twice the variance of the whole, so that the difference of two has four times as much.
         let deviation = (half.variance * misfit.scale * misfit.inflation + 4.0 * known).sqrt();
-        if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
-            && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
-        {
-            let parameter = model.parameter(j).name.to_string();
-            warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
-        }
+        warnings.extend(contradiction(model.parameter(j), found.values[j], half.moved, deviation));
     }
     let (share, settled) = (found.share, found.iterations.is_some());
     let mut restated = restate(found.values, covariance);
@@ -251,10 +258,7 @@ fn by_likelihood(
     let model = machine.model;
     let dims = model.dims();
     let Start { estimate, excerpt, .. } = start;
-    let free: Vec<usize> =
-        (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
-    let hidden: Vec<Vec<f64>> =
-        estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
+    let (free, hidden) = unknowns(estimate, dims.parameters, settings);
     let (typical_period, reach) = match &start.course {
         Course::Periodic { samples_per_period, .. } => (*samples_per_period, reach_in(*samples_per_period)),
         Course::Any { typical_period, reach, .. } => (*typical_period, *reach),
@@ -308,12 +312,7 @@ fn by_likelihood(
     for (half, &j) in found.halves.iter().zip(&free) {
         // The difference of two halves has four times the variance of the whole.
         let deviation = half.variance.max(4.0 * found.covariance[(j, j)]).sqrt();
-        if half.moved.abs() > alarm::HALVES_CONTRADICT * deviation
-            && half.moved.abs() > LEAST_MOVE * found.values[j].abs()
-        {
-            let parameter = model.parameter(j).name.to_string();
-            warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
-        }
+        warnings.extend(contradiction(model.parameter(j), found.values[j], half.moved, deviation));
     }
     let share = found.share;
     let mut restated = restate(found.values, Matrix::of(found.covariance));

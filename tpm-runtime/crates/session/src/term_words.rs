@@ -43,7 +43,6 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
     let own = lacking.term;
     let q = || name(model.coordinate(own.of));
     let v = || format!("dot({})", q());
-    let power = |of: String, exponent: u32| if exponent == 1 { of } else { format!("{of}^{exponent}") };
     let apart = || match own.other {
         Some(other) => (
             format!("({} - {})", q(), name(model.coordinate(other))),
@@ -59,16 +58,16 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
         TermKind::RatePower(exponent) => rate_power(&q(), exponent),
         TermKind::Drag => drag(&q()),
         TermKind::Power(1) => (q(), "a spring".into()),
-        TermKind::Power(exponent) => self::power(&q(), exponent),
+        TermKind::Power(exponent) => power(&q(), exponent),
         TermKind::PositionFriction(exponent) => {
-            (format!("{}*sign({})", power(q(), exponent), v()), "dry friction that depends on the position".into())
+            (format!("{}*sign({})", raised(q(), exponent), v()), "dry friction that depends on the position".into())
         }
         TermKind::PositionDamping(exponent) => {
-            (format!("{}*{}", power(q(), exponent), v()), "damping that depends on the position".into())
+            (format!("{}*{}", raised(q(), exponent), v()), "damping that depends on the position".into())
         }
         TermKind::Inertia(0) => (format!("ddot({})", q()), "an inertia of its own, as that of a rotor".into()),
         TermKind::Inertia(exponent) => {
-            (format!("{}*ddot({})", power(q(), exponent), q()), "an inertia that depends on the position".into())
+            (format!("{}*ddot({})", raised(q(), exponent), q()), "an inertia that depends on the position".into())
         }
         TermKind::Sine(multiple) => {
             (angle("sin", multiple, &q()), "a force that is a sine of the position, as gravity is".into())
@@ -111,7 +110,7 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
         }
         TermKind::PairPower(1) => (apart().0, "a spring between the coordinates".into()),
         TermKind::PairPower(exponent) => {
-            (power(apart().0, exponent), "a force between the coordinates that is not linear in their distance".into())
+            (raised(apart().0, exponent), "a force between the coordinates that is not linear in their distance".into())
         }
         TermKind::PairDamping => (apart().1, "damping between the coordinates".into()),
         TermKind::PairAsymmetry => {
@@ -152,4 +151,9 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
 
 fn angle(function: &str, multiple: u32, coordinate: &str) -> String {
     if multiple == 1 { format!("{function}({coordinate})") } else { format!("{function}({multiple}*{coordinate})") }
+}
+
+/// A factor to a power.
+fn raised(of: String, exponent: u32) -> String {
+    if exponent == 1 { of } else { format!("{of}^{exponent}") }
 }

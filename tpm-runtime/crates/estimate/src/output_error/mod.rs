@@ -44,7 +44,7 @@ mod tuning;
 pub use candidates::{Candidate, CandidateKind};
 pub use error::OutputErrorFault;
 pub use fit::OutputError;
-pub use misfit::Misfit;
+pub use misfit::{Half, Misfit};
 pub use problem::Differentiable;
 pub(crate) use rates::compared;
 pub use rates::{RateFault, RateUse};

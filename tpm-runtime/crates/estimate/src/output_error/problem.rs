@@ -4,37 +4,19 @@ use crate::output_error::chain::Chain;
 use crate::output_error::error::OutputErrorFault;
 use crate::output_error::noise::Noise;
 use crate::output_error::signals::Signals;
-use crate::time_domain::LEAST_ARGUMENT;
+use crate::transition::{
+    SHORTEST_PASSAGE, TRANSITIONS_PER_TASK, integral, loose, multiply, needed_steps, slow, states,
+};
 use rayon::prelude::*;
 use std::ops::Range;
 use tpm_controller::derivatives::RowDerivatives;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::linear;
 use tpm_controller::model::{EvalError, Model};
-use tpm_numerics::{Doubling, root_mean_square};
+use tpm_numerics::root_mean_square;
 
 /// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.
 const TURNING_VELOCITY: f64 = 0.05;
-/// How much larger than friction's impulse the unknown force of a machine at rest may be.
-const REST_FORCE_RATIO: f64 = 5.0;
-/// How much of the force is unsure in the transitions beside one in which a sign jumps, as multiples of half the jump. The jump lies
-/// anywhere within its sample, which moves the position by up to an eighth of what it would move in a sample with the whole jump.
-const UNSURE_BESIDE_JUMP: [f64; 2] = [0.25, 0.0];
-/// What is added where an input that jumps with the sign is interpolated: the mean errors of the polynomial through six samples of a
-/// step.
-const UNSURE_BY_INTERPOLATION: [f64; 2] = [0.114, 0.016];
-/// Shortest time between two stops of a machine, as a share of the period.
-const SHORTEST_PASSAGE: f64 = 0.02;
-/// Steps of integration from one sample to the next: doubled until the error is a small share of what a state changes in the whole
-/// record's typical sample.
-const INTEGRATION: Doubling = Doubling { least: 1, most: 16, settled: 1e-9 };
-/// The same where a sign jumps within a step.
-const INTEGRATION_OF_JUMPS: Doubling = Doubling { settled: 1e-3, ..INTEGRATION };
-/// Transitions on which the number of steps is decided.
-const TRANSITIONS_TRIED: usize = 64;
-/// Transitions that one task linearises.
-const TRANSITIONS_PER_TASK: usize = 256;
-
 /// A model that can be simulated, with the derivatives of its rows.
 #[derive(Clone, Copy)]
 pub struct Differentiable<'a> {
@@ -150,7 +132,7 @@ impl<'a> Problem<'a> {
         free: &[usize],
         hidden: &[Vec<f64>],
     ) -> Result<Self, OutputErrorFault> {
-        let states = Problem::states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
+        let states = states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
         let samples = signals.coordinates.first().map_or(0, |c| c.len());
         let place = |of: (usize, usize)| states.iter().position(|state| *state == of);
         let sensors: Vec<usize> =
@@ -194,15 +176,6 @@ impl<'a> Problem<'a> {
 
     pub(super) fn samples(&self) -> usize {
         self.coordinates.first().map_or(0, |c| c.len())
-    }
-
-    /// The states of a model, coordinate by coordinate; nothing where a coordinate has no derivative in the rows, or the rows do not
-    /// determine the motion.
-    pub(super) fn states(model: &dyn Model<f64>) -> Option<Vec<(usize, usize)>> {
-        let dims = model.dims();
-        let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
-        let usable = dims.rows == dims.coordinates && orders.iter().all(|&order| order > 0);
-        usable.then(|| orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect())
     }
 
     fn scratch(&self) -> Scratch {
@@ -310,31 +283,12 @@ impl<'a> Problem<'a> {
 
     /// How many steps from one sample to the next leave no error of the integration that matters.
     pub(super) fn needed_steps(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<usize, EvalError> {
-        let n = self.states.len();
-        let transitions = self.samples().saturating_sub(1);
-        let stride = (transitions / TRANSITIONS_TRIED).max(1);
+        let transitions: Vec<usize> = (0..self.samples().saturating_sub(1)).collect();
         let mut scratch = self.scratch();
-        let (mut coarse, mut fine) = (vec![0.0; n], vec![0.0; n]);
-        // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
-        let integration = if self.machine.derivatives.switches() > 0 { INTEGRATION_OF_JUMPS } else { INTEGRATION };
-        let mut steps = integration.least;
-        while steps < integration.most {
-            let (mut moved, mut wrong) = (vec![0.0; n], vec![0.0; n]);
-            for k in (0..transitions).step_by(stride) {
-                let from = self.state(trajectory, k);
-                self.advance(k, trajectory, theta, steps, &mut scratch, &mut coarse)?;
-                self.advance(k, trajectory, theta, 2 * steps, &mut scratch, &mut fine)?;
-                for i in 0..n {
-                    moved[i] += (fine[i] - from[i]).abs();
-                    wrong[i] += (fine[i] - coarse[i]).abs();
-                }
-            }
-            if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= integration.settled * moved) {
-                break;
-            }
-            steps *= 2;
-        }
-        Ok(steps)
+        let state = |k: usize| self.state(trajectory, k);
+        needed_steps(&transitions, self.machine.derivatives.switches() > 0, state, |k, steps, to| {
+            self.advance(k, trajectory, theta, steps, &mut scratch, to)
+        })
     }
 
     /// Linearises the record about a trajectory, parameters and values of the columns.
@@ -505,21 +459,7 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        let h = self.sample_time;
-        // With P = h + J h^2/2 + J^2 h^3/6 + J^3 h^4/24: the transition is 1 + J P, the forcing P g.
-        power.clear();
-        power.resize(n * n, 0.0);
-        for s in 0..n {
-            power[s * n + s] = h;
-        }
-        for order in (2..=4).rev() {
-            product.clear();
-            product.resize(n * n, 0.0);
-            multiply(jacobian, power, n, n, product);
-            for (i, (to, value)) in power.iter_mut().zip(&*product).enumerate() {
-                *to = value * h / order as f64 + if i % (n + 1) == 0 { h } else { 0.0 };
-            }
-        }
+        integral(jacobian, n, self.sample_time, power, product);
         transition.fill(0.0);
         multiply(jacobian, power, n, n, transition);
         for s in 0..n {
@@ -570,16 +510,6 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// How much of the force is unsure one and two transitions beside one in which a sign jumps.
-    fn unsure_beside(&self) -> [f64; 2] {
-        match self.hold {
-            Hold::Zoh => UNSURE_BESIDE_JUMP,
-            Hold::None => {
-                [UNSURE_BESIDE_JUMP[0] + UNSURE_BY_INTERPOLATION[0], UNSURE_BESIDE_JUMP[1] + UNSURE_BY_INTERPOLATION[1]]
-            }
-        }
-    }
-
     /// Whether a coordinate turns in a transition, or moves slowly beside its root mean square velocity.
     fn turns(&self, trajectory: &Trajectory) -> Vec<bool> {
         let (n, samples) = (self.states.len(), self.samples());
@@ -595,67 +525,19 @@ impl<'a> Problem<'a> {
     }
 
     /// How loose every switch's force is in every transition, as a multiple of half its jump.
-    ///
-    /// While a machine is at rest for L samples its friction is unknown but the same for all of them; independent forces have its impulse
-    /// when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
-    /// given [`REST_FORCE_RATIO`] times that size.
     pub(super) fn loose(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
         let (switches, rows) = (self.machine.derivatives.switches(), self.machine.model.dims().rows);
         if switches == 0 {
             return Ok(Vec::new());
         }
-        let samples = self.samples();
         let arguments = self.at_every_sample(trajectory, theta, switches, |scratch, values| {
             self.switching(theta, scratch)?;
             let arguments = scratch.switching.iter().step_by(1 + rows);
             values.iter_mut().zip(arguments).for_each(|(value, argument)| *value = *argument);
             Ok(())
         })?;
-        let mut loose = vec![0.0; samples.saturating_sub(1) * switches];
-        for s in 0..switches {
-            let of = |k: usize| arguments[k * switches + s];
-            let band = LEAST_ARGUMENT * root_mean_square((0..samples).map(of));
-            let unsure = |k: usize| slow(of(k), of(k + 1), band);
-            // While it is at rest a machine's velocity is noise, which may stand above the band for some samples.
-            let mut free: Vec<bool> = (0..samples.saturating_sub(1)).map(unsure).collect();
-            let mut last: Option<usize> = None;
-            for k in 0..free.len() {
-                if free[k] {
-                    if let Some(before) = last.filter(|before| k - before <= self.shortest_passage) {
-                        free[before..k].fill(true);
-                    }
-                    last = Some(k);
-                }
-            }
-            let mut k = 0;
-            while k + 1 < samples {
-                let first = k;
-                while k + 1 < samples && free[k] {
-                    k += 1;
-                }
-                let size = REST_FORCE_RATIO * ((k - first) as f64).sqrt();
-                for transition in first..k {
-                    loose[transition * switches + s] = size;
-                }
-                if k > first {
-                    for (distance, share) in self.unsure_beside().into_iter().enumerate() {
-                        for beside in [first.checked_sub(distance + 1), Some(k + distance)].into_iter().flatten() {
-                            if let Some(at) = loose.get_mut(beside * switches + s) {
-                                *at = at.max(REST_FORCE_RATIO * share);
-                            }
-                        }
-                    }
-                }
-                k += 1;
-            }
-        }
-        Ok(loose)
+        Ok(loose(&arguments, switches, self.shortest_passage, self.hold))
     }
-}
-
-/// Whether a signal is within a band or crosses zero between two samples.
-fn slow(before: f64, after: f64, band: f64) -> bool {
-    before.abs() < band || after.abs() < band || (before > 0.0) != (after > 0.0)
 }
 
 /// A signal at a share of the time after sample k: the polynomial through six samples around.
@@ -675,18 +557,4 @@ fn between(signal: &[f64], k: usize, share: f64) -> f64 {
         value += weight * sample;
     }
     value
-}
-
-/// `out += a b` for row-major matrices, a n by n and b n by `width`.
-fn multiply(a: &[f64], b: &[f64], n: usize, width: usize, out: &mut [f64]) {
-    for i in 0..n {
-        for j in 0..n {
-            let factor = a[i * n + j];
-            if factor.abs() > 0.0 {
-                for (to, value) in out[i * width..(i + 1) * width].iter_mut().zip(&b[j * width..(j + 1) * width]) {
-                    *to += factor * value;
-                }
-            }
-        }
-    }
 }

@@ -2,6 +2,7 @@
 
 use crate::output_error::chain::Chain;
 use crate::output_error::problem::{Column, Differentiable, Place, Problem, Trajectory};
+use crate::transition::states;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model as _;
 use tpm_interpret::{Interpreted, InterpretedDerivatives};
@@ -46,7 +47,7 @@ impl Bench {
     }
 
     fn problem(&self, hold: Hold) -> Problem<'_> {
-        let states = Problem::states(&self.model).expect("as many rows as coordinates");
+        let states = states(&self.model).expect("as many rows as coordinates");
         assert_eq!(states, [(0, 0), (0, 1), (1, 0), (1, 1)]);
         Problem {
             machine: Differentiable { model: &self.model, derivatives: &self.derivatives },
@@ -177,10 +178,10 @@ fn columns_act_as_forces_and_on_readings() {
 #[test]
 fn models_without_a_motion_of_their_own_have_no_states() {
     let (static_row, _) = differentiable("model P { coordinate x; input u; parameter k; k*x = u; }");
-    assert_eq!(Problem::states(&static_row), None);
+    assert_eq!(states(&static_row), None);
     let (two_rows, _) =
         differentiable("model P { coordinate x; input u, v; parameter m, k; m*ddot(x) = u; k*dot(x) = v; }");
-    assert!(two_rows.dims().rows == 2 && Problem::states(&two_rows).is_none());
+    assert!(two_rows.dims().rows == 2 && states(&two_rows).is_none());
 }
 
 #[test]

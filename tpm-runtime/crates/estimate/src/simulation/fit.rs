@@ -4,7 +4,7 @@
 //! by the likelihood with the parameters integrated out, and terms enter as variance components of the triangle that the readings leave.
 
 use crate::likelihood::{Components, Products, Solved, Split, Term, TermKind};
-use crate::output_error::OutputErrorFault;
+use crate::output_error::{Half, OutputErrorFault};
 use crate::simulation::chain::Chain;
 use crate::simulation::filter::{smooth, whiten};
 use crate::simulation::noise::{FirstOrder, Noise, Steps, most_likely};
@@ -70,15 +70,6 @@ impl How {
     pub(super) const fn with_terms(guard: f64) -> Self {
         How { terms: true, guard, forces: true }
     }
-}
-
-/// How far a parameter moves from the first half of a record to the second.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Half {
-    /// Second half less first half, unit of the parameter.
-    pub moved: f64,
-    /// Variance of that difference by the stated noise.
-    pub variance: f64,
 }
 
 /// A number that is estimated beside the parameters, however large it is.

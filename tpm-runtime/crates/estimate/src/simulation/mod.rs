@@ -31,6 +31,5 @@ mod rule;
 mod terms;
 mod triangle;
 
-pub use fit::Half;
 pub use record::{Evenly, Reading, Record};
 pub use rule::{Explained, Question, Simulation, Variant};

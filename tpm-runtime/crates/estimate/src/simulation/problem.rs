@@ -3,32 +3,13 @@
 use crate::output_error::{Differentiable, OutputErrorFault};
 use crate::simulation::chain::{Chain, Read};
 use crate::simulation::record::{Instants, Record};
-use crate::time_domain::LEAST_ARGUMENT;
+use crate::transition::{SHORTEST_PASSAGE, TRANSITIONS_PER_TASK, integral, loose, multiply, needed_steps, states};
 use rayon::prelude::*;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::linear;
-use tpm_controller::model::{EvalError, Model};
-use tpm_numerics::{Doubling, root_mean_square};
+use tpm_controller::model::EvalError;
+use tpm_numerics::root_mean_square;
 
-/// How much larger than friction's impulse the unknown force of a machine at rest may be.
-const REST_FORCE_RATIO: f64 = 5.0;
-/// How much of the force is unsure in the transitions beside one in which a sign jumps, as multiples of half the jump. The jump lies
-/// anywhere within its transition, which moves the position by up to an eighth of what it would move in a transition with the whole jump.
-const UNSURE_BESIDE_JUMP: [f64; 2] = [0.25, 0.0];
-/// What is added where an input that jumps with the sign is interpolated: the mean errors of the polynomial through six samples of a
-/// step.
-const UNSURE_BY_INTERPOLATION: [f64; 2] = [0.114, 0.016];
-/// Shortest time between two stops of a machine, as a share of the time in which its motion goes to and fro.
-const SHORTEST_PASSAGE: f64 = 0.02;
-/// Steps of integration from one instant to the next: doubled until the error is a small share of what a state changes in the record's
-/// typical transition.
-const INTEGRATION: Doubling = Doubling { least: 1, most: 16, settled: 1e-9 };
-/// The same where a sign jumps within a step.
-const INTEGRATION_OF_JUMPS: Doubling = Doubling { settled: 1e-3, ..INTEGRATION };
-/// Transitions on which the number of steps is decided.
-const TRANSITIONS_TRIED: usize = 64;
-/// Transitions that one task linearises.
-const TRANSITIONS_PER_TASK: usize = 256;
 /// Longest time by which an input that is not held may be recorded too late, s.
 const LONGEST_LEAD: f64 = 0.06;
 /// Deviation of a state of which nothing is known, in units of what it varies over the record.
@@ -288,31 +269,15 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`EvalError`] when the model cannot be evaluated.
     pub(super) fn needed_step(&self, point: &Point) -> Result<f64, EvalError> {
-        let n = self.states.len();
         let usual = self.instants.usual_step;
         let transitions: Vec<usize> = (0..self.instants.len()).filter(|&k| self.instants.goes_on(k)).collect();
-        let stride = (transitions.len() / TRANSITIONS_TRIED).max(1);
-        // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
-        let integration = if self.machine.derivatives.switches() > 0 { INTEGRATION_OF_JUMPS } else { INTEGRATION };
         let mut scratch = self.scratch();
-        let mut steps = integration.least;
-        while steps < integration.most {
-            let (mut moved, mut wrong) = (vec![0.0; n], vec![0.0; n]);
-            for &k in transitions.iter().step_by(stride) {
-                let from = self.state(point, k);
-                self.advance(k, from, usual / steps as f64, point, &mut scratch)?;
-                let coarse = scratch.state.clone();
-                self.advance(k, from, usual / (2 * steps) as f64, point, &mut scratch)?;
-                for i in 0..n {
-                    moved[i] += (scratch.state[i] - from[i]).abs();
-                    wrong[i] += (scratch.state[i] - coarse[i]).abs();
-                }
-            }
-            if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= integration.settled * moved) {
-                break;
-            }
-            steps *= 2;
-        }
+        let state = |k: usize| self.state(point, k);
+        let steps = needed_steps(&transitions, self.machine.derivatives.switches() > 0, state, |k, steps, to| {
+            self.advance(k, state(k), usual / steps as f64, point, &mut scratch)?;
+            to.copy_from_slice(&scratch.state);
+            Ok(())
+        })?;
         Ok(usual / steps as f64)
     }
 
@@ -430,19 +395,7 @@ impl<'a> Problem<'a> {
             middle.iter_mut().zip(&*state).for_each(|(middle, state)| *middle = 0.5 * (*middle + state));
             self.slopes((k, from, to), point, columns, scratch)?;
             let Scratch { by_states, by_forcings, power, product, step_transition, step_forcing, .. } = scratch;
-            // With P = h + J h^2/2 + J^2 h^3/6 + J^3 h^4/24: the transition of the step is 1 + J P, its forcing P g.
-            let h = to - from;
-            power.clear();
-            power.resize(n * n, 0.0);
-            (0..n).for_each(|s| power[s * n + s] = h);
-            for order in (2..=4).rev() {
-                product.clear();
-                product.resize(n * n, 0.0);
-                multiply(by_states, power, n, n, product);
-                for (i, (to, value)) in power.iter_mut().zip(&*product).enumerate() {
-                    *to = value * h / order as f64 + if i % (n + 1) == 0 { h } else { 0.0 };
-                }
-            }
+            integral(by_states, n, to - from, power, product);
             step_transition.clear();
             step_transition.resize(n * n, 0.0);
             multiply(by_states, power, n, n, step_transition);
@@ -631,64 +584,14 @@ impl<'a> Problem<'a> {
     }
 
     /// How loose every switch's force is in every transition, as a multiple of half its jump.
-    ///
-    /// While a machine is at rest for L transitions its friction is unknown but the same for all of them; independent forces have its
-    /// impulse when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
-    /// given [`REST_FORCE_RATIO`] times that size.
     pub(super) fn found_loose(&self, point: &Point) -> Result<Vec<f64>, EvalError> {
         let switches = self.machine.derivatives.switches();
-        let instants = self.instants.len();
-        if switches == 0 || instants == 0 {
+        if switches == 0 {
             return Ok(Vec::new());
         }
-        let arguments = self.arguments(point)?;
-        let mut loose = vec![0.0; (instants - 1) * switches];
         let usual = self.instants.usual_step.max(f64::MIN_POSITIVE);
         let shortest_passage = (self.typical_period * SHORTEST_PASSAGE / usual) as usize;
-        let beside = match self.record.hold {
-            Hold::Zoh => UNSURE_BESIDE_JUMP,
-            Hold::None => {
-                [UNSURE_BESIDE_JUMP[0] + UNSURE_BY_INTERPOLATION[0], UNSURE_BESIDE_JUMP[1] + UNSURE_BY_INTERPOLATION[1]]
-            }
-        };
-        for s in 0..switches {
-            let of = |k: usize| arguments[k * switches + s];
-            let band = LEAST_ARGUMENT * root_mean_square((0..instants).map(of));
-            let unsure = |k: usize| slow(of(k), of(k + 1), band);
-            // While it is at rest a machine's velocity is noise, which may stand above the band for some instants.
-            let mut free: Vec<bool> = (0..instants - 1).map(unsure).collect();
-            let mut last: Option<usize> = None;
-            for k in 0..free.len() {
-                if free[k] {
-                    if let Some(before) = last.filter(|before| k - before <= shortest_passage) {
-                        free[before..k].fill(true);
-                    }
-                    last = Some(k);
-                }
-            }
-            let mut k = 0;
-            while k + 1 < instants {
-                let first = k;
-                while k + 1 < instants && free[k] {
-                    k += 1;
-                }
-                let size = REST_FORCE_RATIO * ((k - first) as f64).sqrt();
-                for transition in first..k {
-                    loose[transition * switches + s] = size;
-                }
-                if k > first {
-                    for (distance, share) in beside.into_iter().enumerate() {
-                        for at in [first.checked_sub(distance + 1), Some(k + distance)].into_iter().flatten() {
-                            if let Some(at) = loose.get_mut(at * switches + s) {
-                                *at = at.max(REST_FORCE_RATIO * share);
-                            }
-                        }
-                    }
-                }
-                k += 1;
-            }
-        }
-        Ok(loose)
+        Ok(loose(&self.arguments(point)?, switches, shortest_passage, self.record.hold))
     }
 }
 
@@ -744,33 +647,5 @@ impl Along {
             sum.iter_mut().zip(force).for_each(|(sum, (factor, input))| *sum += factor * input);
         }
         sum
-    }
-}
-
-/// The states of a model, coordinate by coordinate; nothing where a coordinate has no derivative in the rows, or the rows do not determine
-/// the motion.
-pub(super) fn states(model: &dyn Model<f64>) -> Option<Vec<(usize, usize)>> {
-    let dims = model.dims();
-    let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
-    let usable = dims.rows == dims.coordinates && orders.iter().all(|&order| order > 0);
-    usable.then(|| orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect())
-}
-
-/// Whether a signal is within a band or crosses zero between two instants.
-fn slow(before: f64, after: f64, band: f64) -> bool {
-    before.abs() < band || after.abs() < band || (before > 0.0) != (after > 0.0)
-}
-
-/// `out += a b` for row-major matrices, a n by n and b n by `width`.
-fn multiply(a: &[f64], b: &[f64], n: usize, width: usize, out: &mut [f64]) {
-    for i in 0..n {
-        for j in 0..n {
-            let factor = a[i * n + j];
-            if factor.abs() > 0.0 {
-                for (to, value) in out[i * width..(i + 1) * width].iter_mut().zip(&b[j * width..(j + 1) * width]) {
-                    *to += factor * value;
-                }
-            }
-        }
     }
 }

@@ -1,9 +1,9 @@
 //! Which explanation of a record is handed out: the one with the lowest cost, where a richer one must gain more than chance would.
 
 use crate::likelihood::{Lacking, Term, TermKind};
-use crate::output_error::{Differentiable, OutputErrorFault, RateFault, RateUse, compared};
+use crate::output_error::{Differentiable, Half, OutputErrorFault, RateFault, RateUse, compared};
 use crate::simulation::begin::{Begun, begin};
-use crate::simulation::fit::{Fit, Fixed, Half, How, Reached, State};
+use crate::simulation::fit::{Fit, Fixed, How, Reached, State};
 use crate::simulation::noise::FirstOrder;
 use crate::simulation::problem::{Point, Problem};
 use crate::simulation::record::{Reading, Record};

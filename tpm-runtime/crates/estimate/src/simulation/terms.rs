@@ -123,6 +123,9 @@ impl Library {
         point: &Point,
         terms: &[Term],
     ) -> Result<Vec<Column>, OutputErrorFault> {
+        if terms.is_empty() {
+            return Ok(Vec::new());
+        }
         let along = problem.along(point)?;
         let motion = Motion { problem, point, along: &along, from: problem.instants.time[0] };
         let of = |term: &Term| match term.kind {
