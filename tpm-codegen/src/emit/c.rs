@@ -28,6 +28,8 @@ mod run_numerical;
 mod run_physical;
 mod run_source;
 mod solve;
+mod support;
+mod translate;
 
 use super::estimator::{EmitError, EstimatorSource};
 use super::header;

@@ -44,4 +44,4 @@ pub use run_numerical::RunNumerical;
 pub use run_physical::{RunLumping, RunPhysical};
 pub use run_weigh::RunMeans;
 pub use run_workspace::{RunModel, RunSampling, RunWorkspace};
-pub use square_root::{NotFinite, Shown, SquareRoot};
+pub use square_root::{NotFinite, Shown, Solution, SquareRoot};

@@ -3,6 +3,8 @@
 //! Invariant: every name that other translation units can see begins with the prefix; every field comes from the model through
 //! one namer.
 
+use std::collections::HashSet;
+
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::plan::leaf::Leaf;
 
@@ -187,6 +189,8 @@ pub(super) struct Context<'a> {
     pub(super) header: String,
     /// Definitions.
     pub(super) source: String,
+    /// The types and functions of the controller's own code that are written.
+    pub(super) translated: HashSet<String>,
 }
 
 /// A parameter of a function.
@@ -255,6 +259,7 @@ impl<'a> Context<'a> {
             strokes: options.strokes,
             header: String::new(),
             source: String::new(),
+            translated: HashSet::new(),
         })
     }
 

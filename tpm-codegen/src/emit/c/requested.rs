@@ -12,6 +12,7 @@ use super::dynamics::{forces, inputs_record, matrix, size_macro};
 use super::expression::{Scalar, Writer};
 use super::layout::{doc, statement, string};
 use super::solve::{self, filled};
+use super::support;
 use tpm_symbolic::plan::leaf::Leaf;
 
 /// C code that solves M a = b by elimination with row pivoting.
@@ -276,14 +277,6 @@ STATUS SOLVE(const ESTIMATOR *estimator, WORKSPACE *workspace, ESTIMATE *estimat
     }
 ";
 
-/// C code of the standard deviations, after the parameters have been read from the column.
-const DEVIATIONS: &str = "    for (k = 0; k < rank; ++k) {
-        if (estimate->shown[order[k]]) {
-            workspace->column[order[k]] = SQRT(workspace->right[k]) / workspace->scale[order[k]];
-        }
-    }
-";
-
 /// Writes the functions of all requested parts.
 pub(super) fn write(context: &mut Context<'_>) {
     let parts = &context.estimator.parts;
@@ -312,10 +305,6 @@ fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
         ("STATUS", context.global("status")),
         ("COUNT", context.constant("COORDINATES")),
         ("COLUMNS", context.constant("BASE_PARAMETERS")),
-        ("ESTIMATOR", context.global("base_estimator")),
-        ("WORKSPACE", context.global("base_workspace")),
-        ("ESTIMATE", context.global("base_estimate")),
-        ("SOLVE", context.global("base_solve")),
         ("EPSILON", scalar.epsilon().to_owned()),
         ("MAX", max.to_owned()),
         ("ZERO", scalar.literal(0.0)),
@@ -494,25 +483,19 @@ fn estimator(context: &mut Context<'_>) {
     }
     let names = base_fields(context);
     let (real, size) = (context.scalar.name(), context.constant("BASE_PARAMETERS"));
-    // Structures: the estimator, its workspace and its result.
+    let context_forgetting = context.forgetting;
+    let of_size = [size.clone()];
+    let written = support::write(context, &support::BASE, |translator| {
+        translator.structure("SquareRoot", &of_size)?;
+        translator.structure("Solution", &of_size)?;
+        let take = translator.method("SquareRoot", &of_size, "take")?;
+        let clear = translator.method("SquareRoot", &of_size, "clear")?;
+        let fade = context_forgetting.then(|| translator.method("SquareRoot", &of_size, "fade")).transpose()?;
+        Ok((take, clear, fade, translator.method("SquareRoot", &of_size, "solve")?))
+    });
+    let (take, clear, fade, solve) = written;
+    // Structures of the result.
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
-    let fields = [
-        field(
-            "The triangular factor of all equations so far; zeros below its diagonal.",
-            format!("{real} factor[{size}][{size}]"),
-        ),
-        field("The forces, rotated with the factor, as far as it reaches.", format!("{real} right[{size}]")),
-        field("Euclidean length of what it does not reach.", format!("{real} residual")),
-        field("The number of equations so far; past ones count less after a fading.", format!("{real} rows")),
-    ]
-    .concat();
-    context.structure("base_estimator", requested::ESTIMATOR, &fields);
-    let fields = format!(
-        "    {real} matrix[{size}][{size}];\n    {real} triangle[{size}][{size}];\n    {real} right[{size}];\n    {real} scale[{size}];\n    \
-         {real} solution[{size}];\n    {real} column[{size}];\n    size_t order[{size}];\n"
-    );
-    let about = "The memory of a solution: the caller's, so that nothing here is static.";
-    context.structure("base_workspace", about, &fields);
     let base = context.global("base_parameters");
     let fields = [
         field("The base parameters; not a number where the samples do not show them.", format!("{base} parameters")),
@@ -535,83 +518,57 @@ fn estimator(context: &mut Context<'_>) {
 
     // Clear and, where requested, fade the estimator.
     let pointer = Parameter::new(format!("{} *estimator", context.global("base_estimator")));
-    let zero = context.zero();
-    let body = format!(
-        "    size_t i, j;
-
-    for (i = 0; i < {size}; ++i) {{
-        for (j = 0; j < {size}; ++j) {{
-            estimator->factor[i][j] = {zero};
-        }}
-        estimator->right[i] = {zero};
-    }}
-    estimator->residual = {zero};
-    estimator->rows = {zero};
-"
-    );
-    context.function(
-        &context.global("base_estimator_clear"),
-        "No sample yet.",
-        "void",
-        std::slice::from_ref(&pointer),
-        &body,
-    );
-    if context.forgetting {
-        let body = format!(
-            "    const {real} root = {}(share);
-    size_t i, j;
-
-    for (i = 0; i < {size}; ++i) {{
-        for (j = i; j < {size}; ++j) {{
-            estimator->factor[i][j] *= root;
-        }}
-        estimator->right[i] *= root;
-    }}
-    estimator->residual *= root;
-    estimator->rows *= share;
-",
-            context.scalar.function("sqrt")
-        );
+    let name = context.global("base_estimator_clear");
+    let body = format!("    {clear}(estimator);\n");
+    context.function(&name, requested::ESTIMATOR, "void", std::slice::from_ref(&pointer), &body);
+    if let Some(fade) = fade {
         let parameters = [pointer.clone(), Parameter::new(format!("{real} share"))];
-        context.function(&context.global("base_estimator_fade"), requested::FADE, "void", &parameters, &body);
+        let name = context.global("base_estimator_fade");
+        context.function(&name, requested::FADE, "void", &parameters, &format!("    {fade}(estimator, share);\n"));
     }
-    // The solver without its last function, then the function that processes a sample.
-    let words = words(context);
-    let mut solver = filled(SQUARE_ROOT, &words);
-    let at = solver.rfind(&format!("\n{} {}(", context.global("status"), context.global("base_solve")));
-    let solution = solver.split_off(at.unwrap_or(solver.len()));
-    context.source.push_str(&solver);
-    accumulate(context, pointer);
+    accumulate(context, pointer, &take);
 
-    // The declaration goes to the header; the definition is part of the solver's text.
+    let (ok, undetermined) = (context.constant("OK"), context.constant("UNDETERMINED"));
     let about = format!(
-        "What the samples so far show; `{}` when they do not show every base parameter. Modified Gram-Schmidt with column pivoting on\n\
+        "What the samples so far show; `{undetermined}` when they do not show every base parameter. Modified Gram-Schmidt with column pivoting on\n\
          the factor, its columns scaled to unit length; a direction counts as not shown when what is left of its column is within the\n\
-         rounding errors of all equations.",
-        context.constant("UNDETERMINED")
+         rounding errors of all equations."
     );
     let parameters = [
         Parameter::new(format!("const {} *estimator", context.global("base_estimator"))),
         Parameter::new(format!("{} *workspace", context.global("base_workspace"))),
         Parameter::new(format!("{} *estimate", context.global("base_estimate"))),
     ];
-    let mut body = solution.split_once("\n{\n").map_or("", |(_, body)| body).to_owned();
-    for (index, name) in names.iter().enumerate() {
-        body.push_str(&statement(1, &format!("estimate->parameters.{name} = workspace->column[{index}];")));
-    }
-    body.push_str(&filled(DEVIATIONS, &words));
-    for (index, name) in names.iter().enumerate() {
-        body.push_str(&statement(1, &format!("estimate->deviations.{name} = workspace->column[{index}];")));
-    }
-    body.push_str(&statement(
-        1,
-        &format!("return rank == {size} ? {} : {};", context.constant("OK"), context.constant("UNDETERMINED")),
-    ));
+    let mut body = format!(
+        "    {solve}(estimator, workspace);
+    estimate->rank = (int)workspace->rank;
+    estimate->residual = workspace->residual;
+    estimate->condition = workspace->condition;
+"
+    );
+    body.push_str(&shown(context, &names, ["workspace->", "estimate->"], ""));
+    body.push_str(&statement(1, &format!("return workspace->rank == {size} ? {ok} : {undetermined};")));
     context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
 }
 
+/// Gives the fields of an estimate what a solution shows, and their deviations times a factor.
+pub(super) fn shown(context: &Context<'_>, names: &[String], [from, to]: [&str; 2], factor: &str) -> String {
+    let (real, sqrt) = (context.scalar.name(), context.scalar.function("sqrt"));
+    let one = |(index, name): (usize, &String)| {
+        let value = |of: &str| format!("{from}shown[{index}] ? {of} : ({real})NAN;");
+        let deviation = format!("{sqrt}({from}covariance[{index}][{index}]){factor}");
+        [
+            statement(1, &format!("{to}shown[{index}] = {from}shown[{index}];")),
+            statement(1, &format!("{to}parameters.{name} = {}", value(&format!("{from}values[{index}]")))),
+            statement(1, &format!("{to}deviations.{name} = {}", value(&deviation))),
+        ]
+        .concat()
+    };
+    names.iter().enumerate().map(one).collect()
+}
+
 /// The function that processes a sample.
-fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
+fn accumulate(context: &mut Context<'_>, pointer: Parameter, take: &str) {
     let (real, scalar) = (context.scalar.name(), context.scalar);
     let (rows, size) = (context.constant("EQUATIONS"), context.constant("BASE_PARAMETERS"));
     let forces = context.global("forces");
@@ -660,7 +617,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
         }}
     }}
     for (i = 0; i < {rows}; ++i) {{
-        rotate_in(estimator, matrix[i], right[i]);
+        (void){take}(estimator, matrix[i], right[i]);
     }}
     return {ok};
 ",
