@@ -9,7 +9,7 @@ use tpm_controller::support::{Real, SquareRoot};
 
 use crate::c::{FLAGS, compiler};
 use crate::random::Random;
-use crate::support::parse;
+use crate::support::{estimator, parse, root};
 
 /// A model whose regressor is the motion itself, so that its samples are rows.
 const MODEL: &str = "model Rows { coordinate x [m]; input u [N]; parameter m [kg], d [N*s/m], k [N/m], k2 [N/m];
@@ -122,4 +122,41 @@ fn least_squares_in_c_have_the_bits_of_those_in_rust() {
             }
         }
     }
+}
+
+/// All that any model asks of the controller's code is of the subset, and no compiler says a word about it, alone and as C++.
+#[test]
+fn all_of_the_controllers_code_is_of_the_subset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let compiler = compiler();
+    let mut tried = 0;
+    // An elimination, constants, signs, sums of parameters, a matrix of masses: what a model may make of the code is there.
+    let names = ["two_carts", "closed_loop_arm", "rotary_pendulum_dry", "stribeck_pendulum", "cart_pendulum"];
+    for path in names.map(|name| root().join("models").join(name).with_extension("tpm")) {
+        for parts in [&[Part::Run][..], &[Part::Linearised, Part::Numerical], &[Part::Campaign, Part::Monitor]] {
+            // Not every model has a run or a campaign, or base parameters.
+            let Ok(source) = estimator(&path).with(parts) else { continue };
+            for scalar in [Scalar::Double, Scalar::Float] {
+                let options = Options { scalar, prefix: Some("t"), ..Options::new(Language::C, "tpm generate") };
+                for file in generate(&source, &options).expect("C has all of it") {
+                    std::fs::write(folder.path().join(&file.name), file.text).expect("writable");
+                }
+                tried += 1;
+                let Some(compiler) = compiler else { continue };
+                let as_cpp = ["-x", "c++", "-Wall", "-Wextra", "-Werror"];
+                let as_cpp = if scalar == Scalar::Double { &as_cpp[..] } else { &FLAGS };
+                for flags in [&FLAGS[..], as_cpp] {
+                    let output = Command::new(compiler)
+                        .args(flags)
+                        .args(["-fsyntax-only", "t.c"])
+                        .current_dir(folder.path())
+                        .output()
+                        .expect("the compiler runs");
+                    let said = String::from_utf8_lossy(&output.stderr);
+                    assert!(output.status.success(), "{} {parts:?} {flags:?}\n{said}", path.display());
+                }
+            }
+        }
+    }
+    assert!(tried >= 16, "{tried}");
 }

@@ -28,20 +28,23 @@ mod square_root;
 mod tests;
 
 pub use accelerations::{SingularMass, accelerations, factors_hold};
-pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};
+pub use campaign::{
+    CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, Pooled, RunPool,
+    passing,
+};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;
 pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
-pub use monitor::{MonitorFault, MonitorJumps, MonitorRules, MonitorState, Monitoring, Moved};
+pub use monitor::{MonitorFault, MonitorPhase, MonitorRules, MonitorState, Monitoring, Moved};
 pub use phasor::Phasor;
 pub use real::Real;
 pub use run_estimate::RunEstimate;
 pub use run_linearised::{RunLinearisation, RunReference};
-pub use run_lines::{RunFault, RunLines};
+pub use run_lines::{RunFault, RunLines, RunSampling};
 pub use run_means::RunPassed;
 pub use run_numerical::RunNumerical;
-pub use run_physical::{RunLumping, RunPhysical};
+pub use run_physical::{RunIteration, RunLumping, RunPhysical};
 pub use run_weigh::RunMeans;
-pub use run_workspace::{RunModel, RunSampling, RunWorkspace};
+pub use run_workspace::{RunModel, RunWorkspace};
 pub use square_root::{NotFinite, Shown, Solution, SquareRoot};

@@ -177,6 +177,13 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
         }
     }
 
+    /// The sum of squares of what is left of the data, over its degrees of freedom; zero where there are none.
+    #[must_use]
+    pub fn chi_squared(&self, found: &Solution<T, C>) -> T {
+        let freedom = self.rows - T::from_f64(found.rank as f64);
+        if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO }
+    }
+
     /// What the rows say about x.
     #[must_use]
     pub fn solution(&self) -> Shown<T, C> {

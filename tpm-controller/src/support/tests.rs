@@ -1,5 +1,5 @@
 use super::{
-    Label, MonitorJumps, MonitorRules, MonitorState, Monitoring, NotFinite, Real, SingularMass, SolveError, SquareRoot,
+    Label, MonitorRules, MonitorState, Monitoring, NotFinite, Real, SingularMass, SolveError, SquareRoot,
     accelerations, factors_hold, least_squares, weighted_least_squares,
 };
 
@@ -229,14 +229,13 @@ fn watched(blocks: usize, mass: f64, zone: bool) -> (usize, MonitorState<f64>) {
         }
         sum
     };
-    let mut watch = Monitoring::<f64, 1, 2, 1>::default();
-    let jumps = |v: f64| MonitorJumps { arguments: [[if zone { v } else { 1.0 }]], entries: &[[false, true]] };
+    let mut watch = Monitoring::<f64, 1, 2, 1>::new(&rules);
+    let arguments = |v: f64| [[if zone { v } else { 1.0 }]];
     for _ in 0..1000 {
         let (v, a) = (VELOCITY * noise(), ACCELERATION * noise());
-        watch.rest(&rules, [[a, Real::sign(v)]], &jumps(v));
+        watch.rest(&mut [[a, Real::sign(v)]], &arguments(v), &[[false, true]]);
     }
     for block in 0..blocks {
-        let mut rows = SquareRoot::<f64, 2>::default();
         let moves = block % 20 < 10;
         let held = f64::from(block as u32 / 20 % 5) / 2.0 - 1.0;
         for k in 0..50 {
@@ -246,11 +245,9 @@ fn watched(blocks: usize, mass: f64, zone: bool) -> (usize, MonitorState<f64>) {
             let mass = if block < 400 { 2.0 } else { mass };
             let force = mass * a + 1.5 * (1.0 + 0.3 * (0.01 * t).sin()) * sign + 0.2 * noise();
             let (v, a) = (v + VELOCITY * noise(), a + ACCELERATION * noise());
-            let [deviation] = watch.deviations(&rules, &jumps(v));
-            let taken = rows.push([a / deviation, Real::sign(v) / deviation], force / deviation).is_ok();
-            if watch.counts(&rules, taken.then_some(&[deviation])) {
-                watch.judge(&rules, &rows);
-            }
+            let still = watch.is_still(0, &arguments(v));
+            let taken = still || watch.block.push([a, Real::sign(v)], force).is_ok();
+            let _ = watch.count(taken, u32::from(!still));
         }
         if matches!(watch.state(), MonitorState::Moved(_) | MonitorState::Unexplained(_)) {
             return (block, watch.state());

@@ -95,188 +95,6 @@ static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], 
 }
 ";
 
-/// C code that rotates rows into a triangular factor, and solves with it.
-pub(super) const SQUARE_ROOT: &str = "
-/* The root of the sum of two squares, which neither overflow nor vanish. */
-static REAL hypotenuse(REAL a, REAL b)
-{
-    const REAL large = FABS(a) > FABS(b) ? FABS(a) : FABS(b);
-    const REAL small = FABS(a) > FABS(b) ? FABS(b) : FABS(a);
-
-    if (large > ZERO) {
-        const REAL ratio = small / large;
-        return large * SQRT(ONE + ratio * ratio);
-    }
-    return large;
-}
-
-/* Rotates a row with its right-hand side into the triangular factor (Givens); the row is destroyed. */
-static void rotate_in(ESTIMATOR *estimator, REAL row[COLUMNS], REAL right)
-{
-    size_t j, k;
-
-    for (k = 0; k < COLUMNS; ++k) {
-        REAL *const kept = estimator->factor[k];
-        if (FABS(row[k]) > ZERO) {
-            const REAL length = hypotenuse(kept[k], row[k]);
-            const REAL cosine = kept[k] / length;
-            const REAL sine = row[k] / length;
-            REAL turned;
-            for (j = k; j < COLUMNS; ++j) {
-                turned = cosine * kept[j] + sine * row[j];
-                row[j] = cosine * row[j] - sine * kept[j];
-                kept[j] = turned;
-            }
-            turned = cosine * estimator->right[k] + sine * right;
-            right = cosine * right - sine * estimator->right[k];
-            estimator->right[k] = turned;
-        }
-    }
-    estimator->residual = hypotenuse(estimator->residual, right);
-    estimator->rows += ONE;
-}
-
-/* Euclidean length of a column, scaled by the largest entry so that squares neither overflow nor vanish. */
-static REAL column_length(const REAL *values, size_t stride)
-{
-    REAL largest = ZERO;
-    REAL sum = ZERO;
-    size_t i;
-
-    for (i = 0; i < COLUMNS; ++i) {
-        if (FABS(values[i * stride]) > largest) {
-            largest = FABS(values[i * stride]);
-        }
-    }
-    if (!(largest > ZERO)) {
-        return ZERO;
-    }
-    for (i = 0; i < COLUMNS; ++i) {
-        const REAL part = values[i * stride] / largest;
-        sum += part * part;
-    }
-    return largest * SQRT(sum);
-}
-
-/* Removes the part along a unit column and returns its size. */
-static REAL remove_part(const REAL *unit, REAL *values, size_t stride)
-{
-    REAL along = ZERO;
-    size_t i;
-
-    for (i = 0; i < COLUMNS; ++i) {
-        along += unit[i * COLUMNS] * values[i * stride];
-    }
-    for (i = 0; i < COLUMNS; ++i) {
-        values[i * stride] -= along * unit[i * COLUMNS];
-    }
-    return along;
-}
-
-/* Solves with the triangle of the first pivots, whose columns are in the order of the pivots, in place. */
-static void back_substitute(WORKSPACE *workspace, size_t rank, REAL *values)
-{
-    size_t j, k;
-
-    for (k = rank; k-- > 0;) {
-        for (j = k + 1; j < rank; ++j) {
-            values[k] -= workspace->triangle[k][workspace->order[j]] * values[j];
-        }
-        values[k] /= workspace->triangle[k][workspace->order[k]];
-    }
-}
-
-STATUS SOLVE(const ESTIMATOR *estimator, WORKSPACE *workspace, ESTIMATE *estimate)
-{
-    const REAL rounding = EPSILON * FOUR * ((REAL)COLUMNS + SQRT(estimator->rows));
-    const REAL tiny = rounding > LEAST ? rounding : LEAST;
-    const REAL leak = SQRT(tiny);
-    REAL *const first = &workspace->matrix[0][0];
-    size_t *const order = workspace->order;
-    REAL all = ZERO;
-    size_t rank = 0;
-    size_t i, j, k;
-
-    for (j = 0; j < COLUMNS; ++j) {
-        const REAL length = column_length(&estimator->factor[0][j], COLUMNS);
-        order[j] = j;
-        workspace->scale[j] = length > ZERO ? length : ONE;
-        workspace->right[j] = estimator->right[j];
-        for (i = 0; i < COLUMNS; ++i) {
-            workspace->matrix[i][j] = estimator->factor[i][j] / workspace->scale[j];
-        }
-    }
-    for (k = 0; k < COLUMNS; ++k) {
-        REAL diagonal = ZERO;
-        size_t best = k;
-        size_t column;
-
-        for (j = k; j < COLUMNS; ++j) {
-            const REAL length = column_length(first + order[j], COLUMNS);
-            if (length > diagonal) {
-                diagonal = length;
-                best = j;
-            }
-        }
-        if (!(diagonal > tiny)) {
-            break;
-        }
-        column = order[best];
-        order[best] = order[k];
-        order[k] = column;
-        for (i = 0; i < COLUMNS; ++i) {
-            workspace->matrix[i][column] /= diagonal;
-        }
-        workspace->triangle[k][column] = diagonal;
-        for (j = k + 1; j < COLUMNS; ++j) {
-            workspace->triangle[k][order[j]] = remove_part(first + column, first + order[j], COLUMNS);
-        }
-        workspace->solution[k] = remove_part(first + column, workspace->right, 1);
-        ++rank;
-    }
-    estimate->rank = (int)rank;
-    estimate->residual = hypotenuse(estimator->residual, column_length(workspace->right, 1));
-    /* What a free column may take from the pivots is not shown. */
-    for (j = 0; j < COLUMNS; ++j) {
-        estimate->shown[order[j]] = j < rank;
-    }
-    for (j = rank; j < COLUMNS; ++j) {
-        for (k = 0; k < rank; ++k) {
-            workspace->column[k] = workspace->triangle[k][order[j]];
-        }
-        back_substitute(workspace, rank, workspace->column);
-        for (k = 0; k < rank; ++k) {
-            if (!(FABS(workspace->column[k]) <= leak)) {
-                estimate->shown[order[k]] = 0;
-            }
-        }
-    }
-    back_substitute(workspace, rank, workspace->solution);
-    /* The squares of the inverse of the triangle, row by row, in the place of what was left of the right-hand side. */
-    for (k = 0; k < COLUMNS; ++k) {
-        workspace->right[k] = ZERO;
-    }
-    for (j = 0; j < rank; ++j) {
-        for (k = 0; k < rank; ++k) {
-            workspace->column[k] = k == j ? ONE : ZERO;
-        }
-        back_substitute(workspace, j + 1, workspace->column);
-        for (k = 0; k <= j; ++k) {
-            workspace->right[k] += workspace->column[k] * workspace->column[k];
-            all += workspace->column[k] * workspace->column[k];
-        }
-    }
-    estimate->condition = SQRT((REAL)rank * all);
-    for (j = 0; j < COLUMNS; ++j) {
-        workspace->column[j] = (REAL)NAN;
-    }
-    for (k = 0; k < rank; ++k) {
-        if (estimate->shown[order[k]]) {
-            workspace->column[order[k]] = workspace->solution[k] / workspace->scale[order[k]];
-        }
-    }
-";
-
 /// Writes the functions of all requested parts.
 pub(super) fn write(context: &mut Context<'_>) {
     let parts = &context.estimator.parts;
@@ -540,27 +358,36 @@ fn estimator(context: &mut Context<'_>) {
         Parameter::new(format!("{} *estimate", context.global("base_estimate"))),
     ];
     let mut body = format!(
-        "    {solve}(estimator, workspace);
-    estimate->rank = (int)workspace->rank;
-    estimate->residual = workspace->residual;
-    estimate->condition = workspace->condition;
-"
+        "    const {workspace} *const found = workspace;
+
+    {solve}(estimator, workspace);
+    estimate->rank = (int)found->rank;
+    estimate->residual = found->residual;
+    estimate->condition = found->condition;
+",
+        workspace = context.global("base_workspace")
     );
-    body.push_str(&shown(context, &names, ["workspace->", "estimate->"], ""));
-    body.push_str(&statement(1, &format!("return workspace->rank == {size} ? {ok} : {undetermined};")));
+    body.push_str(&shown(context, &names, &|index| format!("found->values[{index}]"), false));
+    body.push_str(&statement(1, &format!("return found->rank == {size} ? {ok} : {undetermined};")));
     context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
 }
 
-/// Gives the fields of an estimate what a solution shows, and their deviations times a factor.
-pub(super) fn shown(context: &Context<'_>, names: &[String], [from, to]: [&str; 2], factor: &str) -> String {
+/// Gives the fields of an estimate what a solution shows; its covariance is that of the estimate, times `factor`, where it has one.
+pub(super) fn shown(
+    context: &Context<'_>,
+    names: &[String],
+    value: &dyn Fn(usize) -> String,
+    has_covariance: bool,
+) -> String {
     let (real, sqrt) = (context.scalar.name(), context.scalar.function("sqrt"));
+    let from = if has_covariance { "estimate" } else { "found" };
     let one = |(index, name): (usize, &String)| {
-        let value = |of: &str| format!("{from}shown[{index}] ? {of} : ({real})NAN;");
-        let deviation = format!("{sqrt}({from}covariance[{index}][{index}]){factor}");
+        let where_shown = |of: &str| format!("found->shown[{index}] ? {of} : ({real})NAN;");
+        let deviation = format!("{sqrt}({from}->covariance[{index}][{index}])");
         [
-            statement(1, &format!("{to}shown[{index}] = {from}shown[{index}];")),
-            statement(1, &format!("{to}parameters.{name} = {}", value(&format!("{from}values[{index}]")))),
-            statement(1, &format!("{to}deviations.{name} = {}", value(&deviation))),
+            statement(1, &format!("estimate->shown[{index}] = found->shown[{index}];")),
+            statement(1, &format!("estimate->parameters.{name} = {}", where_shown(&value(index)))),
+            statement(1, &format!("estimate->deviations.{name} = {}", where_shown(&deviation))),
         ]
         .concat()
     };

@@ -107,6 +107,11 @@ impl<'a> Translator<'a> {
         self.resolved(Some((owner, sizes)), name, "").map(|callee| callee.name)
     }
 
+    /// Defines a function of a file, with all that it calls; gives its name.
+    pub(super) fn function(&mut self, file: &str, name: &str) -> Result<String, Untranslated> {
+        self.resolved(None, name, file).map(|callee| callee.name)
+    }
+
     /// The function behind a call, which is defined where it was not yet.
     fn resolved(&mut self, owner: Option<(&str, &[String])>, name: &str, file: &str) -> Result<Callee, Untranslated> {
         let library = self.library;
@@ -123,7 +128,9 @@ impl<'a> Translator<'a> {
         let c_name = format!("{beginning}_{name}");
         let mut frame = Frame::new(function.file.clone(), environment, own);
         for parameter in &function.signature.generics.params {
-            if let syn::GenericParam::Type(parameter) = parameter {
+            if let syn::GenericParam::Type(parameter) = parameter
+                && parameter.ident != "T"
+            {
                 frame.models.insert(parameter.ident.to_string());
             }
         }

@@ -44,17 +44,17 @@ pub(super) fn text(needs: Needs) -> String {
     }
     if monitor {
         text.push_str(
-            "    pub use self::monitor::{MonitorFault, MonitorJumps, MonitorRules, MonitorState, Monitoring, Moved};\n",
+            "    pub use self::monitor::{MonitorFault, MonitorPhase, MonitorRules, MonitorState, Monitoring, Moved};\n",
         );
     }
     if campaign {
         text.push_str(
-            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};\n",
+            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, Pooled, RunPool, passing};\n",
         );
     }
     if run {
         text.push_str(
-            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_means::RunPassed;\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunLumping, RunPhysical};\n    pub use self::run_weigh::RunMeans;\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
+            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines, RunSampling};\n    pub use self::run_means::RunPassed;\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunIteration, RunLumping, RunPhysical};\n    pub use self::run_weigh::RunMeans;\n    pub use self::run_workspace::{RunModel, RunWorkspace};\n",
         );
     }
     if hyperbolic {

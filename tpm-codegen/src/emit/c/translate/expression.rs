@@ -9,7 +9,7 @@ use super::{Callee, Frame, Translator, Untranslated, library};
 /// How tightly operators bind in C.
 const POSTFIX: u8 = 15;
 const UNARY: u8 = 14;
-const RELATION: u8 = 10;
+pub(super) const RELATION: u8 = 10;
 const EQUALITY: u8 = 9;
 const CHOICE: u8 = 3;
 
@@ -26,7 +26,7 @@ impl Value {
     }
 
     /// The text where an operator binds that tightly.
-    fn within(&self, binding: u8) -> String {
+    pub(super) fn within(&self, binding: u8) -> String {
         if self.binding < binding { format!("({})", self.text) } else { self.text.clone() }
     }
 }
@@ -63,6 +63,7 @@ impl Translator<'_> {
             syn::Expr::Call(call) => self.call(call, frame),
             syn::Expr::If(choice) => self.choice(choice, frame),
             syn::Expr::Reference(reference) => self.value(&reference.expr, frame),
+            syn::Expr::Struct(_) => self.fault(expression, frame),
             _ => Err("an expression beyond the subset".to_owned()),
         }
     }
@@ -141,7 +142,6 @@ impl Translator<'_> {
                 _ => Err(format!("an unknown T::{name}")),
             },
             [model, name] if frame.models.contains(model) => {
-                frame.used.insert("model".to_owned());
                 let whole = |name: &'static str| Type::Whole(name);
                 let ty = match name {
                     "COORDINATES" => Type::Array(Box::new(whole("size_t")), String::new()),
@@ -215,7 +215,11 @@ impl Translator<'_> {
             _ => return Err("an operator beyond the subset".to_owned()),
         };
         // Compilers warn where these two stand side by side without parentheses.
-        let inner = if binding == 4 { 6 } else { binding };
+        let inner = match binding {
+            4 => 6,
+            EQUALITY => RELATION + 1,
+            _ => binding,
+        };
         let ty = match (&left.ty, &right.ty) {
             _ if binding <= RELATION => Type::Bool,
             (Type::Literal, other) | (other, _) => other.clone(),
@@ -385,8 +389,10 @@ impl Translator<'_> {
             (["usize", "from"], Some(argument)) => self.cast(argument, Type::Whole("size_t"), frame),
             (["u32", "from"], Some(argument)) => self.cast(argument, Type::Whole("uint32_t"), frame),
             (["Ok"], Some(syn::Expr::Tuple(_))) => {
-                // There is one kind of fault.
-                let fault = "RunFault".to_owned();
+                let fault = match &frame.result {
+                    Type::Status(fault) => fault.clone(),
+                    _ => "RunFault".to_owned(),
+                };
                 Ok(Value::new((self.target.variant)(&fault, "Ok"), POSTFIX, Type::Status(fault)))
             }
             (["Err"], Some(fault)) => self.fault(fault, frame),

@@ -1,5 +1,6 @@
 //! Statements of the subset in C.
 
+use super::expression::RELATION;
 use super::types::Type;
 use super::{Frame, Translator, Untranslated, library};
 
@@ -68,6 +69,10 @@ impl Translator<'_> {
         let Some(init) = &local.init else { return Err("a name without a value".to_owned()) };
         if init.diverge.is_some() {
             return Err("a pattern that may not fit".to_owned());
+        }
+        if let syn::Pat::Wild(_) = &local.pat {
+            // A name alone is said not to be used; a result is not looked at.
+            return if matches!(*init.expr, syn::Expr::Path(_)) { Ok(()) } else { self.statement(&init.expr, frame) };
         }
         if let syn::Pat::Tuple(names) = &local.pat {
             let syn::Expr::Tuple(values) = &*init.expr else {
@@ -367,7 +372,7 @@ impl Translator<'_> {
             (Type::Literal, other) | (other, _) => other.clone(),
         };
         let kind = self.named(&ty)?;
-        let (start, end) = (start.text, end.text);
+        let (start, end) = (start.text.clone(), end.within(RELATION + 1));
         let relation = if matches!(limits, syn::RangeLimits::Closed(_)) { "<=" } else { "<" };
         let forward = match step {
             Some(step) => format!("{name} += {}", self.value(step, frame)?.text),
