@@ -12,7 +12,7 @@
 )]
 
 use super::run_lines::angle;
-use super::{Real, RunFault, SquareRoot};
+use super::{Real, RunEstimate, RunFault, Solution, SquareRoot};
 
 /// What a smaller amplitude is after a limit was met.
 const BACK_OFF: f64 = 0.7;
@@ -412,17 +412,6 @@ pub fn passing<T: Real, const M: usize>(before: &[T; M], now: &mut [T; M], entri
     }
 }
 
-/// The parameters that all runs show.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pooled<T, const P: usize> {
-    /// The parameters; nothing for those that no run shows.
-    pub values: [Option<T>; P],
-    /// Their standard deviations.
-    pub deviations: [Option<T>; P],
-    /// Their covariance; zero for those that no run shows.
-    pub covariance: [[T; P]; P],
-}
-
 /// What the runs of a campaign say together, as equations for the step from `centre`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunPool<T, const P: usize> {
@@ -443,20 +432,26 @@ impl<T: Real, const P: usize> RunPool<T, P> {
         Self { factor: SquareRoot::default(), centre }
     }
 
-    /// Takes in the equations of a run for the step from `about`, which count by `1 / max(chi_squared, 1)`; gives what all
-    /// runs show.
-    pub fn take(&mut self, run: &SquareRoot<T, P>, about: &[T; P], chi_squared: T) -> Pooled<T, P> {
-        let mut run = *run;
-        self.add(&mut run, about, chi_squared);
-        let shown = self.factor.solution();
-        let mut values = [None; P];
-        for place in 0..P {
-            values[place] = shown.solution[place].map(|step| self.centre[place] + step);
-        }
-        Pooled { values, deviations: shown.deviations, covariance: shown.covariance }
+    /// What all runs show, as one run would.
+    #[must_use]
+    pub fn shown<const Q: usize>(&self, noise: [T; Q]) -> RunEstimate<T, Q, P> {
+        RunEstimate::of(&self.factor, &self.centre, T::ONE, noise)
     }
 
-    /// Takes in equations as [`Self::take`] does; they are faded by their share.
+    /// The parameters that all runs show: what they show in combinations alone moves the parameters in them as little as it can, and what
+    /// they do not show stays.
+    #[must_use]
+    pub fn moved(&self) -> [T; P] {
+        let mut found = Solution::default();
+        self.factor.solve(&mut found);
+        let mut moved = self.centre;
+        for place in 0..P {
+            moved[place] += found.steps[place];
+        }
+        moved
+    }
+
+    /// Takes in the equations of a run for the step from `about`, which count by `1 / max(chi_squared, 1)` and are faded by it.
     pub fn add(&mut self, run: &mut SquareRoot<T, P>, about: &[T; P], chi_squared: T) {
         let mut by = [T::ZERO; P];
         for place in 0..P {

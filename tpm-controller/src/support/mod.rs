@@ -29,8 +29,7 @@ mod tests;
 
 pub use accelerations::{SingularMass, accelerations, factors_hold};
 pub use campaign::{
-    CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, Pooled, RunPool,
-    passing,
+    CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, RunPool, passing,
 };
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
@@ -47,4 +46,4 @@ pub use run_numerical::RunNumerical;
 pub use run_physical::{RunIteration, RunLumping, RunPhysical};
 pub use run_weigh::RunMeans;
 pub use run_workspace::{RunModel, RunWorkspace};
-pub use square_root::{NotFinite, Shown, Solution, SquareRoot};
+pub use square_root::{NotFinite, SampleFault, Shown, Solution, SquareRoot};

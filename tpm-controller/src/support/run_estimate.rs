@@ -25,7 +25,7 @@
 
 use super::{
     Real, RunFault, RunLinearisation, RunLines, RunMeans, RunModel, RunPassed, RunReference, RunSampling, RunWorkspace,
-    SquareRoot,
+    Solution, SquareRoot,
 };
 
 /// Passes that weigh equations by their noise.
@@ -40,6 +40,11 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub deviations: [Option<T>; P],
     /// Their covariance; zero for those that the run does not show.
     pub covariance: [[T; P]; P],
+    /// A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own. A shown
+    /// parameter is a combination of itself alone; the others lead none.
+    pub combinations: [[T; P]; P],
+    /// The values of the combinations and their standard deviations; nothing where there is none.
+    pub combined: [Option<[T; 2]>; P],
     /// The weighted equations for the step from `about`, by which runs are pooled.
     pub equations: SquareRoot<T, P>,
     /// The parameters from which the steps of the equations count: those of the pass before the last.
@@ -158,7 +163,8 @@ impl<
     }
 
     /// Solves the equations for the step from the present parameters and makes it; `weighed` by the noise, otherwise rows by the size of
-    /// their forces. The prior stays where the run does not show a parameter.
+    /// their forces. What the run shows in combinations alone moves the parameters in them as little as it can; the prior stays where nothing is
+    /// shown.
     ///
     /// Noise shifts the mean of a term that is even in a velocity: means count where it is known by how much, and where nothing else
     /// shows a parameter.
@@ -175,8 +181,7 @@ impl<
         }
         self.about = self.theta;
         for column in 0..P {
-            let moved = self.theta[column] + self.found.values[column];
-            self.theta[column] = if self.found.shown[column] { moved } else { self.prior[column] };
+            self.theta[column] += self.found.steps[column];
         }
         Ok(())
     }
@@ -190,16 +195,25 @@ impl<
 impl<T: Real, const Q: usize, const P: usize> RunEstimate<T, Q, P> {
     /// What equations for the step from some parameters show.
     pub(super) fn of(equations: &SquareRoot<T, P>, about: &[T; P], chi_squared: T, noise: [T; Q]) -> Self {
-        let found = equations.solution();
+        let mut found = Solution::default();
+        equations.solve(&mut found);
         let factor = chi_squared.max(T::ONE);
-        let mut values = [None; P];
+        let (mut values, mut deviations, mut combined) = ([None; P], [None; P], [None; P]);
         for place in 0..P {
-            values[place] = found.solution[place].map(|step| about[place] + step);
+            if found.shown[place] {
+                values[place] = Some(about[place] + found.values[place]);
+                deviations[place] = Some(found.deviations[place] * factor.sqrt());
+            }
+            if found.combinations[place][place] > T::ZERO {
+                combined[place] = Some([found.combined(about, place), found.deviations[place] * factor.sqrt()]);
+            }
         }
         Self {
             values,
-            deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * factor.sqrt())),
+            deviations,
             covariance: found.covariance.map(|row| row.map(|entry| entry * factor)),
+            combinations: found.combinations,
+            combined,
             equations: *equations,
             about: *about,
             rank: found.rank,

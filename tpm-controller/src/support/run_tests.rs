@@ -362,8 +362,11 @@ fn white_noise_has_the_stated_variance_in_every_line_but_the_mean() {
 fn runs_are_pooled_by_what_they_show() {
     let found = estimate(&run::<f64>(0.0), 0.0).expect("a run");
     let mut pool = RunPool::new([1.0, 10.0, 0.0, 0.0, 0.0]);
-    let first = pool.take(&found.equations, &found.about, 1.0);
-    let second = pool.take(&found.equations, &found.about, 1.0);
+    let mut take = || {
+        pool.add(&mut found.equations.clone(), &found.about, 1.0);
+        pool.shown([0.0])
+    };
+    let (first, second) = (take(), take());
     let (once, deviation, twice, smaller) = (first.values, first.deviations, second.values, second.deviations);
     for i in 0..4 {
         let (once, twice) = (once[i].expect("shown"), twice[i].expect("shown"));

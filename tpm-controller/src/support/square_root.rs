@@ -17,6 +17,13 @@ use core::fmt;
 /// the rounding of their own evaluation, which no number of rows tells.
 const LEAST_SHARE: f64 = 1e-8;
 
+/// A row is left out where it leaves so many deviations of what is left of those before it: no error of a sensor that works does, and one
+/// such row among thousands would decide about the unknowns.
+const GATE: f64 = 50.0;
+
+/// One of so many rows is left out at most.
+const RARE: f64 = 100.0;
+
 /// A number of a row, or of a matrix, is infinite or not a number; what was there before has stayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NotFinite;
@@ -29,6 +36,26 @@ impl fmt::Display for NotFinite {
 
 impl core::error::Error for NotFinite {}
 
+/// Why the equations of a sample are left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleFault {
+    /// A number is infinite or not a number, or a deviation is zero.
+    NotFinite,
+    /// An equation leaves 50 times what those before it leave on the average.
+    StandsOut,
+}
+
+impl fmt::Display for SampleFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "the sample holds a number that is not finite",
+            Self::StandsOut => "the sample stands out of those before it; check sensors and inputs",
+        })
+    }
+}
+
+impl core::error::Error for SampleFault {}
+
 /// The triangular factor of all equations so far, each divided by the deviation of its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SquareRoot<T, const C: usize> {
@@ -40,11 +67,14 @@ pub struct SquareRoot<T, const C: usize> {
     pub(super) residual: T,
     /// The number of rows; past ones count less after a fading.
     pub(super) rows: T,
+    /// The number of rows that were left out since they stand out, which fades as rows do.
+    left_out: T,
 }
 
 impl<T: Real, const C: usize> Default for SquareRoot<T, C> {
     fn default() -> Self {
-        Self { factor: [[T::ZERO; C]; C], right: [T::ZERO; C], residual: T::ZERO, rows: T::ZERO }
+        let zero = T::ZERO;
+        Self { factor: [[zero; C]; C], right: [zero; C], residual: zero, rows: zero, left_out: zero }
     }
 }
 
@@ -55,6 +85,40 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
         self.right = [T::ZERO; C];
         self.residual = T::ZERO;
         self.rows = T::ZERO;
+        self.left_out = T::ZERO;
+    }
+
+    /// Whether a row stands out of what all rows before it leave: by more deviations than errors have, and not by rounding. The row is
+    /// destroyed; it has finite numbers only.
+    pub fn stands_out(&self, row: &mut [T; C], right: T) -> bool {
+        let mut rest = right;
+        for k in 0..C {
+            if row[k].abs() > T::ZERO {
+                let length = hypotenuse(self.factor[k][k], row[k]);
+                let cosine = self.factor[k][k] / length;
+                let sine = row[k] / length;
+                for j in k..C {
+                    row[j] = cosine * row[j] - sine * self.factor[k][j];
+                }
+                rest = cosine * rest - sine * self.right[k];
+            }
+        }
+        let freedom = self.rows - T::from_f64(C as f64);
+        if freedom <= T::ZERO {
+            return false;
+        }
+        let deviation = self.residual / freedom.sqrt();
+        rest.abs() > T::from_f64(GATE) * deviation + T::EPSILON.sqrt() * right.abs()
+    }
+
+    /// Whether one more row may be left out: at most one of so many, so that a machine that has changed is followed.
+    pub fn leaves_out(&mut self) -> bool {
+        let share = (self.left_out + T::ONE) * T::from_f64(RARE);
+        let rare = share <= self.rows;
+        if rare {
+            self.left_out += T::ONE;
+        }
+        rare
     }
 
     /// Takes in a row of A with its entry of b, both divided by the deviation of the row's error.
@@ -108,6 +172,7 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
         }
         self.residual *= root;
         self.rows *= share;
+        self.left_out *= share;
     }
 
     /// Takes in all rows of another factor.
@@ -167,14 +232,17 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
         found.judge(tiny.sqrt());
         found.invert();
         for k in 0..C {
+            found.steps[k] = T::ZERO;
             found.values[k] = T::ZERO;
             found.column[k] = if k < found.rank { found.projected[k] } else { T::ZERO };
         }
         found.substitute();
         for k in 0..found.rank {
             let place = found.order[k];
+            found.steps[place] = found.column[k];
             found.values[place] = found.column[k] / found.scales[place];
         }
+        found.spread();
     }
 
     /// The sum of squares of what is left of the data, over its degrees of freedom; zero where there are none.
@@ -200,7 +268,7 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
         for place in 0..C {
             if found.shown[place] {
                 shown.solution[place] = Some(found.values[place]);
-                shown.deviations[place] = Some(found.covariance[place][place].sqrt());
+                shown.deviations[place] = Some(found.deviations[place]);
             }
         }
         shown
@@ -226,6 +294,14 @@ pub struct Solution<T, const C: usize> {
     pub covariance: [[T; C]; C],
     /// Whether an unknown is shown.
     pub shown: [bool; C],
+    /// The smallest unknowns, each in the size of its column, of all that leave as little: what is hidden stays as it is. In a step from
+    /// some parameters these hold what is shown, alone and in combinations.
+    pub steps: [T; C],
+    /// A row for every unknown that leads a combination which is shown: the weights of all unknowns in it, one at its own. A shown unknown is
+    /// a combination of itself alone; the others lead none.
+    pub combinations: [[T; C]; C],
+    /// The standard deviations of the combinations, whose values are `values` of the unknowns that lead them.
+    pub deviations: [T; C],
     /// The number of directions that the data show.
     pub rank: usize,
     /// Euclidean length of what is left of the data, in deviations.
@@ -249,6 +325,9 @@ impl<T: Real, const C: usize> Default for Solution<T, C> {
             values: vector,
             covariance: matrix,
             shown: [false; C],
+            steps: vector,
+            combinations: matrix,
+            deviations: vector,
             rank: 0,
             residual: T::ZERO,
             condition: T::ZERO,
@@ -297,14 +376,7 @@ impl<T: Real, const C: usize> Solution<T, C> {
             self.triangle[k][pivot] = diagonal;
             for j in k + 1..C {
                 let other = self.order[j];
-                let mut along = T::ZERO;
-                for r in 0..C {
-                    along += self.columns[pivot][r] * self.columns[other][r];
-                }
-                for r in 0..C {
-                    self.columns[other][r] -= along * self.columns[pivot][r];
-                }
-                self.triangle[k][other] = along;
+                self.triangle[k][other] = self.take_off(pivot, other);
             }
             let mut of_right = T::ZERO;
             for r in 0..C {
@@ -318,6 +390,16 @@ impl<T: Real, const C: usize> Solution<T, C> {
         }
     }
 
+    /// The value of the combination that an unknown leads, for the step from some parameters.
+    #[must_use]
+    pub fn combined(&self, about: &[T; C], row: usize) -> T {
+        let mut sum = self.values[row];
+        for place in 0..C {
+            sum += self.combinations[row][place] * about[place];
+        }
+        sum
+    }
+
     /// Solves with the triangle in the place of `column`, which is in the order of the pivots.
     fn substitute(&mut self) {
         for k in (0..self.rank).rev() {
@@ -329,10 +411,14 @@ impl<T: Real, const C: usize> Solution<T, C> {
         }
     }
 
-    /// Says what is shown: pivots of which no free column takes more than a leak.
+    /// Says what is shown: pivots of which no free column takes more than a leak. Of the others combinations are shown, with as much of the
+    /// free unknowns, in the size of their columns, as their columns take.
     fn judge(&mut self, leak: T) {
+        self.combinations = [[T::ZERO; C]; C];
         for j in 0..C {
-            self.shown[self.order[j]] = j < self.rank;
+            let place = self.order[j];
+            self.shown[place] = j < self.rank;
+            self.combinations[place][place] = if j < self.rank { T::ONE } else { T::ZERO };
         }
         for j in self.rank..C {
             for k in 0..self.rank {
@@ -342,9 +428,52 @@ impl<T: Real, const C: usize> Solution<T, C> {
             for k in 0..self.rank {
                 if self.column[k].abs() > leak || !self.column[k].is_finite() {
                     self.shown[self.order[k]] = false;
+                    self.combinations[self.order[k]][self.order[j]] = self.column[k];
                 }
             }
         }
+    }
+
+    /// Takes the part along the free directions off the steps, and gives steps and combinations the sizes of the unknowns. A free direction
+    /// has one of its own unknown, and less of the pivots by what their columns take; those before it are taken off it first.
+    fn spread(&mut self) {
+        for j in self.rank..C {
+            let free = self.order[j];
+            for place in 0..C {
+                self.columns[free][place] = -self.combinations[place][free];
+            }
+            self.columns[free][free] = T::ONE;
+            for i in self.rank..j {
+                let _ = self.take_off(self.order[i], free);
+            }
+            let size = length(&self.columns[free]);
+            let mut along = T::ZERO;
+            for place in 0..C {
+                self.columns[free][place] /= size;
+                along += self.columns[free][place] * self.steps[place];
+            }
+            for place in 0..C {
+                self.steps[place] -= along * self.columns[free][place];
+            }
+        }
+        for row in 0..C {
+            self.steps[row] /= self.scales[row];
+            for place in 0..C {
+                self.combinations[row][place] *= self.scales[place] / self.scales[row];
+            }
+        }
+    }
+
+    /// Takes the part along a column of unit length off another; gives its size.
+    fn take_off(&mut self, unit: usize, other: usize) -> T {
+        let mut along = T::ZERO;
+        for r in 0..C {
+            along += self.columns[unit][r] * self.columns[other][r];
+        }
+        for r in 0..C {
+            self.columns[other][r] -= along * self.columns[unit][r];
+        }
+        along
     }
 
     /// The covariance, from the columns of the triangle's inverse.
@@ -365,6 +494,7 @@ impl<T: Real, const C: usize> Solution<T, C> {
         }
         self.condition = (T::from_f64(self.rank as f64) * all).sqrt();
         for row in 0..C {
+            self.deviations[row] = self.covariance[row][row].sqrt() / self.scales[row];
             for place in 0..C {
                 let both = self.shown[row] && self.shown[place];
                 let own = self.covariance[row][place] / self.scales[row] / self.scales[place];

@@ -3,7 +3,6 @@
 use super::super::names::Names;
 use super::campaign::Calls;
 use super::context::{Context, Parameter};
-use super::expression::Scalar;
 use super::layout::statement;
 
 /// What the caller reads of the order of a campaign.
@@ -95,10 +94,7 @@ fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: 
     let (real, scalar, zero) = (context.scalar.name(), context.scalar, context.zero());
     let fabs = scalar.function("fabs");
     let mut body = format!("    {real} effort = {zero};\n    int within = 1;\n    int finite = 1;\n\n");
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
+    let max = scalar.max();
     for (_, name) in &names.inputs {
         body.push_str(&format!(
             "    {{\n        const {real} share = {fabs}(sample->applied.{name}) / campaign->limits.inputs.{name};\n        \
@@ -162,6 +158,7 @@ fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase
     let mut body = format!(
         "    const size_t next = campaign->order.now.stage + 1;
     {status} status;
+    {real} chi_squared;
 
     if (campaign->order.state != {due}) {{
         return campaign->phase;
@@ -173,9 +170,12 @@ fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase
     }}
     {add}(&campaign->pool, &campaign->workspace.factor, campaign->workspace.about, campaign->estimate.chi_squared);
     {solve}(&campaign->pool.factor, &campaign->workspace.found);
+    chi_squared = campaign->estimate.chi_squared;
     run_fill(&campaign->workspace.found, campaign->pool.centre, {one}, &campaign->estimate);
+    campaign->estimate.chi_squared = chi_squared;
     campaign->estimated = 1;
 ",
+        real = context.scalar.name(),
         status = context.global("run_status"),
         due = context.constant("RUN_DUE"),
         identify = context.global("run_identify"),
@@ -185,9 +185,8 @@ fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase
         solve = calls.solve,
     );
     for (index, name) in names.columns.iter().enumerate() {
-        body.push_str(&format!(
-            "    if (campaign->estimate.shown[{index}]) {{\n        campaign->parameters.{name} = campaign->estimate.parameters.{name};\n    }}\n"
-        ));
+        let moved = format!("campaign->pool.centre[{index}] + campaign->workspace.found.steps[{index}]");
+        body.push_str(&statement(1, &format!("campaign->parameters.{name} = {moved};")));
     }
     body.push_str(&format!(
         "    {}(&campaign->order, next < campaign->order.stages ? campaign->stages[next].samples_per_period : 0);\n    \

@@ -1,7 +1,5 @@
 //! Functions that are emitted on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in
 //! base parameters.
-//!
-//! Invariant: the methods are those of `tpm_controller::support` (`accelerations`, `square_root`), in the caller's memory.
 
 use super::super::code::Expression;
 use super::super::function::{Body, Function};
@@ -9,91 +7,11 @@ use super::super::requested;
 use super::super::text;
 use super::context::{Context, Parameter, push_constants};
 use super::dynamics::{forces, inputs_record, matrix, size_macro};
-use super::expression::{Scalar, Writer};
+use super::expression::Writer;
 use super::layout::{doc, statement, string};
-use super::solve::{self, filled};
+use super::solve;
 use super::support;
 use tpm_symbolic::plan::leaf::Leaf;
-
-/// C code that solves M a = b by elimination with row pivoting.
-const ACCELERATIONS: &str = "
-/* The x with matrix x = right, by elimination with row pivoting; matrix and right are destroyed. */
-static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], REAL solution[COUNT])
-{
-    const REAL tiny = EPSILON * (REAL)COUNT;
-    REAL sizes[COUNT];
-    size_t i, j, k;
-
-    for (i = 0; i < COUNT; ++i) {
-        REAL largest = ZERO;
-        for (j = 0; j < COUNT; ++j) {
-            const REAL size = FABS(matrix[i][j]);
-            if (!(size <= MAX)) {
-                return NOT_FINITE;
-            }
-            if (size > largest) {
-                largest = size;
-            }
-        }
-        if (!(FABS(right[i]) <= MAX)) {
-            return NOT_FINITE;
-        }
-        if (largest > ZERO) {
-            for (j = 0; j < COUNT; ++j) {
-                matrix[i][j] /= largest;
-            }
-            right[i] /= largest;
-        }
-    }
-    for (j = 0; j < COUNT; ++j) {
-        sizes[j] = ZERO;
-        for (i = 0; i < COUNT; ++i) {
-            if (FABS(matrix[i][j]) > sizes[j]) {
-                sizes[j] = FABS(matrix[i][j]);
-            }
-        }
-    }
-    for (k = 0; k < COUNT; ++k) {
-        size_t best = k;
-        for (i = k + 1; i < COUNT; ++i) {
-            if (FABS(matrix[i][k]) > FABS(matrix[best][k])) {
-                best = i;
-            }
-        }
-        if (!(FABS(matrix[best][k]) > tiny * sizes[k])) {
-            return SINGULAR;
-        }
-        if (best != k) {
-            const REAL other = right[best];
-            right[best] = right[k];
-            right[k] = other;
-            for (j = k; j < COUNT; ++j) {
-                const REAL entry = matrix[best][j];
-                matrix[best][j] = matrix[k][j];
-                matrix[k][j] = entry;
-            }
-        }
-        for (i = k + 1; i < COUNT; ++i) {
-            const REAL factor = matrix[i][k] / matrix[k][k];
-            for (j = k; j < COUNT; ++j) {
-                matrix[i][j] -= factor * matrix[k][j];
-            }
-            right[i] -= factor * right[k];
-        }
-    }
-    for (k = COUNT; k-- > 0;) {
-        solution[k] = right[k];
-        for (j = k + 1; j < COUNT; ++j) {
-            solution[k] -= matrix[k][j] * solution[j];
-        }
-        solution[k] /= matrix[k][k];
-        if (!(FABS(solution[k]) <= MAX)) {
-            return NOT_FINITE;
-        }
-    }
-    return OK;
-}
-";
 
 /// Writes the functions of all requested parts.
 pub(super) fn write(context: &mut Context<'_>) {
@@ -112,30 +30,6 @@ pub(super) fn write(context: &mut Context<'_>) {
     estimator(context);
 }
 
-fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
-    let scalar = context.scalar;
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
-    let mut words = vec![
-        ("REAL", scalar.name().to_owned()),
-        ("STATUS", context.global("status")),
-        ("COUNT", context.constant("COORDINATES")),
-        ("COLUMNS", context.constant("BASE_PARAMETERS")),
-        ("EPSILON", scalar.epsilon().to_owned()),
-        ("MAX", max.to_owned()),
-        ("ZERO", scalar.literal(0.0)),
-        ("ONE", scalar.literal(1.0)),
-        ("FOUR", scalar.literal(4.0)),
-        ("LEAST", scalar.literal(1e-8)),
-        ("FABS", scalar.function("fabs")),
-        ("SQRT", scalar.function("sqrt")),
-    ];
-    words.extend(["OK", "NOT_FINITE", "SINGULAR", "UNDETERMINED"].map(|name| (name, context.constant(name))));
-    words
-}
-
 fn forward_dynamics(context: &mut Context<'_>) {
     let Some(Function { about, reads, body: Body::Values(statements, values) }) =
         requested::forward_dynamics(context.estimator)
@@ -152,8 +46,9 @@ fn forward_dynamics(context: &mut Context<'_>) {
     if context.estimator.plan.feed_forward.is_none() {
         inputs_record(context);
     }
-    let solver = filled(ACCELERATIONS, &words(context));
-    context.source.push_str(&solver);
+    let eliminate = support::write(context, &[("N", "COORDINATES")], |translator| {
+        translator.function("accelerations", "eliminate")
+    });
     let pointer = |name: &str| format!("const {} *{name}", context.global(name));
     let mut parameters = vec![
         Parameter::read(pointer("motion"), "motion", reads.motion),
@@ -164,10 +59,7 @@ fn forward_dynamics(context: &mut Context<'_>) {
     parameters.push(Parameter::new(format!("{} *accelerations", context.global("accelerations"))));
     let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "inputs->", &context.names.inputs, "motion->"));
     let (real, size) = (context.scalar.name(), context.constant("COORDINATES"));
-    let mut body = format!(
-        "    {real} matrix[{size}][{size}];\n    {real} right[{size}];\n    {real} solution[{size}];\n    {} status;\n",
-        context.global("status")
-    );
+    let mut body = format!("    {real} matrix[{size}][{size}];\n    {real} right[{size}];\n    size_t first;\n");
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let count = fields.len();
     let (rows, rest) = values.split_at(count * count);
@@ -183,11 +75,19 @@ fn forward_dynamics(context: &mut Context<'_>) {
     for (row, value) in right.iter().enumerate() {
         body.push_str(&statement(1, &format!("right[{row}] = {};", writer.expression(value))));
     }
-    body.push_str(&format!("    status = solve_accelerations(matrix, right, solution);\n    if (status == {ok}) {{\n"));
+    body.push_str(&format!(
+        "    first = {eliminate}(matrix, right);
+    if (first != {size}) {{
+        return first < {size} ? {} : {};
+    }}
+",
+        context.constant("SINGULAR"),
+        context.constant("NOT_FINITE")
+    ));
     for (index, (field, _)) in fields.iter().enumerate() {
-        body.push_str(&statement(2, &format!("accelerations->{field} = solution[{index}];")));
+        body.push_str(&statement(1, &format!("accelerations->{field} = right[{index}];")));
     }
-    body.push_str("    }\n    return status;\n");
+    body.push_str(&format!("    return {ok};\n"));
     let about = format!(
         "{about}\n\nGives `{}` when the mass matrix is singular with these parameters, and `{}` when a number is not finite.",
         context.constant("SINGULAR"),
@@ -206,9 +106,8 @@ fn by_factors<L: Fn(&Leaf) -> String>(
     fields: &[(String, String)],
 ) -> String {
     let count = fields.len();
-    let (real, fabs, words) = (context.scalar.name(), context.scalar.function("fabs"), words(context));
-    let word = |name: &str| words.iter().find(|(own, _)| *own == name).map_or("", |(_, word)| word.as_str());
-    let (epsilon, max) = (word("EPSILON"), word("MAX"));
+    let (real, fabs, epsilon) = (context.scalar.name(), context.scalar.function("fabs"), context.scalar.epsilon());
+    let max = context.scalar.max();
     let mut body =
         statement(1, &format!("const {real} tiny = {epsilon} * ({real}){};", context.constant("COORDINATES")));
     let (pivots, accelerations) = solved.split_at(count);
@@ -306,7 +205,8 @@ fn estimator(context: &mut Context<'_>) {
     let written = support::write(context, &support::BASE, |translator| {
         translator.structure("SquareRoot", &of_size)?;
         translator.structure("Solution", &of_size)?;
-        let take = translator.method("SquareRoot", &of_size, "take")?;
+        let mut of_rows = |name| translator.method("SquareRoot", &of_size, name);
+        let take = [of_rows("take")?, of_rows("stands_out")?, of_rows("leaves_out")?];
         let clear = translator.method("SquareRoot", &of_size, "clear")?;
         let fade = context_forgetting.then(|| translator.method("SquareRoot", &of_size, "fade")).transpose()?;
         Ok((take, clear, fade, translator.method("SquareRoot", &of_size, "solve")?))
@@ -367,23 +267,17 @@ fn estimator(context: &mut Context<'_>) {
 ",
         workspace = context.global("base_workspace")
     );
-    body.push_str(&shown(context, &names, &|index| format!("found->values[{index}]"), false));
+    body.push_str(&shown(context, &names, &|index| format!("found->values[{index}]"), ""));
     body.push_str(&statement(1, &format!("return found->rank == {size} ? {ok} : {undetermined};")));
     context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
 }
 
-/// Gives the fields of an estimate what a solution shows; its covariance is that of the estimate, times `factor`, where it has one.
-pub(super) fn shown(
-    context: &Context<'_>,
-    names: &[String],
-    value: &dyn Fn(usize) -> String,
-    has_covariance: bool,
-) -> String {
-    let (real, sqrt) = (context.scalar.name(), context.scalar.function("sqrt"));
-    let from = if has_covariance { "estimate" } else { "found" };
+/// Gives the fields of an estimate what a solution shows; deviations are multiplied by a factor.
+pub(super) fn shown(context: &Context<'_>, names: &[String], value: &dyn Fn(usize) -> String, factor: &str) -> String {
+    let real = context.scalar.name();
     let one = |(index, name): (usize, &String)| {
         let where_shown = |of: &str| format!("found->shown[{index}] ? {of} : ({real})NAN;");
-        let deviation = format!("{sqrt}({from}->covariance[{index}][{index}])");
+        let deviation = format!("found->deviations[{index}]{factor}");
         [
             statement(1, &format!("estimate->shown[{index}] = found->shown[{index}];")),
             statement(1, &format!("estimate->parameters.{name} = {}", where_shown(&value(index)))),
@@ -395,14 +289,11 @@ pub(super) fn shown(
 }
 
 /// The function that processes a sample.
-fn accumulate(context: &mut Context<'_>, pointer: Parameter, take: &str) {
+fn accumulate(context: &mut Context<'_>, pointer: Parameter, [take, gate, leaves_out]: &[String; 3]) {
     let (real, scalar) = (context.scalar.name(), context.scalar);
     let (rows, size) = (context.constant("EQUATIONS"), context.constant("BASE_PARAMETERS"));
     let forces = context.global("forces");
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
+    let max = scalar.max();
     let argument = context.constants_argument();
     let known = requested::has_known(context.estimator);
     // Evaluate the regressor and the right-hand side.
@@ -410,7 +301,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter, take: &str) {
     if known {
         body.push_str(&format!("    {forces} known;\n"));
     }
-    body.push_str("    size_t i, j;\n\n");
+    body.push_str("    size_t i, j;\n    int stands_out = 0;\n\n");
     body.push_str(&statement(1, &format!("{}(motion{argument}, matrix);", context.global("base_regressor"))));
     if known {
         body.push_str(&statement(1, &format!("{}(motion{argument}, &known);", context.global("known"))));
@@ -444,11 +335,22 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter, take: &str) {
         }}
     }}
     for (i = 0; i < {rows}; ++i) {{
+        {real} row[{size}];
+        for (j = 0; j < {size}; ++j) {{
+            row[j] = matrix[i][j];
+        }}
+        stands_out = stands_out || {gate}(estimator, row, right[i]);
+    }}
+    if (stands_out && {leaves_out}(estimator)) {{
+        return {odd};
+    }}
+    for (i = 0; i < {rows}; ++i) {{
         (void){take}(estimator, matrix[i], right[i]);
     }}
     return {ok};
 ",
         not_finite = context.constant("NOT_FINITE"),
+        odd = context.constant("STANDS_OUT"),
         ok = context.constant("OK"),
     ));
     let mut parameters = vec![pointer, Parameter::new(format!("const {} *motion", context.global("motion")))];
@@ -457,9 +359,11 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter, take: &str) {
     parameters.push(Parameter::new(format!("const {forces} *deviations")));
     let about = format!(
         "Takes in the motion and the applied forces B u of one instant, every equation with the standard deviation of its error, or all\n\
-         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero; the sample is left out then. An\n\
-         equation whose deviation is infinite says nothing.",
-        context.constant("NOT_FINITE")
+         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero, `{}` when an equation leaves 50\n\
+         times what those before it leave on the average; the sample is left out then, in the latter case at most one of a hundred, so\n\
+         that a machine that changes is followed. An equation whose deviation is infinite says nothing.",
+        context.constant("NOT_FINITE"),
+        context.constant("STANDS_OUT")
     );
     let (name, status) = (context.global("base_accumulate"), context.global("status"));
     context.function(&name, &about, &status, &parameters, &body);

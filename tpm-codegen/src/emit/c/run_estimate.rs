@@ -21,6 +21,15 @@ pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>, calls: 
             format!("{real} covariance[{size}][{size}]"),
         ),
         field("For each parameter 1 when the run shows it, otherwise 0.", format!("int shown[{size}]")),
+        field(
+            "A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own. \
+             A shown parameter is a combination of itself alone; the others lead none.",
+            format!("{real} combinations[{size}][{size}]"),
+        ),
+        field(
+            "The values of the combinations and their standard deviations; not a number where there is none.",
+            format!("{real} combined[{size}][2]"),
+        ),
         field("The number of directions that the run shows.", "int rank".to_owned()),
         field("At least the condition number of what is shown, and at most the rank times that.", format!("{real} condition")),
         field(
@@ -95,8 +104,11 @@ fn solution(context: &Context<'_>, names: &Names<String>, calls: &Calls, [update
 /// The function that gives what a solution shows, for the step from some parameters, their names.
 fn fill(context: &mut Context<'_>, names: &Names<String>) {
     let parts = ["run_solution", "run_estimate", "RUN_PARAMETERS"];
-    let text =
-        filling(context, "run_fill", parts, &names.columns, |index| format!("about[{index}] + found->values[{index}]"));
+    let of_size = support::sizes(context, &["RUN_PARAMETERS"]);
+    let combined =
+        support::write(context, &support::RUN, |translator| translator.method("Solution", &of_size, "combined"));
+    let value = |index: usize| format!("about[{index}] + found->values[{index}]");
+    let text = filling(context, "run_fill", parts, &names.columns, value, Some(&combined));
     context.source.push_str(&text);
 }
 
@@ -108,6 +120,7 @@ pub(super) fn filling(
     [found, estimate, size]: [&str; 3],
     names: &[String],
     value: impl Fn(usize) -> String,
+    combined: Option<&str>,
 ) -> String {
     let (real, size, one) = (context.scalar.name(), context.constant(size), context.scalar.literal(1.0));
     let mut text = format!(
@@ -127,7 +140,22 @@ pub(super) fn filling(
         found = context.global(found),
         estimate = context.global(estimate),
     );
-    text.push_str(&requested::shown(context, names, &value, true));
+    let sqrt = context.scalar.function("sqrt");
+    if let Some(combined) = combined {
+        let zero = context.zero();
+        text.push_str(&format!(
+            "    for (size_t i = 0; i < {size}; ++i) {{
+        const int is = found->combinations[i][i] > {zero};
+        for (size_t j = 0; j < {size}; ++j) {{
+            estimate->combinations[i][j] = found->combinations[i][j];
+        }}
+        estimate->combined[i][0] = is ? {combined}(found, about, i) : ({real})NAN;
+        estimate->combined[i][1] = is ? found->deviations[i] * {sqrt}(factor) : ({real})NAN;
+    }}
+"
+        ));
+    }
+    text.push_str(&requested::shown(context, names, &value, &format!(" * {sqrt}(factor)")));
     text.push_str("}\n");
     text
 }

@@ -121,7 +121,7 @@ fn estimate(context: &mut Context<'_>, names: &Names<String>, [update, chi_squar
     let columns: Vec<String> = names.physical.iter().map(|(_, name)| name.clone()).collect();
     let parts = ["run_physical_solution", "run_physical_estimate", "RUN_PHYSICAL"];
     // The values of the iteration are the parameters themselves.
-    let text = filling(context, "run_fill_physical", parts, &columns, |index| format!("about[{index}]"));
+    let text = filling(context, "run_fill_physical", parts, &columns, |index| format!("about[{index}]"), None);
     context.source.push_str(&text);
     let ok = context.constant("RUN_OK");
     let mut body = format!("    {} status;\n\n", context.global("run_status"));

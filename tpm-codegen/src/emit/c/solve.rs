@@ -4,7 +4,6 @@
 //! side carried along; Björck, 1967), in the caller's memory.
 
 use super::context::Context;
-use super::expression::Scalar;
 use super::layout::doc;
 
 const SOURCE: &str = "
@@ -155,6 +154,10 @@ pub(super) fn status(context: &mut Context<'_>) {
         "The data do not determine a parameter: its column is zero, or a combination of others.",
         "An entry of the matrix or of the data is infinite or not a number.",
     ];
+    if context.estimator.parts.estimator {
+        names.push(context.constant("STANDS_OUT"));
+        about.push("A sample stands out of those before it, and is left out.");
+    }
     if context.estimator.parts.forward_dynamics.is_some() {
         names.push(context.constant("SINGULAR"));
         about.push("The mass matrix is singular: no equation determines the acceleration of a coordinate.");
@@ -196,10 +199,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     ];
     let fields: String = fields.iter().map(|(about, field)| format!("{}    {field};\n", doc(1, about))).collect();
     context.structure("estimate", "What the harmonics say about the parameters.", &fields);
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
+    let max = scalar.max();
     let replaced = [
         ("REAL", scalar.name().to_owned()),
         ("STATUS", status),

@@ -18,7 +18,7 @@ use super::record::count;
 pub(super) fn items(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStream {
     let Some(campaign) = CampaignPlan::of(context.estimator) else { return TokenStream::new() };
     let command = command(context, plan, names, &campaign);
-    let machine = machine(context, plan, names);
+    let machine = machine(context, plan);
     let about = super::record::doc(CAMPAIGN);
     let pattern = pattern(context);
     quote! {
@@ -78,10 +78,9 @@ fn pattern(context: &Context<'_>) -> TokenStream {
 }
 
 /// The methods that do not depend on the motion.
-fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStream {
+fn machine(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
     let handed = context.constants_handed_on();
     let argument = context.constants_argument();
-    let columns = &names.columns;
     let lines = count(plan.lines());
     let evaluation = &plan.source.plan.evaluation;
     let channels = count(evaluation.coordinates.len() + evaluation.inputs.len());
@@ -197,11 +196,10 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                 }
                 match self.estimator.estimate(#argument &self.parameters) {
                     Ok(mut estimate) => {
-                        let pooled = self.pool.take(&estimate.equations, &estimate.about, estimate.chi_squared);
-                        estimate.parameters = Parameters::from_array(pooled.values);
-                        estimate.deviations = Parameters::from_array(pooled.deviations);
-                        estimate.covariance = pooled.covariance;
-                        #(self.parameters.#columns = estimate.parameters.#columns.unwrap_or(self.parameters.#columns);)*
+                        self.pool.add(&mut estimate.equations, &estimate.about, estimate.chi_squared);
+                        let pooled = Estimate::of(self.pool.shown(estimate.noise.into_array()));
+                        estimate = Estimate { chi_squared: estimate.chi_squared, ..pooled };
+                        self.parameters = Parameters::from_array(self.pool.moved());
                         self.estimate = Some(estimate);
                         let next = self.stages.get(self.order.plays().0.stage + 1);
                         self.order.updated(next.map_or(0, |stage| stage.samples_per_period));

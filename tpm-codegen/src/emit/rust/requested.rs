@@ -22,7 +22,7 @@ pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
         names.extend(forward.factored.then_some("factors_hold"));
     }
     if parts.estimator {
-        names.extend(["NotFinite", "SquareRoot"]);
+        names.extend(["SampleFault", "SquareRoot"]);
     }
     if parts.monitor {
         names.extend(["MonitorFault", "MonitorPhase", "MonitorState", "Monitoring"]);
@@ -244,15 +244,16 @@ fn estimator(context: &Context<'_>) -> TokenStream {
             /// error, or all alike when `deviations` is nothing.
             ///
             /// # Errors
-            /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then. An equation whose deviation is
-            /// infinite says nothing.
+            /// [`SampleFault::NotFinite`] when a number is not finite or a deviation is zero, [`SampleFault::StandsOut`] when an equation leaves
+            /// 50 times what those before it leave on the average. The sample is left out then, in the latter case at most one of a hundred,
+            /// so that a machine that changes is followed. An equation whose deviation is infinite says nothing.
             pub fn push(
                 &mut self,
                 motion: &Motion<T>,
                 forces: &Forces<T>,
                 deviations: Option<&Forces<T>>,
                 #constants
-            ) -> Result<(), NotFinite> {
+            ) -> Result<(), SampleFault> {
                 take_rows(&mut self.rows, motion, forces, deviations, #argument)
             }
 
@@ -280,7 +281,7 @@ fn estimator(context: &Context<'_>) -> TokenStream {
             forces: &Forces<T>,
             deviations: Option<&Forces<T>>,
             #constants
-        ) -> Result<(), NotFinite> {
+        ) -> Result<(), SampleFault> {
             let mut matrix = base_regressor(motion, #argument);
             let mut right = forces.into_array();
             let known = #known;
@@ -292,10 +293,17 @@ fn estimator(context: &Context<'_>) -> TokenStream {
                 row.iter_mut().for_each(|entry| *entry /= deviation);
             }
             if !matrix.as_flattened().iter().chain(&right).all(|value| value.is_finite()) {
-                return Err(NotFinite);
+                return Err(SampleFault::NotFinite);
             }
-            for (row, right) in matrix.into_iter().zip(right) {
-                rows.push(row, right)?;
+            let mut stands_out = false;
+            for (mut row, right) in matrix.into_iter().zip(right) {
+                stands_out |= rows.stands_out(&mut row, right);
+            }
+            if stands_out && rows.leaves_out() {
+                return Err(SampleFault::StandsOut);
+            }
+            for (row, right) in matrix.iter_mut().zip(right) {
+                let _ = rows.take(row, right);
             }
             Ok(())
         }

@@ -298,6 +298,8 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     parameters: Parameters::from_array(found.values),
                     deviations: Parameters::from_array(found.deviations),
                     covariance: found.covariance,
+                    combinations: found.combinations,
+                    combined: found.combined,
                     equations: found.equations,
                     about: found.about,
                     rank: found.rank,
@@ -317,6 +319,11 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             pub deviations: Parameters<Option<T>>,
             /// Their covariance in the order of the fields; zero for those that the run does not show.
             pub covariance: [[T; #parameters]; #parameters],
+            /// A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own.
+            /// A shown parameter is a combination of itself alone; the others lead none.
+            pub combinations: [[T; #parameters]; #parameters],
+            /// The values of the combinations and their standard deviations; nothing where there is none.
+            pub combined: [Option<[T; 2]>; #parameters],
             /// The weighted equations of the run, for the step from `about`.
             pub equations: SquareRoot<T, #parameters>,
             /// The parameters from which the steps of the equations count.

@@ -40,7 +40,7 @@ pub(super) fn text(needs: Needs) -> String {
         text.push_str("    pub use self::accelerations::{SingularMass, accelerations, factors_hold};\n");
     }
     if square_root {
-        text.push_str("    pub use self::square_root::{NotFinite, Shown, Solution, SquareRoot};\n");
+        text.push_str("    pub use self::square_root::{NotFinite, SampleFault, Shown, Solution, SquareRoot};\n");
     }
     if monitor {
         text.push_str(
@@ -49,7 +49,7 @@ pub(super) fn text(needs: Needs) -> String {
     }
     if campaign {
         text.push_str(
-            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, Pooled, RunPool, passing};\n",
+            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, RunPool, passing};\n",
         );
     }
     if run {

@@ -311,8 +311,7 @@ impl Translator<'_> {
     ) -> Result<Value, Untranslated> {
         let scalar = self.target.scalar;
         if name == "is_finite" {
-            let most = if scalar.name() == "float" { "FLT_MAX" } else { "DBL_MAX" };
-            let text = format!("{}({}) <= {most}", scalar.function("fabs"), base.text);
+            let text = format!("{}({}) <= {}", scalar.function("fabs"), base.text, scalar.max());
             return Ok(Value::new(text, RELATION, Type::Bool));
         }
         let function = match name {

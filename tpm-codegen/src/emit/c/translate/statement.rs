@@ -275,7 +275,7 @@ impl Translator<'_> {
                 let value = self.value(&tried.expr, frame)?;
                 let Type::Status(fault) = &value.ty else { return Err("a question to no status".to_owned()) };
                 let (name, ok) = (self.enumeration(fault)?, (self.target.variant)(fault, "Ok"));
-                let status = format!("status{}", frame.counter());
+                let status = frame.counter().replace('i', "status");
                 frame.write(&format!("const {name} {status} = {};", value.text));
                 frame.write(&format!("if ({status} != {ok}) {{"));
                 frame.depth += 1;
@@ -312,7 +312,7 @@ impl Translator<'_> {
             (element, loops) = (inner, loops + 1);
         }
         let [one, other] = &places[..] else { return Err("an exchange of two entries".to_owned()) };
-        let (kind, held) = (self.named(element)?, format!("held{}", frame.counter()));
+        let (kind, held) = (self.named(element)?, frame.counter().replace('i', "held"));
         frame.write(&format!("const {kind} {held} = {one};"));
         frame.write(&format!("{one} = {other};"));
         frame.write(&format!("{other} = {held};"));
