@@ -38,7 +38,7 @@ pub struct Options<'a> {
 
 /// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
 /// equal one of them.
-const DYNAMICS: [&str; 116] = [
+const DYNAMICS: [&str; 117] = [
     "accelerations",
     "base",
     "base_accumulate",
@@ -77,6 +77,7 @@ const DYNAMICS: [&str; 116] = [
     "inverse_dynamics",
     "known",
     "label",
+    "least_squares",
     "low_pass",
     "low_pass_settle",
     "lump",

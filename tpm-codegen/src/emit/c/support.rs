@@ -66,6 +66,7 @@ fn structure(context: &Context<'_>, name: &str, sizes: &[String]) -> [String; 2]
         "Solution" if of("RUN_PHYSICAL") => ("run_physical_solution", "run_physical_solution"),
         "SquareRoot" => ("run_factor", "run_factor"),
         "Solution" => ("run_solution", "run_solution"),
+        "Fit" => ("least_squares", "least_squares"),
         "Phasor" => ("run_phasor", "run_phasor"),
         "RunFault" => ("run_status", "run_status"),
         "Monitoring" => ("monitor", "monitor"),

@@ -141,13 +141,16 @@ impl Translator<'_> {
     pub(super) fn declared(&mut self, ty: &Type, name: &str, parameter: bool) -> Result<String, Untranslated> {
         match ty {
             Type::Array(element, size) => self.declared(element, &format!("{name}[{size}]"), parameter),
+            // C does not convert arrays of arrays to constant ones.
+            Type::Slice(element, _) if matches!(**element, Type::Array(..)) => {
+                self.declared(element, &format!("(*{name})"), false)
+            }
             Type::Slice(element, changed) => {
                 let constant = if *changed { "" } else { "const " };
                 Ok(format!("{constant}{} *{name}", self.named(element)?))
             }
             Type::Pointer(inner, changed) => match &**inner {
-                Type::Array(element, size) => {
-                    // C does not convert arrays of arrays to constant ones.
+                Type::Array(element, _) => {
                     let constant = if *changed || matches!(**element, Type::Array(..)) { "" } else { "const " };
                     let own = match parameter {
                         true => self.declared(inner, name, true)?,
@@ -156,7 +159,6 @@ impl Translator<'_> {
                             _ => format!("{} *{name}", self.named(element)?),
                         },
                     };
-                    let _ = size;
                     Ok(format!("{constant}{own}"))
                 }
                 inner => {
