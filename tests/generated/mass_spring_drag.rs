@@ -629,7 +629,7 @@ pub struct Estimate<T> {
 }
 
 /// What the functions above need beside `core` and the crate `libm`.
-#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+#[allow(dead_code, unused_imports, clippy::needless_range_loop, reason = "no model needs all of it; an index reads as in the mathematics")]
 pub mod support {
     pub use self::label::Label;
     pub use self::real::Real;
@@ -741,10 +741,6 @@ pub mod support {
         //! Invariants: nothing allocates, and every index is that of a loop below its length, so that no input can make it panic. The
         //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
         //! column; that is as stable as Householder's (Björck, 1967).
-        #![allow(
-            clippy::needless_range_loop,
-            reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-        )]
 
         use super::Label;
         use super::Real;

@@ -2090,22 +2090,18 @@ impl<T: Real> BaseEstimate<T> {
 }
 
 /// What the functions above need beside `core` and the crate `libm`.
-#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+#[allow(dead_code, unused_imports, clippy::needless_range_loop, reason = "no model needs all of it; an index reads as in the mathematics")]
 pub mod support {
     pub use self::label::Label;
     pub use self::real::Real;
     pub use self::accelerations::{SingularMass, accelerations, factors_hold};
-    pub use self::square_root::{NotFinite, SampleFault, Shown, Solution, SquareRoot};
+    pub use self::square_root::{SampleFault, Shown, Solution, SquareRoot};
 
     mod accelerations {
         //! Accelerations from a mass matrix, on the controller.
         //!
         //! Invariants: the matrix is a fixed-size array, nothing allocates, and every index is that of a loop below its length, so that no input can
         //! make it panic.
-        #![allow(
-            clippy::needless_range_loop,
-            reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-        )]
 
         use super::Label;
         use super::Real;
@@ -2478,10 +2474,6 @@ pub mod support {
         //!
         //! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic. All
         //! but what Rust alone is given is of the subset that is printed as C too.
-        #![allow(
-            clippy::needless_range_loop,
-            reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-        )]
 
         use super::Real;
         use core::fmt;
@@ -2496,18 +2488,6 @@ pub mod support {
 
         /// One of so many rows is left out at most.
         const RARE: f64 = 100.0;
-
-        /// A number of a row, or of a matrix, is infinite or not a number; what was there before has stayed.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub struct NotFinite;
-
-        impl fmt::Display for NotFinite {
-            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the data hold a number that is not finite")
-            }
-        }
-
-        impl core::error::Error for NotFinite {}
 
         /// Why the equations of a sample are left out.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -2597,9 +2577,9 @@ pub mod support {
             /// Takes in a row of A with its entry of b, both divided by the deviation of the row's error.
             ///
             /// # Errors
-            /// [`NotFinite`] when a number of the row is not; the row is left out then.
-            pub fn push(&mut self, mut row: [T; C], right: T) -> Result<(), NotFinite> {
-                if self.take(&mut row, right) { Ok(()) } else { Err(NotFinite) }
+            /// [`SampleFault::NotFinite`] when a number of the row is not; the row is left out then.
+            pub fn push(&mut self, mut row: [T; C], right: T) -> Result<(), SampleFault> {
+                if self.take(&mut row, right) { Ok(()) } else { Err(SampleFault::NotFinite) }
             }
 
             /// Takes in a row with its right-hand side, and destroys it. Says whether all numbers are finite; the row is left out otherwise.
@@ -2679,17 +2659,6 @@ pub mod support {
             #[must_use]
             pub fn residual(&self) -> T {
                 self.residual
-            }
-
-            /// The right-hand sides of the triangular factor.
-            #[must_use]
-            pub fn right_side(&self) -> [T; C] {
-                self.right
-            }
-
-            /// The rows of the triangular factor, each with its right-hand side: equations of x with independent errors of variance one.
-            pub fn equations(&self) -> impl Iterator<Item = (&[T; C], T)> {
-                self.factor.iter().zip(self.right)
             }
 
             /// What the rows say about x: modified Gram-Schmidt with column pivoting on the factor, its columns scaled to unit length.

@@ -2,10 +2,6 @@
 //!
 //! Invariants: the matrix is a fixed-size array, nothing allocates, and every index is that of a loop below its length, so that no input can
 //! make it panic.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::Label;
 use super::Real;

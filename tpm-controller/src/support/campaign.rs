@@ -6,10 +6,6 @@
 //! is made. A run that meets a limit is given up for one of smaller amplitudes.
 //!
 //! Invariants: nothing allocates; a campaign ends after a bounded number of samples if updates are made; an ended one comes to rest.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::run_lines::angle;
 use super::{Real, RunEstimate, RunFault, Solution, SquareRoot};

@@ -3,10 +3,6 @@
 //! Invariants: nothing allocates, and every index is that of a loop below its length, so that no input can make it panic. The
 //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
 //! column; that is as stable as Householder's (Björck, 1967).
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::Label;
 use super::Real;

@@ -1,7 +1,12 @@
 //! What every generated estimator needs beside `core` and the crate `libm`.
 //!
 //! Invariant: each file here takes what it needs from this module (`super`) and from nowhere else in the crate, and holds no
-//! tests, so that its text may stand, unchanged, inside a generated file.
+//! tests, so that its text may stand, unchanged, inside a generated file. What is computed is of the subset of Rust that is printed as C
+//! (structures, arrays of fixed size, loops over ranges; no iterators, closures or options): `tpm-codegen` refuses anything else.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
 
 mod accelerations;
 mod campaign;
@@ -46,4 +51,4 @@ pub use run_numerical::RunNumerical;
 pub use run_physical::{RunIteration, RunLumping, RunPhysical};
 pub use run_weigh::RunMeans;
 pub use run_workspace::{RunModel, RunWorkspace};
-pub use square_root::{NotFinite, SampleFault, Shown, Solution, SquareRoot};
+pub use square_root::{SampleFault, Shown, Solution, SquareRoot};

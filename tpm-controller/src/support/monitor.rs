@@ -14,10 +14,6 @@
 //! was asked for. For a drifting parameter both begin beyond its allowance.
 //!
 //! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{Real, SquareRoot};
 use core::fmt;

@@ -18,10 +18,6 @@
 //! Invariants: nothing allocates; every loop has a length that the model fixes, so that an update takes a fixed time; indices run up to
 //! lengths of the arrays that they index. Equations are solved for the step from the pass before in square-root form, so that single
 //! precision keeps the digits of the step, and nothing is estimated along what the run does not show.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{
     Real, RunFault, RunLinearisation, RunLines, RunMeans, RunModel, RunPassed, RunReference, RunSampling, RunWorkspace,

@@ -12,10 +12,6 @@
 //! can be evaluated along the measured motion as well: it counts as an error that all harmonics of a row have alike.
 //!
 //! Invariants: those of [`RunWorkspace`].
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::run_lines::angle;
 use super::run_workspace::{motion_at, turn_at};

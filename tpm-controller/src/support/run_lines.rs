@@ -9,11 +9,6 @@
 //! Invariants: nothing allocates and no input makes it panic. A sample that cannot be used ends the run: its fault stays until the next
 //! run begins, and no line is given.
 
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
-
 use super::{Phasor, Real};
 use core::fmt;
 

@@ -8,10 +8,6 @@
 //! under the same input, which is passed sample by sample through a filter: what it has passed is there as the sum of its squares.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::run_workspace::{motion_at, turn_at};
 use super::{Phasor, Real, RunLines, RunModel, RunSampling, RunWorkspace};

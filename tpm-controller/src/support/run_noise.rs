@@ -6,10 +6,6 @@
 //! from a few lines its variance would otherwise take a share of the sensors', and the small harmonics would count less than they show.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{Phasor, Real, RunModel, RunWorkspace};
 

@@ -14,10 +14,6 @@
 //! update u leaves `(1 + sum u w_base)^2 + sum u^2 w^2` times the variance of one run, since all runs are compared with the same one.
 //!
 //! Invariant: nothing allocates, and every loop has a length that is fixed.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{Phasor, Real, RunEstimate, RunFault, RunLines, RunReference, Solution, SquareRoot};
 

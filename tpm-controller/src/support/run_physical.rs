@@ -5,10 +5,6 @@
 //! does not depend, or which the run does not show, get no number.
 //!
 //! Invariants: nothing allocates, and every loop has a length that is fixed.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{Real, RunFault, Solution, SquareRoot};
 

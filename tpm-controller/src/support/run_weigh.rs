@@ -6,10 +6,6 @@
 //! of all visible equations are divided by the Cholesky factor of the covariance that they have together.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{Phasor, Real, RunFault, RunModel, RunWorkspace};
 

@@ -3,10 +3,6 @@
 //!
 //! Invariants: nothing allocates, and every loop has a length that the model fixes. Harmonic k stands in the place of line 2 k
 //! ([`RunLines`](super::RunLines)).
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::{Phasor, Real, RunFault, RunLines, RunSampling, Solution, SquareRoot};
 
@@ -228,10 +224,14 @@ impl<
             let mut known = [T::ZERO; R];
             let mut map = [[T::ZERO; U]; R];
             model.rows(&motion, &mut phi, &mut known, &mut map);
+            let mut forces = [T::ZERO; U];
+            for input in 0..U {
+                forces[input] = value_at(&self.inputs[input], 0, turn, self.w);
+            }
             for row in 0..R {
                 let mut drive = T::ZERO;
                 for input in 0..U {
-                    drive += map[row][input] * value_at(&self.inputs[input], 0, turn, self.w);
+                    drive += map[row][input] * forces[input];
                     self.map[row][input] += map[row][input] * mean;
                 }
                 if !drive.is_finite() || !known[row].is_finite() {
@@ -346,10 +346,14 @@ impl<
         let mut known = [T::ZERO; R];
         let mut map = [[T::ZERO; U]; R];
         model.rows(motion, &mut phi, &mut known, &mut map);
+        let mut forces = [T::ZERO; U];
+        for input in 0..U {
+            forces[input] = value_at(&self.inputs[input], 0, turn, self.w);
+        }
         for row in 0..R {
             let mut left = -known[row];
             for input in 0..U {
-                left += map[row][input] * value_at(&self.inputs[input], 0, turn, self.w);
+                left += map[row][input] * forces[input];
             }
             for column in 0..P {
                 left -= phi[row][column] * self.theta[column];

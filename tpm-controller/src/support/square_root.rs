@@ -5,10 +5,6 @@
 //!
 //! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic. All
 //! but what Rust alone is given is of the subset that is printed as C too.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
 use super::Real;
 use core::fmt;
@@ -23,18 +19,6 @@ const GATE: f64 = 50.0;
 
 /// One of so many rows is left out at most.
 const RARE: f64 = 100.0;
-
-/// A number of a row, or of a matrix, is infinite or not a number; what was there before has stayed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NotFinite;
-
-impl fmt::Display for NotFinite {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the data hold a number that is not finite")
-    }
-}
-
-impl core::error::Error for NotFinite {}
 
 /// Why the equations of a sample are left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,9 +108,9 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
     /// Takes in a row of A with its entry of b, both divided by the deviation of the row's error.
     ///
     /// # Errors
-    /// [`NotFinite`] when a number of the row is not; the row is left out then.
-    pub fn push(&mut self, mut row: [T; C], right: T) -> Result<(), NotFinite> {
-        if self.take(&mut row, right) { Ok(()) } else { Err(NotFinite) }
+    /// [`SampleFault::NotFinite`] when a number of the row is not; the row is left out then.
+    pub fn push(&mut self, mut row: [T; C], right: T) -> Result<(), SampleFault> {
+        if self.take(&mut row, right) { Ok(()) } else { Err(SampleFault::NotFinite) }
     }
 
     /// Takes in a row with its right-hand side, and destroys it. Says whether all numbers are finite; the row is left out otherwise.
@@ -206,17 +190,6 @@ impl<T: Real, const C: usize> SquareRoot<T, C> {
     #[must_use]
     pub fn residual(&self) -> T {
         self.residual
-    }
-
-    /// The right-hand sides of the triangular factor.
-    #[must_use]
-    pub fn right_side(&self) -> [T; C] {
-        self.right
-    }
-
-    /// The rows of the triangular factor, each with its right-hand side: equations of x with independent errors of variance one.
-    pub fn equations(&self) -> impl Iterator<Item = (&[T; C], T)> {
-        self.factor.iter().zip(self.right)
     }
 
     /// What the rows say about x: modified Gram-Schmidt with column pivoting on the factor, its columns scaled to unit length.

@@ -1,5 +1,5 @@
 use super::{
-    Label, MonitorRules, MonitorState, Monitoring, NotFinite, Real, SingularMass, Solution, SolveError, SquareRoot,
+    Label, MonitorRules, MonitorState, Monitoring, Real, SampleFault, SingularMass, Solution, SolveError, SquareRoot,
     accelerations, factors_hold, least_squares, weighted_least_squares,
 };
 
@@ -150,8 +150,8 @@ fn what_the_rows_do_not_show_has_no_value() {
         let row = [a, b, b + 2e6 * a, c, 0.0];
         sums.push(row, 2.0 * b + 0.5 * c).expect("finite");
     }
-    assert_eq!(sums.push([1.0, f32::NAN, 0.0, 0.0, 0.0], 0.0), Err(NotFinite));
-    assert_eq!(sums.push([0.0; 5], f32::INFINITY), Err(NotFinite));
+    assert_eq!(sums.push([1.0, f32::NAN, 0.0, 0.0, 0.0], 0.0), Err(SampleFault::NotFinite));
+    assert_eq!(sums.push([0.0; 5], f32::INFINITY), Err(SampleFault::NotFinite));
     let found = sums.solution();
     assert_eq!(found.rank, 3);
     assert_eq!(found.solution.map(|value| value.is_some()), [false, false, false, true, false]);

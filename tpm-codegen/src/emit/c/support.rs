@@ -1,6 +1,7 @@
 //! The controller's own code in the C of a model: names, and where it is written.
 
 use std::collections::HashMap;
+use std::rc::Rc;
 
 use super::super::name::snake;
 use super::context::Context;
@@ -32,7 +33,11 @@ pub(super) fn write<R>(
     sizes: &[(&'static str, &str)],
     ask: impl FnOnce(&mut Translator<'_>) -> Result<R, Untranslated>,
 ) -> R {
-    let written = Library::read().and_then(|library| {
+    let library = match &context.library {
+        Some(library) => Ok(Rc::clone(library)),
+        None => Library::read().map(Rc::new),
+    };
+    let written = library.and_then(|library| {
         let sizes = sizes.iter().map(|(name, size)| (*name, context.constant(size)));
         let structure = |name: &str, sizes: &[String]| structure(context, name, sizes);
         let variant = |name: &str, variant: &str| self::variant(context, name, variant);
@@ -47,12 +52,13 @@ pub(super) fn write<R>(
         };
         let mut translator = Translator::new(&library, &target, context.translated.clone());
         let found = ask(&mut translator)?;
-        Ok((found, translator.types, translator.functions, translator.done))
+        Ok((found, translator.types, translator.functions, translator.done, Rc::clone(&library)))
     });
-    let (found, types, functions, done) = written.expect("invariant: what is asked for is of the subset");
+    let (found, types, functions, done, library) = written.expect("invariant: what is asked for is of the subset");
     context.header.push_str(&types);
     context.source.push_str(&functions);
     context.translated = done;
+    context.library = Some(library);
     found
 }
 
@@ -69,6 +75,8 @@ fn structure(context: &Context<'_>, name: &str, sizes: &[String]) -> [String; 2]
         "Fit" => ("least_squares", "least_squares"),
         "Phasor" => ("run_phasor", "run_phasor"),
         "RunFault" => ("run_status", "run_status"),
+        "Evidence" => ("monitor_evidence", "monitor_evidence"),
+        "Watched" => ("monitor_watched", "monitor_watched"),
         "Monitoring" => ("monitor", "monitor"),
         "MonitorRules" => ("monitor_order", "monitor_order"),
         "MonitorPhase" => ("monitor_state", "monitor_state"),

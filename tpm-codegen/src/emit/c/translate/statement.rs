@@ -17,7 +17,6 @@ impl Translator<'_> {
                 _ => return Err("a statement beyond the subset".to_owned()),
             }
         }
-        // A function that ends with nothing to say says that all went well.
         Ok(())
     }
 
