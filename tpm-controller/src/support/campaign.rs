@@ -336,6 +336,7 @@ impl<T: Real> CampaignOrder<T> {
     }
 
     /// Begins a smaller run, or ends the campaign. The passage to a pattern that meets a limit is played backwards.
+    #[allow(clippy::manual_swap, reason = "of the subset that is printed as C")]
     fn give_up(&mut self, passing: bool) {
         self.back_offs += 1;
         if passing {

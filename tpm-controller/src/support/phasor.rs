@@ -38,7 +38,7 @@ impl<T: Real> Phasor<T> {
         for _ in 0..order {
             size *= w;
         }
-        if order % 4 == 0 {
+        if order.is_multiple_of(4) {
             return Self::new(size, T::ZERO);
         }
         if order % 4 == 1 {

@@ -44,7 +44,7 @@ impl<
     ) -> Phasor<T> {
         let _ = model;
         let source = T::from_f64((line - 2 * shift) as f64) / T::from_f64(2.0) * self.w;
-        let harmonic = shift.abs() as usize;
+        let harmonic = shift.unsigned_abs() as usize;
         let mut sum = Phasor::zero();
         if harmonic >= L {
             return sum;
@@ -71,7 +71,7 @@ impl<
                         let through = self.through(model, row, coordinate, line as i32, shift);
                         felt += through.square();
                         let source = line as i32 - 2 * shift;
-                        let place = source.abs() as usize;
+                        let place = source.unsigned_abs() as usize;
                         if place < L {
                             let measured = self.motion[coordinate][place];
                             residual -= through * if source < 0 { measured.conj() } else { measured };

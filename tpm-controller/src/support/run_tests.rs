@@ -137,7 +137,7 @@ fn update_about(which: Option<RunLinearisation>, size: f64, prior: &[f64; 3]) ->
         let time = f64::from(number) * step;
         let [x, acceleration] = [0, 2].map(|order| at(&pattern, time, order) + at(&error, time, order));
         let force = SPRING[0] * acceleration + SPRING[1] * x + SPRING[2] * x * x * x;
-        let _ = reference.push(number, &[at(&pattern, time, 0)]).expect("finite");
+        reference.push(number, &[at(&pattern, time, 0)]).expect("finite");
         lines.push(number, &[x, force]).expect("finite");
         passed.push(&[force]);
     }
@@ -249,7 +249,7 @@ fn bent(parameters: [f64; 2], about: [f64; 2], noise: f64) -> (RunLines<f64, 1, 
             + (parameters[0] - about[0]).powi(2) * 4e-2 * libm::cos(turn);
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let random = (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
-        let _ = reference.push(number, &[planned]).expect("finite");
+        reference.push(number, &[planned]).expect("finite");
         lines.push(number, &[planned + error + noise * random]).expect("finite");
     }
     (lines, reference)

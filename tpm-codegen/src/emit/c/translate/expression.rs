@@ -343,7 +343,9 @@ impl Translator<'_> {
         match (name, other) {
             ("is_multiple_of", Some(other)) => Ok(Value::new(format!("{own} % {other} == 0"), EQUALITY, Type::Bool)),
             ("isqrt", None) => Ok(Value::new(format!("(uint32_t)sqrt((double){own})"), UNARY, base.ty.clone())),
-            ("abs", None) => Ok(Value::new(format!("{own} < 0 ? -{own} : {own}"), CHOICE, base.ty.clone())),
+            ("abs" | "unsigned_abs", None) => {
+                Ok(Value::new(format!("{own} < 0 ? -{own} : {own}"), CHOICE, base.ty.clone()))
+            }
             ("max", Some(other)) => {
                 Ok(Value::new(format!("{own} > {other} ? {own} : {other}"), CHOICE, base.ty.clone()))
             }
