@@ -377,6 +377,43 @@ fn runs_are_pooled_by_what_they_show() {
     assert_eq!(twice[4], None);
 }
 
+/// The oscillator with its mass as a sum of a whole and a half one, which no motion tells apart.
+struct Halves;
+
+impl RunModel<f64, 1, 1, 5, 3> for Halves {
+    const COORDINATES: [usize; 3] = [0; 3];
+    const ORDERS: [u32; 3] = [0, 1, 2];
+    const POINTS: usize = 512;
+
+    fn rows(&self, motion: &[f64; 3], regressor: &mut [[f64; 5]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
+        let [x, rate, acceleration] = *motion;
+        regressor[0] = [acceleration, acceleration / 2.0, x * x * x, rate.abs() * rate, 1.0];
+        map[0][0] = 1.0;
+    }
+}
+
+/// What runs show in combinations alone is kept with its deviation, and the next feed-forward goes along it.
+#[test]
+fn runs_go_along_the_combinations_that_they_show() {
+    let (lines, passed) = run::<f64>(0.0);
+    let sampling = RunSampling { sample_time: SHAPE.2, held: false, delay: 0.0 };
+    let prior = [1.0, 0.5, 10.0, 0.0, 0.0];
+    let mut workspace = RunWorkspace::<f64, 1, 1, 1, 5, 3, 26, 25, 325>::default();
+    let mut found = workspace.estimate(&Halves, (&lines, &passed), sampling, &prior, None).expect("a run");
+    assert_eq!((found.rank, found.values[0], found.values[1]), (4, None, None), "{found:?}");
+    let mut pool = RunPool::new(prior);
+    pool.add(&mut found.equations, &found.about, found.chi_squared);
+    for (shown, moved) in [(found, workspace.theta), (pool.shown([0.0]), pool.moved())] {
+        let lead = if shown.combinations[0][0] > 0.0 { 0 } else { 1 };
+        let [value, deviation] = shown.combined[lead].expect("a combination");
+        let whole = value / shown.combinations[lead][0];
+        assert!((whole - 2.0).abs() < 2e-3 && deviation > 0.0, "{shown:?}");
+        assert!((moved[0] + moved[1] / 2.0 - 2.0).abs() < 2e-3, "{moved:?}");
+        // Both move from the prior by as much force.
+        assert!(((moved[0] - 1.0) - (moved[1] - 0.5) / 2.0).abs() < 1e-6, "{moved:?}");
+    }
+}
+
 #[test]
 fn a_passage_is_smooth_at_both_ends() {
     // Position and four derivatives of one coordinate, between rest at 1 and a motion of constant speed.
