@@ -211,6 +211,23 @@ typedef struct mass_spring_drag_estimate {
     int undetermined;
 } mass_spring_drag_estimate;
 
+/* The memory of a solution, and what the data say. */
+typedef struct mass_spring_drag_least_squares {
+    /* The triangular factor, its columns in the order of the pivots, and then its inverse. */
+    double factor[MASS_SPRING_DRAG_PARAMETERS][MASS_SPRING_DRAG_PARAMETERS];
+    /* Lengths of the columns, and the places from which they came, in that order. */
+    double scales[MASS_SPRING_DRAG_PARAMETERS];
+    size_t order[MASS_SPRING_DRAG_PARAMETERS];
+    double projected[MASS_SPRING_DRAG_PARAMETERS];
+    /* The x, its covariance, the length of what is left of b, and the condition. */
+    double solution[MASS_SPRING_DRAG_PARAMETERS];
+    double covariance[MASS_SPRING_DRAG_PARAMETERS][MASS_SPRING_DRAG_PARAMETERS];
+    double residual;
+    double condition;
+    /* The number of pivots that were found. */
+    size_t rank;
+} mass_spring_drag_least_squares;
+
 /*
  * Amplitudes and frequency of the trajectory pattern
  *
@@ -342,7 +359,7 @@ typedef struct mass_spring_drag_workspace {
     /* The harmonics; afterwards what is left of them. */
     double right[MASS_SPRING_DRAG_HARMONICS];
     /* Scratch. */
-    double factor[MASS_SPRING_DRAG_PARAMETERS][MASS_SPRING_DRAG_PARAMETERS];
+    mass_spring_drag_least_squares fit;
 } mass_spring_drag_workspace;
 
 /*

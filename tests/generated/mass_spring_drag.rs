@@ -629,7 +629,7 @@ pub struct Estimate<T> {
 }
 
 /// What the functions above need beside `core` and the crate `libm`.
-#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+#[allow(dead_code, unused_imports, clippy::needless_range_loop, reason = "no model needs all of it; an index reads as in the mathematics")]
 pub mod support {
     pub use self::label::Label;
     pub use self::real::Real;
@@ -738,9 +738,9 @@ pub mod support {
     mod least_squares {
         //! Least squares with as many unknowns as a model has parameters, on the controller.
         //!
-        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+        //! Invariants: nothing allocates, and every index is that of a loop below its length, so that no input can make it panic. The
         //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
-        //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+        //! column; that is as stable as Householder's (Björck, 1967).
 
         use super::Label;
         use super::Real;
@@ -773,26 +773,6 @@ pub mod support {
 
         impl core::error::Error for SolveError {}
 
-        /// A column of the matrix with the place it came from.
-        #[derive(Clone, Copy)]
-        struct Column<T, const R: usize> {
-            index: usize,
-            values: [T; R],
-        }
-
-        /// One row of the triangular factor.
-        #[derive(Clone, Copy)]
-        struct Pivot<T, const C: usize> {
-            /// The column that was eliminated.
-            index: usize,
-            /// Its diagonal entry.
-            diagonal: T,
-            /// The projection of the right-hand side.
-            right: T,
-            /// Entries of the columns that were left, by their original places.
-            row: [T; C],
-        }
-
         /// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
         ///
         /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
@@ -805,7 +785,7 @@ pub mod support {
             right: &[T; R],
             labels: &[Label<'static>; C],
         ) -> Result<[T; C], SolveError> {
-            factorised(matrix, right, labels).map(|factors| factors.solution)
+            weighted_least_squares(matrix, right, None, labels).map(|found| found.solution)
         }
 
         /// Everything that the data say about x.
@@ -834,149 +814,252 @@ pub mod support {
         ) -> Result<LeastSquares<T, C>, SolveError> {
             let (mut matrix, mut right) = (*matrix, *right);
             if let Some(deviations) = deviations {
-                for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
-                    for entry in row {
-                        *entry /= deviation;
+                for i in 0..R {
+                    for j in 0..C {
+                        matrix[i][j] /= deviations[i];
                     }
-                    *right /= deviation;
+                    right[i] /= deviations[i];
                 }
             }
-            let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
-            let mut covariance = [[T::ZERO; C]; C];
-            let mut square = T::ZERO;
-            for k in 0..C {
-                // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
-                let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
-                for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
-                    square += a * a;
-                    for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
-                        *entry += a / scale * (b / other);
-                    }
+            let mut fit = Fit::new();
+            match fit.solve(&mut matrix, &mut right) {
+                place if place < C => {
+                    Err(SolveError::Unobservable { parameter: place, name: labels.get(place).map_or("", |label| label.name) })
                 }
+                place if place == C => Ok(LeastSquares {
+                    solution: fit.solution,
+                    covariance: fit.covariance,
+                    residual: fit.residual,
+                    condition: fit.condition,
+                }),
+                _ => Err(SolveError::NotFinite),
             }
-            let condition = (T::from_f64(C as f64) * square).sqrt();
-            Ok(LeastSquares { solution, covariance, residual, condition })
         }
 
-        /// The triangular factor with what follows from it at once.
-        struct Factors<T, const C: usize> {
-            pivots: [Pivot<T, C>; C],
-            /// Lengths of the columns.
+        /// The memory of a solution, and what the data say.
+        #[derive(Clone, Copy, Debug)]
+        pub(super) struct Fit<T, const C: usize> {
+            /// The triangular factor, its columns in the order of the pivots, and then its inverse.
+            factor: [[T; C]; C],
+            /// Lengths of the columns, and the places from which they came, in that order.
             scales: [T; C],
-            solution: [T; C],
-            residual: T,
+            order: [usize; C],
+            projected: [T; C],
+            /// The x, its covariance, the length of what is left of b, and the condition.
+            pub(super) solution: [T; C],
+            pub(super) covariance: [[T; C]; C],
+            pub(super) residual: T,
+            pub(super) condition: T,
+            /// The number of pivots that were found.
+            pub rank: usize,
         }
 
-        fn factorised<T: Real, const R: usize, const C: usize>(
-            matrix: &[[T; C]; R],
-            right: &[T; R],
-            labels: &[Label<'static>; C],
-        ) -> Result<Factors<T, C>, SolveError> {
-            let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
-            let mut scales = [T::ONE; C];
-            for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
-                column.index = c;
-                for (value, row) in column.values.iter_mut().zip(matrix) {
-                    *value = row.get(c).copied().unwrap_or(T::ZERO);
-                }
-                *scale = length(&column.values);
-                if !scale.is_finite() {
-                    return Err(SolveError::NotFinite);
-                }
-                if *scale > T::ZERO {
-                    for value in &mut column.values {
-                        *value /= *scale;
-                    }
-                }
-            }
-            let mut right = *right;
-            if !right.iter().all(|value| value.is_finite()) {
-                return Err(SolveError::NotFinite);
-            }
-            let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
-            let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
-            let mut left = columns.as_mut_slice();
-            for pivot in &mut pivots {
-                let Some((first, rest)) = left.split_first_mut() else { break };
-                let mut diagonal = length(&first.values);
-                for other in rest.iter_mut() {
-                    let size = length(&other.values);
-                    if size > diagonal {
-                        diagonal = size;
-                        core::mem::swap(first, other);
-                    }
-                }
-                pivot.index = first.index;
-                if diagonal <= tiny {
-                    let name = labels.get(first.index).map_or("", |label| label.name);
-                    return Err(SolveError::Unobservable { parameter: first.index, name });
-                }
-                pivot.diagonal = diagonal;
-                for value in &mut first.values {
-                    *value /= diagonal;
-                }
-                for other in rest.iter_mut() {
-                    let entry = project(&first.values, &mut other.values);
-                    if let Some(slot) = pivot.row.get_mut(other.index) {
-                        *slot = entry;
-                    }
-                }
-                pivot.right = project(&first.values, &mut right);
-                left = rest;
-            }
-            let mut solution = substituted(&pivots, |_, pivot| pivot.right);
-            for (value, &scale) in solution.iter_mut().zip(&scales) {
-                *value /= scale;
-            }
-            Ok(Factors { pivots, scales, solution, residual: length(&right) })
-        }
-
-        /// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
-        fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
-            let mut solution = [T::ZERO; C];
-            for (k, pivot) in pivots.iter().enumerate().rev() {
-                // Entries of columns that are not solved yet are zero in the row.
-                let mut sum = right(k, pivot);
-                for (&entry, &value) in pivot.row.iter().zip(&solution) {
-                    sum -= entry * value;
-                }
-                if let Some(slot) = solution.get_mut(pivot.index) {
-                    *slot = sum / pivot.diagonal;
-                }
-            }
-            solution
-        }
-
-        /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
-        fn length<T: Real>(values: &[T]) -> T {
+        /// Euclidean length of a column, or of the right-hand side, scaled by the largest entry so that squares neither overflow nor vanish.
+        fn column_length<T: Real, const C: usize>(matrix: &[[T; C]], column: usize) -> T {
             let mut largest = T::ZERO;
-            for &value in values {
-                if !value.is_finite() {
-                    return value.abs();
+            let mut sum = T::ZERO;
+            if column >= C {
+                return sum;
+            }
+            for i in 0..matrix.len() {
+                if !matrix[i][column].is_finite() {
+                    return matrix[i][column].abs();
                 }
-                largest = largest.max(value.abs());
+                largest = largest.max(matrix[i][column].abs());
             }
             if largest <= T::ZERO {
-                return T::ZERO;
+                return largest;
             }
-            let mut sum = T::ZERO;
-            for &value in values {
-                let part = value / largest;
+            for i in 0..matrix.len() {
+                let part = matrix[i][column] / largest;
                 sum += part * part;
             }
             largest * sum.sqrt()
         }
 
-        /// Removes the part along the unit vector and returns its size.
-        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
-            let mut along = T::ZERO;
-            for (&u, &value) in unit.iter().zip(values.iter()) {
-                along += u * value;
+        /// Euclidean length of numbers, in the same way.
+        fn length<T: Real>(values: &[T]) -> T {
+            let mut largest = T::ZERO;
+            for i in 0..values.len() {
+                largest = largest.max(values[i].abs());
             }
-            for (&u, value) in unit.iter().zip(values.iter_mut()) {
-                *value -= along * u;
+            if largest <= T::ZERO {
+                return largest;
             }
-            along
+            let mut sum = T::ZERO;
+            for i in 0..values.len() {
+                let part = values[i] / largest;
+                sum += part * part;
+            }
+            largest * sum.sqrt()
+        }
+
+        impl<T: Real, const C: usize> Fit<T, C> {
+            fn new() -> Self {
+                let (vector, matrix) = ([T::ZERO; C], [[T::ZERO; C]; C]);
+                Self {
+                    factor: matrix,
+                    scales: vector,
+                    order: [0; C],
+                    projected: vector,
+                    solution: vector,
+                    covariance: matrix,
+                    residual: T::ZERO,
+                    condition: T::ZERO,
+                    rank: 0,
+                }
+            }
+
+            /// Finds the x that minimises |A x - b|; A becomes orthonormal, b what is left of it. Gives the number of unknowns, the first one that
+            /// the data do not determine, or one more than their number when a number is not finite.
+            pub(super) fn solve(&mut self, matrix: &mut [[T; C]], right: &mut [T]) -> usize {
+                self.rank = 0;
+                for i in 0..matrix.len().min(right.len()) {
+                    for j in 0..C {
+                        if !matrix[i][j].is_finite() {
+                            return C + 1;
+                        }
+                    }
+                    if !right[i].is_finite() {
+                        return C + 1;
+                    }
+                }
+                for j in 0..C {
+                    let size = column_length(matrix, j);
+                    if !size.is_finite() {
+                        return C + 1;
+                    }
+                    self.order[j] = j;
+                    self.scales[j] = if size > T::ZERO { size } else { T::ONE };
+                    for i in 0..matrix.len() {
+                        matrix[i][j] /= self.scales[j];
+                    }
+                }
+                let tiny = T::EPSILON * T::from_f64(4.0) * T::from_f64((matrix.len() + C) as f64);
+                for k in 0..C {
+                    let mut diagonal = column_length(matrix, k);
+                    for j in k + 1..C {
+                        let size = column_length(matrix, j);
+                        if size > diagonal {
+                            diagonal = size;
+                            self.exchange(matrix, k, j);
+                        }
+                    }
+                    if diagonal <= tiny {
+                        return self.order[k];
+                    }
+                    self.eliminate(matrix, right, k, diagonal);
+                    self.rank += 1;
+                }
+                self.residual = length(right);
+                self.substitute();
+                self.invert();
+                C
+            }
+
+            /// Exchanges two columns.
+            fn exchange(&mut self, matrix: &mut [[T; C]], k: usize, j: usize) {
+                if k >= C || j >= C {
+                    return;
+                }
+                for i in 0..matrix.len() {
+                    matrix[i].swap(k, j);
+                }
+                for i in 0..C {
+                    self.factor[i].swap(k, j);
+                }
+                self.order.swap(k, j);
+                self.scales.swap(k, j);
+            }
+
+            /// Gives a column the length one, and takes its part off those behind it and off the right-hand side.
+            fn eliminate(&mut self, matrix: &mut [[T; C]], right: &mut [T], k: usize, diagonal: T) {
+                if k >= C {
+                    return;
+                }
+                self.factor[k][k] = diagonal;
+                for i in 0..matrix.len() {
+                    matrix[i][k] /= diagonal;
+                }
+                for j in k + 1..C {
+                    let mut along = T::ZERO;
+                    for i in 0..matrix.len() {
+                        along += matrix[i][k] * matrix[i][j];
+                    }
+                    for i in 0..matrix.len() {
+                        let part = along * matrix[i][k];
+                        matrix[i][j] -= part;
+                    }
+                    self.factor[k][j] = along;
+                }
+                let mut of_right = T::ZERO;
+                for i in 0..matrix.len().min(right.len()) {
+                    of_right += matrix[i][k] * right[i];
+                }
+                for i in 0..matrix.len().min(right.len()) {
+                    right[i] -= of_right * matrix[i][k];
+                }
+                self.projected[k] = of_right;
+            }
+
+            /// Solves with the triangular factor, and gives every unknown its place.
+            fn substitute(&mut self) {
+                for k in (0..C).rev() {
+                    let mut sum = self.projected[k];
+                    for j in k + 1..C {
+                        sum -= self.factor[k][j] * self.projected[j];
+                    }
+                    self.projected[k] = sum / self.factor[k][k];
+                    for place in 0..C {
+                        if self.order[k] == place {
+                            self.solution[place] = self.projected[k] / self.scales[k];
+                        }
+                    }
+                }
+            }
+
+            /// The inverse of the triangular factor in its place, column by column, and with it the covariance.
+            fn invert(&mut self) {
+                for j in 0..C {
+                    self.factor[j][j] = T::ONE / self.factor[j][j];
+                    for i in 0..j {
+                        let mut sum = T::ZERO;
+                        for k in i..j {
+                            sum += self.factor[i][k] * self.factor[k][j];
+                        }
+                        self.factor[i][j] = -(sum * self.factor[j][j]);
+                    }
+                }
+                let mut square = T::ZERO;
+                for i in 0..C {
+                    for j in 0..=i {
+                        let mut sum = T::ZERO;
+                        for k in i..C {
+                            sum += self.factor[i][k] * self.factor[j][k];
+                        }
+                        if i == j {
+                            square += sum;
+                        }
+                        self.place(i, j, sum / self.scales[i] / self.scales[j]);
+                    }
+                }
+                self.condition = (T::from_f64(C as f64) * square).sqrt();
+            }
+
+            /// Gives the covariance of two columns its two places.
+            fn place(&mut self, i: usize, j: usize, value: T) {
+                if i >= C || j >= C {
+                    return;
+                }
+                for row in 0..C {
+                    for column in 0..C {
+                        let own = row == self.order[i] && column == self.order[j];
+                        if own || (row == self.order[j] && column == self.order[i]) {
+                            self.covariance[row][column] = value;
+                        }
+                    }
+                }
+            }
         }
     }
 

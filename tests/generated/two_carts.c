@@ -155,151 +155,252 @@ void two_carts_feed_forward_with_regressor(const two_carts_motion *motion,
             parameters->c7;
 }
 
-/* Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish. */
-static double length_of(const double *values, size_t stride, size_t count)
+/*
+ * Euclidean length of a column, or of the right-hand side, scaled by the largest entry so that
+ * squares neither overflow nor vanish.
+ */
+static double least_squares_column_length(double (*matrix)[TWO_CARTS_PARAMETERS], size_t matrix_length,
+        size_t column)
 {
     double largest = 0.0;
     double sum = 0.0;
-    size_t i;
-
-    for (i = 0; i < count; ++i) {
-        const double size = fabs(values[i * stride]);
-        if (!(size <= DBL_MAX)) {
-            return size;
-        }
-        if (size > largest) {
-            largest = size;
-        }
+    if (column >= TWO_CARTS_PARAMETERS) {
+        return sum;
     }
-    if (!(largest > 0.0)) {
-        return 0.0;
+    for (size_t i = 0; i < matrix_length; ++i) {
+        if (!(fabs(matrix[i][column]) <= DBL_MAX)) {
+            return fabs(matrix[i][column]);
+        }
+        largest = fmax(largest, fabs(matrix[i][column]));
     }
-    for (i = 0; i < count; ++i) {
-        const double part = values[i * stride] / largest;
+    if (largest <= 0.0) {
+        return largest;
+    }
+    for (size_t i = 0; i < matrix_length; ++i) {
+        const double part = matrix[i][column] / largest;
         sum += part * part;
     }
     return largest * sqrt(sum);
 }
 
-/* Removes the part along a unit vector and returns its size. */
-static double project(const double *unit, double *values, size_t stride, size_t count)
+/* Exchanges two columns. */
+static void least_squares_exchange(two_carts_least_squares *self, double (*matrix)[TWO_CARTS_PARAMETERS],
+        size_t matrix_length, size_t k, size_t j)
 {
-    double along = 0.0;
-    size_t i;
-
-    for (i = 0; i < count; ++i) {
-        along += unit[i * TWO_CARTS_PARAMETERS] * values[i * stride];
+    if (k >= TWO_CARTS_PARAMETERS || j >= TWO_CARTS_PARAMETERS) {
+        return;
     }
-    for (i = 0; i < count; ++i) {
-        values[i * stride] -= along * unit[i * TWO_CARTS_PARAMETERS];
+    for (size_t i = 0; i < matrix_length; ++i) {
+        const double held1 = matrix[i][k];
+        matrix[i][k] = matrix[i][j];
+        matrix[i][j] = held1;
     }
-    return along;
+    for (size_t i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
+        const double held2 = self->factor[i][k];
+        self->factor[i][k] = self->factor[i][j];
+        self->factor[i][j] = held2;
+    }
+    const size_t held3 = self->order[k];
+    self->order[k] = self->order[j];
+    self->order[j] = held3;
+    const double held4 = self->scales[k];
+    self->scales[k] = self->scales[j];
+    self->scales[j] = held4;
 }
 
-/* The x that minimises |A x - b|; A becomes orthonormal, b what is left of it. */
-static two_carts_status least_squares(size_t rows, double matrix[][TWO_CARTS_PARAMETERS], double *right, double factor[TWO_CARTS_PARAMETERS][TWO_CARTS_PARAMETERS],
-                            two_carts_estimate *estimate)
+/*
+ * Gives a column the length one, and takes its part off those behind it and off the right-hand
+ * side.
+ */
+static void least_squares_eliminate(two_carts_least_squares *self, double (*matrix)[TWO_CARTS_PARAMETERS],
+        size_t matrix_length, double *right, size_t right_length, size_t k, double diagonal)
 {
-    const double tiny = DBL_EPSILON * 4.0 * (double)(rows + TWO_CARTS_PARAMETERS);
-    double *const first = &matrix[0][0];
-    double scale[TWO_CARTS_PARAMETERS];
-    double solution[TWO_CARTS_PARAMETERS];
+    if (k >= TWO_CARTS_PARAMETERS) {
+        return;
+    }
+    self->factor[k][k] = diagonal;
+    for (size_t i = 0; i < matrix_length; ++i) {
+        matrix[i][k] /= diagonal;
+    }
+    for (size_t j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
+        double along = 0.0;
+        for (size_t i = 0; i < matrix_length; ++i) {
+            along += matrix[i][k] * matrix[i][j];
+        }
+        for (size_t i = 0; i < matrix_length; ++i) {
+            const double part = along * matrix[i][k];
+            matrix[i][j] -= part;
+        }
+        self->factor[k][j] = along;
+    }
+    double of_right = 0.0;
+    for (size_t i = 0; i < (matrix_length < right_length ? matrix_length : right_length); ++i) {
+        of_right += matrix[i][k] * right[i];
+    }
+    for (size_t i = 0; i < (matrix_length < right_length ? matrix_length : right_length); ++i) {
+        right[i] -= of_right * matrix[i][k];
+    }
+    self->projected[k] = of_right;
+}
+
+/* Euclidean length of numbers, in the same way. */
+static double least_squares_length(const double *values, size_t values_length)
+{
+    double largest = 0.0;
+    for (size_t i = 0; i < values_length; ++i) {
+        largest = fmax(largest, fabs(values[i]));
+    }
+    if (largest <= 0.0) {
+        return largest;
+    }
+    double sum = 0.0;
+    for (size_t i = 0; i < values_length; ++i) {
+        const double part = values[i] / largest;
+        sum += part * part;
+    }
+    return largest * sqrt(sum);
+}
+
+/* Solves with the triangular factor, and gives every unknown its place. */
+static void least_squares_substitute(two_carts_least_squares *self)
+{
+    for (size_t k = TWO_CARTS_PARAMETERS; k-- > 0;) {
+        double sum = self->projected[k];
+        for (size_t j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
+            sum -= self->factor[k][j] * self->projected[j];
+        }
+        self->projected[k] = sum / self->factor[k][k];
+        for (size_t place = 0; place < TWO_CARTS_PARAMETERS; ++place) {
+            if (self->order[k] == place) {
+                self->solution[place] = self->projected[k] / self->scales[k];
+            }
+        }
+    }
+}
+
+/* Gives the covariance of two columns its two places. */
+static void least_squares_place(two_carts_least_squares *self, size_t i, size_t j, double value)
+{
+    if (i >= TWO_CARTS_PARAMETERS || j >= TWO_CARTS_PARAMETERS) {
+        return;
+    }
+    for (size_t row = 0; row < TWO_CARTS_PARAMETERS; ++row) {
+        for (size_t column = 0; column < TWO_CARTS_PARAMETERS; ++column) {
+            const int own = row == self->order[i] && column == self->order[j];
+            if (own || (row == self->order[j] && column == self->order[i])) {
+                self->covariance[row][column] = value;
+            }
+        }
+    }
+}
+
+/*
+ * The inverse of the triangular factor in its place, column by column, and with it the covariance.
+ */
+static void least_squares_invert(two_carts_least_squares *self)
+{
+    for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+        self->factor[j][j] = 1.0 / self->factor[j][j];
+        for (size_t i = 0; i < j; ++i) {
+            double sum = 0.0;
+            for (size_t k = i; k < j; ++k) {
+                sum += self->factor[i][k] * self->factor[k][j];
+            }
+            self->factor[i][j] = -(sum * self->factor[j][j]);
+        }
+    }
     double square = 0.0;
-    size_t order[TWO_CARTS_PARAMETERS];
-    size_t i, j, k;
-
-    estimate->rank = 0;
-    estimate->undetermined = -1;
-    for (j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
-        const double length = length_of(first + j, TWO_CARTS_PARAMETERS, rows);
-        if (!(length <= DBL_MAX)) {
-            return TWO_CARTS_NOT_FINITE;
-        }
-        order[j] = j;
-        scale[j] = length > 0.0 ? length : 1.0;
-        for (i = 0; i < rows; ++i) {
-            matrix[i][j] /= scale[j];
-        }
-    }
-    if (!(length_of(right, 1, rows) <= DBL_MAX)) {
-        return TWO_CARTS_NOT_FINITE;
-    }
-    for (k = 0; k < TWO_CARTS_PARAMETERS; ++k) {
-        double diagonal = 0.0;
-        double *unit;
-        size_t best = k;
-        size_t column;
-
-        for (j = k; j < TWO_CARTS_PARAMETERS; ++j) {
-            const double length = length_of(first + order[j], TWO_CARTS_PARAMETERS, rows);
-            if (length > diagonal) {
-                diagonal = length;
-                best = j;
-            }
-        }
-        column = order[best];
-        order[best] = order[k];
-        order[k] = column;
-        if (!(diagonal > tiny)) {
-            estimate->undetermined = (int)column;
-            return TWO_CARTS_UNDETERMINED;
-        }
-        unit = first + column;
-        for (i = 0; i < rows; ++i) {
-            matrix[i][column] /= diagonal;
-        }
-        factor[k][column] = diagonal;
-        for (j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
-            factor[k][order[j]] = project(unit, first + order[j], TWO_CARTS_PARAMETERS, rows);
-        }
-        solution[k] = project(unit, right, 1, rows);
-        estimate->rank = (int)k + 1;
-    }
-    estimate->residual = length_of(right, 1, rows);
-    /* Back substitution, in the order of the pivots. */
-    for (k = TWO_CARTS_PARAMETERS; k-- > 0;) {
-        for (j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
-            solution[k] -= factor[k][order[j]] * solution[j];
-        }
-        solution[k] /= factor[k][order[k]];
-    }
-    /* The inverse of the triangular factor in its place, column by column. */
-    for (j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
-        const size_t column = order[j];
-        factor[j][column] = 1.0 / factor[j][column];
-        for (i = 0; i < j; ++i) {
+    for (size_t i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
+        for (size_t j = 0; j <= i; ++j) {
             double sum = 0.0;
-            for (k = i; k < j; ++k) {
-                sum += factor[i][order[k]] * factor[k][column];
-            }
-            factor[i][column] = -(sum * factor[j][column]);
-        }
-    }
-    for (i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
-        for (j = 0; j <= i; ++j) {
-            double sum = 0.0;
-            for (k = i; k < TWO_CARTS_PARAMETERS; ++k) {
-                sum += factor[i][order[k]] * factor[j][order[k]];
+            for (size_t k = i; k < TWO_CARTS_PARAMETERS; ++k) {
+                sum += self->factor[i][k] * self->factor[j][k];
             }
             if (i == j) {
                 square += sum;
             }
-            sum = sum / scale[order[i]] / scale[order[j]];
-            estimate->covariance[order[i]][order[j]] = sum;
-            estimate->covariance[order[j]][order[i]] = sum;
+            least_squares_place(self, i, j, sum / self->scales[i] / self->scales[j]);
         }
     }
-    estimate->condition = sqrt((double)TWO_CARTS_PARAMETERS * square);
-    for (j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
-        scale[order[j]] = solution[j] / scale[order[j]];
+    self->condition = sqrt((double)TWO_CARTS_PARAMETERS * square);
+}
+
+/*
+ * Finds the x that minimises |A x - b|; A becomes orthonormal, b what is left of it. Gives the
+ * number of unknowns, the first one that the data do not determine, or one more than their number
+ * when a number is not finite.
+ */
+static size_t least_squares_solve(two_carts_least_squares *self, double (*matrix)[TWO_CARTS_PARAMETERS],
+        size_t matrix_length, double *right, size_t right_length)
+{
+    self->rank = 0;
+    for (size_t i = 0; i < (matrix_length < right_length ? matrix_length : right_length); ++i) {
+        for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+            if (!(fabs(matrix[i][j]) <= DBL_MAX)) {
+                return TWO_CARTS_PARAMETERS + 1;
+            }
+        }
+        if (!(fabs(right[i]) <= DBL_MAX)) {
+            return TWO_CARTS_PARAMETERS + 1;
+        }
     }
-    estimate->parameters.c1 = scale[0];
-    estimate->parameters.c2 = scale[1];
-    estimate->parameters.c3 = scale[2];
-    estimate->parameters.c4 = scale[3];
-    estimate->parameters.c5 = scale[4];
-    estimate->parameters.c6 = scale[5];
-    estimate->parameters.c7 = scale[6];
+    for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+        const double size = least_squares_column_length(matrix, matrix_length, j);
+        if (!(fabs(size) <= DBL_MAX)) {
+            return TWO_CARTS_PARAMETERS + 1;
+        }
+        self->order[j] = j;
+        self->scales[j] = size > 0.0 ? size : 1.0;
+        for (size_t i = 0; i < matrix_length; ++i) {
+            matrix[i][j] /= self->scales[j];
+        }
+    }
+    const double tiny = DBL_EPSILON * 4.0 * (double)(matrix_length + TWO_CARTS_PARAMETERS);
+    for (size_t k = 0; k < TWO_CARTS_PARAMETERS; ++k) {
+        double diagonal = least_squares_column_length(matrix, matrix_length, k);
+        for (size_t j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
+            const double size = least_squares_column_length(matrix, matrix_length, j);
+            if (size > diagonal) {
+                diagonal = size;
+                least_squares_exchange(self, matrix, matrix_length, k, j);
+            }
+        }
+        if (diagonal <= tiny) {
+            return self->order[k];
+        }
+        least_squares_eliminate(self, matrix, matrix_length, right, right_length, k, diagonal);
+        self->rank += 1;
+    }
+    self->residual = least_squares_length(right, right_length);
+    least_squares_substitute(self);
+    least_squares_invert(self);
+    return TWO_CARTS_PARAMETERS;
+}
+
+/* The x that minimises |A x - b|; A becomes orthonormal, b what is left of it. */
+static two_carts_status least_squares(size_t rows, double matrix[][TWO_CARTS_PARAMETERS], double *right, two_carts_least_squares *fit, two_carts_estimate *estimate)
+{
+    const size_t first = least_squares_solve(fit, matrix, rows, right, rows);
+
+    estimate->rank = (int)fit->rank;
+    estimate->undetermined = first < TWO_CARTS_PARAMETERS ? (int)first : -1;
+    if (first != TWO_CARTS_PARAMETERS) {
+        return first < TWO_CARTS_PARAMETERS ? TWO_CARTS_UNDETERMINED : TWO_CARTS_NOT_FINITE;
+    }
+    for (size_t i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
+        for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+            estimate->covariance[i][j] = fit->covariance[i][j];
+        }
+    }
+    estimate->residual = fit->residual;
+    estimate->condition = fit->condition;
+    estimate->parameters.c1 = fit->solution[0];
+    estimate->parameters.c2 = fit->solution[1];
+    estimate->parameters.c3 = fit->solution[2];
+    estimate->parameters.c4 = fit->solution[3];
+    estimate->parameters.c5 = fit->solution[4];
+    estimate->parameters.c6 = fit->solution[5];
+    estimate->parameters.c7 = fit->solution[6];
     return TWO_CARTS_OK;
 }
 
@@ -535,8 +636,8 @@ two_carts_status two_carts_transform(const two_carts_forces *samples, size_t cou
 
 two_carts_status two_carts_solve(two_carts_workspace *workspace, two_carts_estimate *estimate)
 {
-    return least_squares(TWO_CARTS_HARMONICS, workspace->matrix, workspace->right,
-            workspace->factor, estimate);
+    return least_squares(TWO_CARTS_HARMONICS, workspace->matrix, workspace->right, &workspace->fit,
+            estimate);
 }
 
 two_carts_status two_carts_identify(const two_carts_pattern *pattern,

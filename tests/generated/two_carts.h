@@ -246,6 +246,23 @@ typedef struct two_carts_estimate {
     int undetermined;
 } two_carts_estimate;
 
+/* The memory of a solution, and what the data say. */
+typedef struct two_carts_least_squares {
+    /* The triangular factor, its columns in the order of the pivots, and then its inverse. */
+    double factor[TWO_CARTS_PARAMETERS][TWO_CARTS_PARAMETERS];
+    /* Lengths of the columns, and the places from which they came, in that order. */
+    double scales[TWO_CARTS_PARAMETERS];
+    size_t order[TWO_CARTS_PARAMETERS];
+    double projected[TWO_CARTS_PARAMETERS];
+    /* The x, its covariance, the length of what is left of b, and the condition. */
+    double solution[TWO_CARTS_PARAMETERS];
+    double covariance[TWO_CARTS_PARAMETERS][TWO_CARTS_PARAMETERS];
+    double residual;
+    double condition;
+    /* The number of pivots that were found. */
+    size_t rank;
+} two_carts_least_squares;
+
 /*
  * Amplitudes and frequency of the trajectory pattern
  *
@@ -378,7 +395,7 @@ typedef struct two_carts_workspace {
     /* The harmonics; afterwards what is left of them. */
     double right[TWO_CARTS_HARMONICS];
     /* Scratch. */
-    double factor[TWO_CARTS_PARAMETERS][TWO_CARTS_PARAMETERS];
+    two_carts_least_squares fit;
 } two_carts_workspace;
 
 /*

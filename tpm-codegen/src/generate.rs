@@ -115,6 +115,9 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
     if let Some(own) = estimator.model.coordinates.iter().find(|coordinate| coordinate.unmeasured) {
         return Err(EmitError::Unmeasured(own.name.clone()));
     }
+    let lumping = estimator.plan.lumping.as_ref();
+    let identified = options.identified.map(|given| given.with_sums(&estimator.model, &estimator.form, lumping));
+    let options = &Options { identified: identified.as_ref(), ..options.clone() };
     if let Some(identified) = options.identified {
         identified.in_order(&estimator.model, &estimator.form)?;
     }

@@ -14,6 +14,9 @@ use tpm_symbolic::algebra::polynomial::Monomial;
 use tpm_symbolic::expr::graph::{ExprId, Node};
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::{RegressorForm, Row, Term};
 
 /// Smallest share of its terms at which a sum counts as nonzero. Below it the sum is the rounding of the nine digits in
@@ -125,6 +128,29 @@ pub enum IdentifiedError {
     },
 }
 
+/// The outputs of a plan; nothing for those that depend on a leaf without a value.
+fn evaluated(plan: &Plan, leaf: impl Fn(&Leaf) -> Option<f64>) -> Vec<Option<f64>> {
+    let mut values: Vec<Option<f64>> = Vec::with_capacity(plan.ops.len());
+    for op in &plan.ops {
+        let at = |slot: &Slot| values[slot.index()];
+        let both = |a: &Slot, b: &Slot, of: fn(f64, f64) -> f64| Some(of(at(a)?, at(b)?));
+        let value = match op {
+            Op::Constant(value) => Some(rational::to_f64(value)),
+            Op::Pi => Some(std::f64::consts::PI),
+            Op::Load(index) => leaf(&plan.inputs[*index as usize]),
+            Op::Add(a, b) => both(a, b, |a, b| a + b),
+            Op::Sub(a, b) => both(a, b, |a, b| a - b),
+            Op::Mul(a, b) => both(a, b, |a, b| a * b),
+            Op::Div(a, b) => both(a, b, |a, b| a / b),
+            Op::Atan2(a, b) => both(a, b, f64::atan2),
+            Op::Neg(a) => at(a).map(|a| -a),
+            Op::Function(function, a) => at(a).map(|a| function.apply(a)),
+        };
+        values.push(value);
+    }
+    plan.outputs.iter().map(|slot| values[slot.index()]).collect()
+}
+
 /// The remedy where a direction is needed that the data do not determine.
 #[must_use]
 pub fn remedy(parameters: &[String]) -> String {
@@ -180,6 +206,32 @@ impl Identified {
             ..IdentifiedParameter::default()
         };
         Self { model: model.to_owned(), parameters: values.iter().map(parameter).collect(), ..Self::default() }
+    }
+
+    /// The same result with values of the columns that are sums and products of given parameters, where it does not name them itself.
+    #[must_use]
+    pub fn with_sums(&self, model: &ExactModel, form: &RegressorForm, lumping: Option<&Plan>) -> Self {
+        let mut whole = self.clone();
+        let given = |name: &str| {
+            let lists = self.parameters.iter().chain(&self.physical);
+            lists.filter(|parameter| parameter.name == name).find_map(|parameter| parameter.value)
+        };
+        let values = lumping.map(|plan| {
+            evaluated(plan, |leaf| match leaf {
+                Leaf::Symbol(symbol) => given(&model.quantity(*symbol).name),
+                _ => None,
+            })
+        });
+        for (column, value) in form.columns.iter().zip(values.into_iter().flatten()) {
+            if let Some(value) = value
+                && self.parameters.iter().all(|parameter| parameter.name != column.name)
+            {
+                let parameter =
+                    IdentifiedParameter { name: column.name.to_string(), value: Some(value), ..Default::default() };
+                whole.parameters.push(parameter);
+            }
+        }
+        whole
     }
 
     /// A value for every parameter: the identified one, or one with which all combinations hold and stated priors are

@@ -2,6 +2,14 @@
 //! `tpm generate three_joints.tpm --lang rust --forgetting --with gravity,mass_matrix,forward_dynamics,estimator`;
 //! to change it, change the model.
 //!
+//! The estimator of base parameters takes positions, velocities, accelerations and forces of one instant. Plain
+//! differences of an encoder's counts make the estimate wrong: their noise looks like motion, so that an inertia
+//! comes out several times too small with a small deviation. Rates and forces must be means over the same time.
+//! From positions q_k every T seconds: the velocity (q_(k+n) - q_(k-n))/(2 n T), the acceleration (q_(k+n) - 2
+//! q_k + q_(k-n))/(n T)^2, and the sum of the forces f_(k+i), i = -n, ..., n - 1, each times (n - |i + 1/2|)/n^2;
+//! n so large that n samples move by many counts, and so small that rates change little within them. The
+//! estimator of a run (`--with run`) takes positions and inputs as they are read.
+//!
 //! The equations are Phi theta + known = B u. They are not multiplied out: the entries of Phi have formulas
 //! beside them, or what they depend on.
 //!
@@ -36,7 +44,7 @@
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(non_snake_case, reason = "fields are named as in the model")]
 use self::support::{
-    Label, NotFinite, Real, SingularMass, SquareRoot, accelerations, factors_hold,
+    Label, Real, SampleFault, SingularMass, SquareRoot, accelerations, factors_hold,
 };
 
 /// Names and units of the coordinates.
@@ -1962,35 +1970,16 @@ impl<T: Real> BaseEstimator<T> {
     /// error, or all alike when `deviations` is nothing.
     ///
     /// # Errors
-    /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then. An equation whose deviation is
-    /// infinite says nothing.
+    /// [`SampleFault::NotFinite`] when a number is not finite or a deviation is zero, [`SampleFault::StandsOut`] when an equation leaves
+    /// 50 times what those before it leave on the average. The sample is left out then, in the latter case at most one of a hundred,
+    /// so that a machine that changes is followed. An equation whose deviation is infinite says nothing.
     pub fn push(
         &mut self,
         motion: &Motion<T>,
         forces: &Forces<T>,
         deviations: Option<&Forces<T>>,
-    ) -> Result<(), NotFinite> {
-        let mut matrix = base_regressor(motion);
-        let mut right = forces.into_array();
-        let known = [T::ZERO; 3];
-        let deviations = deviations
-            .map_or([T::ONE; 3], |deviations| deviations.into_array());
-        for (((row, right), known), deviation) in matrix
-            .iter_mut()
-            .zip(&mut right)
-            .zip(known)
-            .zip(deviations)
-        {
-            *right = (*right - known) / deviation;
-            row.iter_mut().for_each(|entry| *entry /= deviation);
-        }
-        if !matrix.as_flattened().iter().chain(&right).all(|value| value.is_finite()) {
-            return Err(NotFinite);
-        }
-        for (row, right) in matrix.into_iter().zip(right) {
-            self.rows.push(row, right)?;
-        }
-        Ok(())
+    ) -> Result<(), SampleFault> {
+        take_rows(&mut self.rows, motion, forces, deviations)
     }
 
     /// Lets all samples so far count `share` times, from 0 to 1. Called at regular times, it makes the past fade
@@ -2012,6 +2001,43 @@ impl<T: Real> BaseEstimator<T> {
             rows: self.rows.rows(),
         }
     }
+}
+
+/// Takes the equations of one instant into a factor.
+fn take_rows<T: Real>(
+    rows: &mut SquareRoot<T, 21>,
+    motion: &Motion<T>,
+    forces: &Forces<T>,
+    deviations: Option<&Forces<T>>,
+) -> Result<(), SampleFault> {
+    let mut matrix = base_regressor(motion);
+    let mut right = forces.into_array();
+    let known = [T::ZERO; 3];
+    let deviations = deviations
+        .map_or([T::ONE; 3], |deviations| deviations.into_array());
+    for (((row, right), known), deviation) in matrix
+        .iter_mut()
+        .zip(&mut right)
+        .zip(known)
+        .zip(deviations)
+    {
+        *right = (*right - known) / deviation;
+        row.iter_mut().for_each(|entry| *entry /= deviation);
+    }
+    if !matrix.as_flattened().iter().chain(&right).all(|value| value.is_finite()) {
+        return Err(SampleFault::NotFinite);
+    }
+    let mut stands_out = false;
+    for (mut row, right) in matrix.into_iter().zip(right) {
+        stands_out |= rows.stands_out(&mut row, right);
+    }
+    if stands_out && rows.leaves_out() {
+        return Err(SampleFault::StandsOut);
+    }
+    for (row, right) in matrix.iter_mut().zip(right) {
+        let _ = rows.take(row, right);
+    }
+    Ok(())
 }
 
 /// What samples show of the base parameters.
@@ -2064,17 +2090,18 @@ impl<T: Real> BaseEstimate<T> {
 }
 
 /// What the functions above need beside `core` and the crate `libm`.
-#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+#[allow(dead_code, unused_imports, clippy::needless_range_loop, reason = "no model needs all of it; an index reads as in the mathematics")]
 pub mod support {
     pub use self::label::Label;
     pub use self::real::Real;
     pub use self::accelerations::{SingularMass, accelerations, factors_hold};
-    pub use self::square_root::{NotFinite, Shown, SquareRoot};
+    pub use self::square_root::{SampleFault, Shown, Solution, SquareRoot};
 
     mod accelerations {
         //! Accelerations from a mass matrix, on the controller.
         //!
-        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic.
+        //! Invariants: the matrix is a fixed-size array, nothing allocates, and every index is that of a loop below its length, so that no input can
+        //! make it panic.
 
         use super::Label;
         use super::Real;
@@ -2122,62 +2149,79 @@ pub mod support {
         /// # Errors
         /// [`SingularMass::Undetermined`] when a pivot vanishes to rounding, [`SingularMass::NotFinite`].
         pub fn accelerations<T: Real, const N: usize>(
-            matrix: [[T; N]; N],
+            mut matrix: [[T; N]; N],
             mut right: [T; N],
             labels: &[Label<'static>; N],
         ) -> Result<[T; N], SingularMass> {
-            let mut rows = [([T::ZERO; N], T::ZERO); N];
-            for ((row, entries), &right) in rows.iter_mut().zip(&matrix).zip(&right) {
-                let largest = entries.iter().fold(T::ZERO, |largest, entry| largest.max(entry.abs()));
-                if !right.is_finite() || !entries.iter().all(|entry| entry.is_finite()) {
-                    return Err(SingularMass::NotFinite);
+            match eliminate(&mut matrix, &mut right) {
+                coordinate if coordinate < N => {
+                    let name = labels.get(coordinate).map_or("", |label| label.name);
+                    Err(SingularMass::Undetermined { coordinate, name })
                 }
-                *row = (*entries, right);
+                coordinate if coordinate == N => Ok(right),
+                _ => Err(SingularMass::NotFinite),
+            }
+        }
+
+        /// The x with `matrix x = right` in the place of the right-hand side, by elimination with row pivoting; the matrix is destroyed. Gives the
+        /// number of unknowns, the first unknown whose pivot vanishes to rounding, or one more than their number when a number is not finite.
+        fn eliminate<T: Real, const N: usize>(matrix: &mut [[T; N]; N], right: &mut [T; N]) -> usize {
+            for i in 0..N {
+                let mut largest = T::ZERO;
+                for j in 0..N {
+                    if !matrix[i][j].is_finite() {
+                        return N + 1;
+                    }
+                    largest = largest.max(matrix[i][j].abs());
+                }
+                if !right[i].is_finite() {
+                    return N + 1;
+                }
                 if largest > T::ZERO {
-                    row.0.iter_mut().for_each(|entry| *entry /= largest);
-                    row.1 /= largest;
+                    for j in 0..N {
+                        matrix[i][j] /= largest;
+                    }
+                    right[i] /= largest;
                 }
             }
-            let at = |row: &([T; N], T), column: usize| row.0.get(column).copied().unwrap_or(T::ZERO);
-            let tiny = T::EPSILON * T::from_f64(N as f64);
             // The largest entry that a column had, against which its pivot is small.
             let mut sizes = [T::ZERO; N];
-            for (column, size) in sizes.iter_mut().enumerate() {
-                *size = rows.iter().fold(T::ZERO, |largest, row| largest.max(at(row, column).abs()));
+            for i in 0..N {
+                for j in 0..N {
+                    sizes[j] = sizes[j].max(matrix[i][j].abs());
+                }
             }
-            let mut left = rows.as_mut_slice();
-            for (k, &size) in sizes.iter().enumerate() {
-                let Some((first, rest)) = left.split_first_mut() else { break };
-                for other in rest.iter_mut() {
-                    if at(other, k).abs() > at(first, k).abs() {
-                        core::mem::swap(first, other);
+            for k in 0..N {
+                for i in k + 1..N {
+                    if matrix[i][k].abs() > matrix[k][k].abs() {
+                        matrix.swap(k, i);
+                        right.swap(k, i);
                     }
                 }
-                let pivot = at(first, k);
-                if pivot.abs() <= tiny * size {
-                    let name = labels.get(k).map_or("", |label| label.name);
-                    return Err(SingularMass::Undetermined { coordinate: k, name });
+                if matrix[k][k].abs() <= T::EPSILON * T::from_f64(N as f64) * sizes[k] {
+                    return k;
                 }
-                for other in rest.iter_mut() {
-                    let factor = at(other, k) / pivot;
-                    for (entry, &above) in other.0.iter_mut().zip(&first.0).skip(k) {
-                        *entry -= factor * above;
+                for i in k + 1..N {
+                    let factor = matrix[i][k] / matrix[k][k];
+                    for j in k..N {
+                        let above = factor * matrix[k][j];
+                        matrix[i][j] -= above;
                     }
-                    other.1 -= factor * first.1;
-                }
-                left = rest;
-            }
-            right = [T::ZERO; N];
-            for (k, row) in rows.iter().enumerate().rev() {
-                let mut sum = row.1;
-                for (&entry, &value) in row.0.iter().zip(&right).skip(k + 1) {
-                    sum -= entry * value;
-                }
-                if let Some(slot) = right.get_mut(k) {
-                    *slot = sum / at(row, k);
+                    let above_right = factor * right[k];
+                    right[i] -= above_right;
                 }
             }
-            if right.iter().all(|value| value.is_finite()) { Ok(right) } else { Err(SingularMass::NotFinite) }
+            for k in (0..N).rev() {
+                let mut sum = right[k];
+                for j in k + 1..N {
+                    sum -= matrix[k][j] * right[j];
+                }
+                right[k] = sum / matrix[k][k];
+                if !right[k].is_finite() {
+                    return N + 1;
+                }
+            }
+            N
         }
     }
 
@@ -2428,7 +2472,8 @@ pub mod support {
         //! Every row is rotated into the factor R of A = Q R (Givens), so that no square of the matrix is ever formed and single precision
         //! keeps its digits. Rotations round every column by itself; columns are scaled to unit length when the solution is asked for.
         //!
-        //! Invariant: nothing allocates and nothing indexes, so that no input can make it panic.
+        //! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic. All
+        //! but what Rust alone is given is of the subset that is printed as C too.
 
         use super::Real;
         use core::fmt;
@@ -2437,81 +2482,159 @@ pub mod support {
         /// the rounding of their own evaluation, which no number of rows tells.
         const LEAST_SHARE: f64 = 1e-8;
 
-        /// A number of a row, or of a matrix, is infinite or not a number; what was there before has stayed.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub struct NotFinite;
+        /// A row is left out where it leaves so many deviations of what is left of those before it: no error of a sensor that works does, and one
+        /// such row among thousands would decide about the unknowns.
+        const GATE: f64 = 50.0;
 
-        impl fmt::Display for NotFinite {
+        /// One of so many rows is left out at most.
+        const RARE: f64 = 100.0;
+
+        /// Why the equations of a sample are left out.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum SampleFault {
+            /// A number is infinite or not a number, or a deviation is zero.
+            NotFinite,
+            /// An equation leaves 50 times what those before it leave on the average.
+            StandsOut,
+        }
+
+        impl fmt::Display for SampleFault {
             fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("the data hold a number that is not finite")
+                f.write_str(match self {
+                    Self::NotFinite => "the sample holds a number that is not finite",
+                    Self::StandsOut => "the sample stands out of those before it; check sensors and inputs",
+                })
             }
         }
 
-        impl core::error::Error for NotFinite {}
+        impl core::error::Error for SampleFault {}
 
-        /// What rows of A x = b have said so far.
+        /// The triangular factor of all equations so far, each divided by the deviation of its error.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub struct SquareRoot<T, const C: usize> {
             /// The triangular factor of A; zeros below its diagonal.
-            factor: [[T; C]; C],
+            pub(super) factor: [[T; C]; C],
             /// Q^T b, as far as A reaches.
-            right: [T; C],
+            pub(super) right: [T; C],
             /// Euclidean length of what A does not reach.
-            residual: T,
+            pub(super) residual: T,
             /// The number of rows; past ones count less after a fading.
-            rows: T,
+            pub(super) rows: T,
+            /// The number of rows that were left out since they stand out, which fades as rows do.
+            left_out: T,
         }
 
         impl<T: Real, const C: usize> Default for SquareRoot<T, C> {
             fn default() -> Self {
-                Self { factor: [[T::ZERO; C]; C], right: [T::ZERO; C], residual: T::ZERO, rows: T::ZERO }
+                let zero = T::ZERO;
+                Self { factor: [[zero; C]; C], right: [zero; C], residual: zero, rows: zero, left_out: zero }
             }
         }
 
         impl<T: Real, const C: usize> SquareRoot<T, C> {
+            /// Forgets all rows.
+            pub fn clear(&mut self) {
+                self.factor = [[T::ZERO; C]; C];
+                self.right = [T::ZERO; C];
+                self.residual = T::ZERO;
+                self.rows = T::ZERO;
+                self.left_out = T::ZERO;
+            }
+
+            /// Whether a row stands out of what all rows before it leave: by more deviations than errors have, and not by rounding. The row is
+            /// destroyed; it has finite numbers only.
+            pub fn stands_out(&self, row: &mut [T; C], right: T) -> bool {
+                let mut rest = right;
+                for k in 0..C {
+                    if row[k].abs() > T::ZERO {
+                        let length = hypotenuse(self.factor[k][k], row[k]);
+                        let cosine = self.factor[k][k] / length;
+                        let sine = row[k] / length;
+                        for j in k..C {
+                            row[j] = cosine * row[j] - sine * self.factor[k][j];
+                        }
+                        rest = cosine * rest - sine * self.right[k];
+                    }
+                }
+                let freedom = self.rows - T::from_f64(C as f64);
+                if freedom <= T::ZERO {
+                    return false;
+                }
+                let deviation = self.residual / freedom.sqrt();
+                rest.abs() > T::from_f64(GATE) * deviation + T::EPSILON.sqrt() * right.abs()
+            }
+
+            /// Whether one more row may be left out: at most one of so many, so that a machine that has changed is followed.
+            pub fn leaves_out(&mut self) -> bool {
+                let share = (self.left_out + T::ONE) * T::from_f64(RARE);
+                let rare = share <= self.rows;
+                if rare {
+                    self.left_out += T::ONE;
+                }
+                rare
+            }
+
             /// Takes in a row of A with its entry of b, both divided by the deviation of the row's error.
             ///
             /// # Errors
-            /// [`NotFinite`] when a number of the row is not; the row is left out then.
-            pub fn push(&mut self, mut row: [T; C], mut right: T) -> Result<(), NotFinite> {
-                if !right.is_finite() || !row.iter().all(|entry| entry.is_finite()) {
-                    return Err(NotFinite);
+            /// [`SampleFault::NotFinite`] when a number of the row is not; the row is left out then.
+            pub fn push(&mut self, mut row: [T; C], right: T) -> Result<(), SampleFault> {
+                if self.take(&mut row, right) { Ok(()) } else { Err(SampleFault::NotFinite) }
+            }
+
+            /// Takes in a row with its right-hand side, and destroys it. Says whether all numbers are finite; the row is left out otherwise.
+            pub fn take(&mut self, row: &mut [T; C], right: T) -> bool {
+                if !right.is_finite() {
+                    return false;
                 }
-                for (k, (kept, kept_right)) in self.factor.iter_mut().zip(&mut self.right).enumerate() {
-                    let Some((&diagonal, &entry)) = kept.get(k).zip(row.get(k)) else { break };
-                    if entry.abs() <= T::ZERO {
+                for j in 0..C {
+                    if !row[j].is_finite() {
+                        return false;
+                    }
+                }
+                let mut rest = right;
+                for k in 0..C {
+                    if row[k].abs() <= T::ZERO {
                         continue;
                     }
-                    let length = hypotenuse(diagonal, entry);
-                    let (cosine, sine) = (diagonal / length, entry / length);
-                    for (kept, new) in kept.iter_mut().zip(&mut row).skip(k) {
-                        let turned = cosine * *kept + sine * *new;
-                        *new = cosine * *new - sine * *kept;
-                        *kept = turned;
+                    let length = hypotenuse(self.factor[k][k], row[k]);
+                    let cosine = self.factor[k][k] / length;
+                    let sine = row[k] / length;
+                    for j in k..C {
+                        let turned = cosine * self.factor[k][j] + sine * row[j];
+                        row[j] = cosine * row[j] - sine * self.factor[k][j];
+                        self.factor[k][j] = turned;
                     }
-                    let turned = cosine * *kept_right + sine * right;
-                    right = cosine * right - sine * *kept_right;
-                    *kept_right = turned;
+                    let turned_right = cosine * self.right[k] + sine * rest;
+                    rest = cosine * rest - sine * self.right[k];
+                    self.right[k] = turned_right;
                 }
-                self.residual = hypotenuse(self.residual, right);
+                self.residual = hypotenuse(self.residual, rest);
                 self.rows += T::ONE;
-                Ok(())
+                true
             }
 
             /// Lets all rows so far count `share` times, from 0 to 1.
             pub fn fade(&mut self, share: T) {
                 let root = share.sqrt();
-                self.factor.iter_mut().flatten().chain(&mut self.right).for_each(|value| *value *= root);
+                for k in 0..C {
+                    for j in k..C {
+                        self.factor[k][j] *= root;
+                    }
+                    self.right[k] *= root;
+                }
                 self.residual *= root;
                 self.rows *= share;
+                self.left_out *= share;
             }
 
             /// Takes in all rows of another factor.
             pub fn pool(&mut self, other: &Self) {
                 let rows = self.rows + other.rows;
-                for (row, right) in other.factor.iter().zip(other.right) {
+                for k in 0..C {
+                    let mut row = other.factor[k];
                     // A factor has finite entries only.
-                    let _ = self.push(*row, right);
+                    let _ = self.take(&mut row, other.right[k]);
                 }
                 self.residual = hypotenuse(self.residual, other.residual);
                 self.rows = rows;
@@ -2519,9 +2642,9 @@ pub mod support {
 
             /// Makes the equations those of the unknowns less `by`.
             pub fn move_by(&mut self, by: &[T; C]) {
-                for (row, right) in self.factor.iter().zip(&mut self.right) {
-                    for (entry, by) in row.iter().zip(by) {
-                        *right -= *entry * *by;
+                for k in 0..C {
+                    for j in 0..C {
+                        self.right[k] -= self.factor[k][j] * by[j];
                     }
                 }
             }
@@ -2538,116 +2661,288 @@ pub mod support {
                 self.residual
             }
 
-            /// The right-hand sides of the triangular factor.
-            #[must_use]
-            pub fn right_side(&self) -> [T; C] {
-                self.right
-            }
-
-            /// The rows of the triangular factor, each with its right-hand side: equations of x with independent errors of variance one.
-            pub fn equations(&self) -> impl Iterator<Item = (&[T; C], T)> {
-                self.factor.iter().zip(self.right)
-            }
-
             /// What the rows say about x: modified Gram-Schmidt with column pivoting on the factor, its columns scaled to unit length.
             ///
             /// A direction counts as not shown when what is left of its column is within the rounding errors of all rows, which add up like a
             /// random walk, or below 1e-8.
-            #[must_use]
-            pub fn solution(&self) -> Shown<T, C> {
-                let mut columns = [Column { index: 0, values: [T::ZERO; C] }; C];
-                let mut scales = [T::ONE; C];
-                for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
-                    column.index = c;
-                    for (value, row) in column.values.iter_mut().zip(&self.factor) {
-                        *value = row.get(c).copied().unwrap_or(T::ZERO);
-                    }
-                    let length = length(&column.values);
-                    if length > T::ZERO {
-                        *scale = length;
-                        column.values.iter_mut().for_each(|value| *value /= length);
-                    }
-                }
+            pub fn solve(&self, found: &mut Solution<T, C>) {
                 let rounding = T::EPSILON * T::from_f64(4.0) * (T::from_f64(C as f64) + self.rows.sqrt());
                 let tiny = rounding.max(T::from_f64(LEAST_SHARE));
-                let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
-                let mut right = self.right;
-                let mut rank = 0;
-                let mut left = columns.as_mut_slice();
-                for pivot in &mut pivots {
-                    let Some((first, rest)) = left.split_first_mut() else { break };
-                    let mut diagonal = length(&first.values);
-                    for other in rest.iter_mut() {
-                        let size = length(&other.values);
+                found.scale(self);
+                found.eliminate(tiny);
+                found.residual = hypotenuse(self.residual, length(&found.right));
+                found.judge(tiny.sqrt());
+                found.invert();
+                for k in 0..C {
+                    found.steps[k] = T::ZERO;
+                    found.values[k] = T::ZERO;
+                    found.column[k] = if k < found.rank { found.projected[k] } else { T::ZERO };
+                }
+                found.substitute();
+                for k in 0..found.rank {
+                    let place = found.order[k];
+                    found.steps[place] = found.column[k];
+                    found.values[place] = found.column[k] / found.scales[place];
+                }
+                found.spread();
+            }
+
+            /// The sum of squares of what is left of the data, over its degrees of freedom; zero where there are none.
+            #[must_use]
+            pub fn chi_squared(&self, found: &Solution<T, C>) -> T {
+                let freedom = self.rows - T::from_f64(found.rank as f64);
+                if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO }
+            }
+
+            /// What the rows say about x.
+            #[must_use]
+            pub fn solution(&self) -> Shown<T, C> {
+                let mut found = Solution::default();
+                self.solve(&mut found);
+                let mut shown = Shown {
+                    solution: [None; C],
+                    deviations: [None; C],
+                    covariance: found.covariance,
+                    rank: found.rank,
+                    residual: found.residual,
+                    condition: found.condition,
+                };
+                for place in 0..C {
+                    if found.shown[place] {
+                        shown.solution[place] = Some(found.values[place]);
+                        shown.deviations[place] = Some(found.deviations[place]);
+                    }
+                }
+                shown
+            }
+        }
+
+        /// The memory of a solution, and what it shows.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Solution<T, const C: usize> {
+            /// The columns of the factor in unit length, which become orthonormal.
+            columns: [[T; C]; C],
+            scales: [T; C],
+            /// What is left of the right-hand side, and its parts along the pivots.
+            right: [T; C],
+            projected: [T; C],
+            /// The columns in the order of the pivots, the free ones last, and the triangle that they form: a row for every pivot.
+            order: [usize; C],
+            triangle: [[T; C]; C],
+            column: [T; C],
+            /// The unknowns of least squares, where they are shown.
+            pub values: [T; C],
+            /// Their covariance, when the rows' errors have the deviations that they were divided by; zero for those that are not shown.
+            pub covariance: [[T; C]; C],
+            /// Whether an unknown is shown.
+            pub shown: [bool; C],
+            /// The smallest unknowns, each in the size of its column, of all that leave as little: what is hidden stays as it is. In a step from
+            /// some parameters these hold what is shown, alone and in combinations.
+            pub steps: [T; C],
+            /// A row for every unknown that leads a combination which is shown: the weights of all unknowns in it, one at its own. A shown unknown is
+            /// a combination of itself alone; the others lead none.
+            pub combinations: [[T; C]; C],
+            /// The standard deviations of the combinations, whose values are `values` of the unknowns that lead them.
+            pub deviations: [T; C],
+            /// The number of directions that the data show.
+            pub rank: usize,
+            /// Euclidean length of what is left of the data, in deviations.
+            pub residual: T,
+            /// Of what is shown, the Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition
+            /// number, and at most the rank times that.
+            pub condition: T,
+        }
+
+        impl<T: Real, const C: usize> Default for Solution<T, C> {
+            fn default() -> Self {
+                let (vector, matrix) = ([T::ZERO; C], [[T::ZERO; C]; C]);
+                Self {
+                    columns: matrix,
+                    scales: vector,
+                    right: vector,
+                    projected: vector,
+                    order: [0; C],
+                    triangle: matrix,
+                    column: vector,
+                    values: vector,
+                    covariance: matrix,
+                    shown: [false; C],
+                    steps: vector,
+                    combinations: matrix,
+                    deviations: vector,
+                    rank: 0,
+                    residual: T::ZERO,
+                    condition: T::ZERO,
+                }
+            }
+        }
+
+        impl<T: Real, const C: usize> Solution<T, C> {
+            /// The columns of a factor in unit length.
+            fn scale(&mut self, factor: &SquareRoot<T, C>) {
+                self.right = factor.right;
+                for c in 0..C {
+                    self.order[c] = c;
+                    for r in 0..C {
+                        self.columns[c][r] = factor.factor[r][c];
+                    }
+                    let size = length(&self.columns[c]);
+                    self.scales[c] = if size > T::ZERO { size } else { T::ONE };
+                    for r in 0..C {
+                        self.columns[c][r] /= self.scales[c];
+                    }
+                }
+            }
+
+            /// Makes the columns orthonormal, the longest one first, until what is left of all is tiny; the right-hand side is carried along.
+            fn eliminate(&mut self, tiny: T) {
+                self.rank = 0;
+                for k in 0..C {
+                    let mut diagonal = T::ZERO;
+                    let mut best = k;
+                    for j in k..C {
+                        let size = length(&self.columns[self.order[j]]);
                         if size > diagonal {
                             diagonal = size;
-                            core::mem::swap(first, other);
+                            best = j;
                         }
                     }
                     if diagonal <= tiny {
                         break;
                     }
-                    pivot.index = first.index;
-                    pivot.diagonal = diagonal;
-                    first.values.iter_mut().for_each(|value| *value /= diagonal);
-                    for other in rest.iter_mut() {
-                        let entry = project(&first.values, &mut other.values);
-                        if let Some(slot) = pivot.row.get_mut(other.index) {
-                            *slot = entry;
+                    self.order.swap(k, best);
+                    let pivot = self.order[k];
+                    for r in 0..C {
+                        self.columns[pivot][r] /= diagonal;
+                    }
+                    self.triangle[k][pivot] = diagonal;
+                    for j in k + 1..C {
+                        let other = self.order[j];
+                        self.triangle[k][other] = self.take_off(pivot, other);
+                    }
+                    let mut of_right = T::ZERO;
+                    for r in 0..C {
+                        of_right += self.columns[pivot][r] * self.right[r];
+                    }
+                    for r in 0..C {
+                        self.right[r] -= of_right * self.columns[pivot][r];
+                    }
+                    self.projected[k] = of_right;
+                    self.rank += 1;
+                }
+            }
+
+            /// The value of the combination that an unknown leads, for the step from some parameters.
+            #[must_use]
+            pub fn combined(&self, about: &[T; C], row: usize) -> T {
+                let mut sum = self.values[row];
+                for place in 0..C {
+                    sum += self.combinations[row][place] * about[place];
+                }
+                sum
+            }
+
+            /// Solves with the triangle in the place of `column`, which is in the order of the pivots.
+            fn substitute(&mut self) {
+                for k in (0..self.rank).rev() {
+                    let mut sum = self.column[k];
+                    for j in k + 1..self.rank {
+                        sum -= self.triangle[k][self.order[j]] * self.column[j];
+                    }
+                    self.column[k] = sum / self.triangle[k][self.order[k]];
+                }
+            }
+
+            /// Says what is shown: pivots of which no free column takes more than a leak. Of the others combinations are shown, with as much of the
+            /// free unknowns, in the size of their columns, as their columns take.
+            fn judge(&mut self, leak: T) {
+                self.combinations = [[T::ZERO; C]; C];
+                for j in 0..C {
+                    let place = self.order[j];
+                    self.shown[place] = j < self.rank;
+                    self.combinations[place][place] = if j < self.rank { T::ONE } else { T::ZERO };
+                }
+                for j in self.rank..C {
+                    for k in 0..self.rank {
+                        self.column[k] = self.triangle[k][self.order[j]];
+                    }
+                    self.substitute();
+                    for k in 0..self.rank {
+                        if self.column[k].abs() > leak || !self.column[k].is_finite() {
+                            self.shown[self.order[k]] = false;
+                            self.combinations[self.order[k]][self.order[j]] = self.column[k];
                         }
                     }
-                    pivot.right = project(&first.values, &mut right);
-                    rank += 1;
-                    left = rest;
                 }
-                // Free columns are those that no pivot has taken.
-                let mut free = [true; C];
-                for pivot in pivots.iter().take(rank) {
-                    free.iter_mut().skip(pivot.index).take(1).for_each(|free| *free = false);
-                }
-                let mut shown = free.map(|free| !free);
-                let leak = tiny.sqrt();
-                for (index, _) in free.iter().enumerate().filter(|(_, free)| **free) {
-                    let of_column = |_: usize, pivot: &Pivot<T, C>| pivot.row.get(index).copied().unwrap_or(T::ZERO);
-                    for (shown, share) in shown.iter_mut().zip(substituted(&pivots, rank, of_column)) {
-                        *shown &= share.abs() <= leak;
+            }
+
+            /// Takes the part along the free directions off the steps, and gives steps and combinations the sizes of the unknowns. A free direction
+            /// has one of its own unknown, and less of the pivots by what their columns take; those before it are taken off it first.
+            fn spread(&mut self) {
+                for j in self.rank..C {
+                    let free = self.order[j];
+                    for place in 0..C {
+                        self.columns[free][place] = -self.combinations[place][free];
+                    }
+                    self.columns[free][free] = T::ONE;
+                    for i in self.rank..j {
+                        let _ = self.take_off(self.order[i], free);
+                    }
+                    let size = length(&self.columns[free]);
+                    let mut along = T::ZERO;
+                    for place in 0..C {
+                        self.columns[free][place] /= size;
+                        along += self.columns[free][place] * self.steps[place];
+                    }
+                    for place in 0..C {
+                        self.steps[place] -= along * self.columns[free][place];
                     }
                 }
-                let mut covariance = [[T::ZERO; C]; C];
+                for row in 0..C {
+                    self.steps[row] /= self.scales[row];
+                    for place in 0..C {
+                        self.combinations[row][place] *= self.scales[place] / self.scales[row];
+                    }
+                }
+            }
+
+            /// Takes the part along a column of unit length off another; gives its size.
+            fn take_off(&mut self, unit: usize, other: usize) -> T {
+                let mut along = T::ZERO;
+                for r in 0..C {
+                    along += self.columns[unit][r] * self.columns[other][r];
+                }
+                for r in 0..C {
+                    self.columns[other][r] -= along * self.columns[unit][r];
+                }
+                along
+            }
+
+            /// The covariance, from the columns of the triangle's inverse.
+            fn invert(&mut self) {
                 let mut all = T::ZERO;
-                for k in 0..rank {
-                    // A column of the inverse of the triangular factor.
-                    let column = substituted(&pivots, rank, |j, _| if j == k { T::ONE } else { T::ZERO });
-                    for (sums, &entry) in covariance.iter_mut().zip(&column) {
-                        sums.iter_mut().zip(&column).for_each(|(sum, &other)| *sum += entry * other);
-                        all += entry * entry;
+                self.covariance = [[T::ZERO; C]; C];
+                for k in 0..self.rank {
+                    for j in 0..self.rank {
+                        self.column[j] = if j == k { T::ONE } else { T::ZERO };
+                    }
+                    self.substitute();
+                    for j in 0..self.rank {
+                        for i in 0..self.rank {
+                            self.covariance[self.order[j]][self.order[i]] += self.column[j] * self.column[i];
+                        }
+                        all += self.column[j] * self.column[j];
                     }
                 }
-                let values = substituted(&pivots, rank, |_, pivot| pivot.right);
-                let mut found = Shown {
-                    solution: [None; C],
-                    deviations: [None; C],
-                    covariance: [[T::ZERO; C]; C],
-                    rank,
-                    residual: hypotenuse(self.residual, length(&right)),
-                    condition: (T::from_f64(rank as f64) * all).sqrt(),
-                };
-                for ((sums, &scale), &own) in covariance.iter_mut().zip(&scales).zip(&shown) {
-                    for ((sum, &other), &also) in sums.iter_mut().zip(&scales).zip(&shown) {
-                        *sum = if own && also { *sum / scale / other } else { T::ZERO };
+                self.condition = (T::from_f64(self.rank as f64) * all).sqrt();
+                for row in 0..C {
+                    self.deviations[row] = self.covariance[row][row].sqrt() / self.scales[row];
+                    for place in 0..C {
+                        let both = self.shown[row] && self.shown[place];
+                        let own = self.covariance[row][place] / self.scales[row] / self.scales[place];
+                        self.covariance[row][place] = if both { own } else { T::ZERO };
                     }
                 }
-                let slots = found.solution.iter_mut().zip(&mut found.deviations);
-                for (c, (((slot, deviation), value), (scale, shown))) in
-                    slots.zip(values).zip(scales.into_iter().zip(shown)).enumerate()
-                {
-                    if shown {
-                        *slot = Some(value / scale);
-                        *deviation = covariance.get(c).and_then(|row| row.get(c)).map(|square| square.sqrt());
-                    }
-                }
-                found.covariance = covariance;
-                found
             }
         }
 
@@ -2669,50 +2964,10 @@ pub mod support {
             pub condition: T,
         }
 
-        /// A column of the factor with the place it came from.
-        #[derive(Clone, Copy)]
-        struct Column<T, const C: usize> {
-            index: usize,
-            values: [T; C],
-        }
-
-        /// One row of the second factor, whose columns are in the order of their pivots.
-        #[derive(Clone, Copy)]
-        struct Pivot<T, const C: usize> {
-            /// The column that was eliminated.
-            index: usize,
-            /// Its diagonal entry.
-            diagonal: T,
-            /// The projection of the right-hand side.
-            right: T,
-            /// Entries of the columns that were left, by their original places.
-            row: [T; C],
-        }
-
-        /// The solution of the triangular system of the first pivots, by original places; `right` is asked for every pivot and its number.
-        fn substituted<T: Real, const C: usize>(
-            pivots: &[Pivot<T, C>; C],
-            rank: usize,
-            right: impl Fn(usize, &Pivot<T, C>) -> T,
-        ) -> [T; C] {
-            let mut solution = [T::ZERO; C];
-            for (k, pivot) in pivots.iter().enumerate().take(rank).rev() {
-                // Columns that are not solved yet, and free ones, are zero in the solution.
-                let mut sum = right(k, pivot);
-                for (&entry, &value) in pivot.row.iter().zip(&solution) {
-                    sum -= entry * value;
-                }
-                if let Some(slot) = solution.get_mut(pivot.index) {
-                    *slot = sum / pivot.diagonal;
-                }
-            }
-            solution
-        }
-
         /// The root of the sum of two squares, which neither overflow nor vanish.
         fn hypotenuse<T: Real>(a: T, b: T) -> T {
-            let (a, b) = (a.abs(), b.abs());
-            let (large, small) = if a > b { (a, b) } else { (b, a) };
+            let large = a.abs().max(b.abs());
+            let small = a.abs().min(b.abs());
             if large <= T::ZERO {
                 return large;
             }
@@ -2722,28 +2977,19 @@ pub mod support {
 
         /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
         fn length<T: Real>(values: &[T]) -> T {
-            let largest = values.iter().fold(T::ZERO, |largest, value| largest.max(value.abs()));
+            let mut largest = T::ZERO;
+            for i in 0..values.len() {
+                largest = largest.max(values[i].abs());
+            }
             if largest <= T::ZERO {
                 return T::ZERO;
             }
             let mut sum = T::ZERO;
-            for &value in values {
-                let part = value / largest;
+            for i in 0..values.len() {
+                let part = values[i] / largest;
                 sum += part * part;
             }
             largest * sum.sqrt()
-        }
-
-        /// Removes the part along the unit vector and returns its size.
-        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
-            let mut along = T::ZERO;
-            for (&u, &value) in unit.iter().zip(values.iter()) {
-                along += u * value;
-            }
-            for (&u, value) in unit.iter().zip(values.iter_mut()) {
-                *value -= along * u;
-            }
-            along
         }
     }
 }

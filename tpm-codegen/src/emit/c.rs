@@ -6,7 +6,6 @@
 
 mod campaign;
 mod campaign_functions;
-mod campaign_source;
 mod context;
 mod dynamics;
 mod expression;
@@ -18,16 +17,13 @@ mod pattern;
 pub mod regulator;
 mod requested;
 mod run;
-mod run_along;
-mod run_equations;
 mod run_estimate;
-mod run_linearised;
-mod run_means;
-mod run_noise;
 mod run_numerical;
 mod run_physical;
-mod run_source;
+mod run_reference;
 mod solve;
+mod support;
+mod translate;
 
 use super::estimator::{EmitError, EstimatorSource};
 use super::header;

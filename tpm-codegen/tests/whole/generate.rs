@@ -126,6 +126,26 @@ fn the_way_back_to_physical_parameters_is_there_or_said_to_be_missing() {
     assert!(!own.contains("lump") && !own.contains("no way back"), "{own}");
 }
 
+/// Values of the declared parameters are enough where the equations show sums and products of them; a value of a sum itself comes first.
+#[test]
+fn sums_follow_from_given_values() {
+    let text = "model M { coordinate x; input u; parameter m1, m2, d, l; (m1 + m2)*ddot(x) + d*l^2*dot(x) = u; }";
+    let estimator =
+        EstimatorSource::of(&crate::support::parse(text)).unwrap_or_else(|fault| panic!("{}", fault.message));
+    let emitted = |values: &[(&str, f64)]| {
+        let values = values.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+        let identified = Identified::of_values("M", &values);
+        generate(&estimator, &Options { identified: Some(&identified), ..options() }).map(|files| files[0].text.clone())
+    };
+    let all = [("m1", 1.0), ("m2", 2.5), ("d", 0.5), ("l", 3.0)];
+    let text = emitted(&all).expect("every parameter has a value");
+    assert!(text.contains("m1_plus_m2: 3.5") && text.contains(": 4.5,"), "{text}");
+    let own = emitted(&[("m1_plus_m2", 7.25), ("d", 0.5), ("l", 3.0)]).expect("the sum has a value");
+    assert!(own.contains("m1_plus_m2: 7.25"), "{own}");
+    let missing = emitted(&all[..3]).expect_err("l has no value").to_string();
+    assert!(missing.contains("no identified value"), "{missing}");
+}
+
 #[test]
 fn a_model_without_a_pattern_is_whole_for_logs() {
     let mut model = mass_spring_drag();

@@ -11,6 +11,7 @@ mod language;
 mod lowering;
 mod monitor;
 mod newton_euler;
+mod one_source;
 #[path = "../../../tests/support/random.rs"]
 mod random;
 mod random_code;

@@ -1,6 +1,7 @@
 //! Accelerations from a mass matrix, on the controller.
 //!
-//! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic.
+//! Invariants: the matrix is a fixed-size array, nothing allocates, and every index is that of a loop below its length, so that no input can
+//! make it panic.
 
 use super::Label;
 use super::Real;
@@ -48,60 +49,77 @@ pub fn factors_hold<T: Real, const N: usize>(pivots: &[T; N], diagonal: &[T; N],
 /// # Errors
 /// [`SingularMass::Undetermined`] when a pivot vanishes to rounding, [`SingularMass::NotFinite`].
 pub fn accelerations<T: Real, const N: usize>(
-    matrix: [[T; N]; N],
+    mut matrix: [[T; N]; N],
     mut right: [T; N],
     labels: &[Label<'static>; N],
 ) -> Result<[T; N], SingularMass> {
-    let mut rows = [([T::ZERO; N], T::ZERO); N];
-    for ((row, entries), &right) in rows.iter_mut().zip(&matrix).zip(&right) {
-        let largest = entries.iter().fold(T::ZERO, |largest, entry| largest.max(entry.abs()));
-        if !right.is_finite() || !entries.iter().all(|entry| entry.is_finite()) {
-            return Err(SingularMass::NotFinite);
+    match eliminate(&mut matrix, &mut right) {
+        coordinate if coordinate < N => {
+            let name = labels.get(coordinate).map_or("", |label| label.name);
+            Err(SingularMass::Undetermined { coordinate, name })
         }
-        *row = (*entries, right);
+        coordinate if coordinate == N => Ok(right),
+        _ => Err(SingularMass::NotFinite),
+    }
+}
+
+/// The x with `matrix x = right` in the place of the right-hand side, by elimination with row pivoting; the matrix is destroyed. Gives the
+/// number of unknowns, the first unknown whose pivot vanishes to rounding, or one more than their number when a number is not finite.
+fn eliminate<T: Real, const N: usize>(matrix: &mut [[T; N]; N], right: &mut [T; N]) -> usize {
+    for i in 0..N {
+        let mut largest = T::ZERO;
+        for j in 0..N {
+            if !matrix[i][j].is_finite() {
+                return N + 1;
+            }
+            largest = largest.max(matrix[i][j].abs());
+        }
+        if !right[i].is_finite() {
+            return N + 1;
+        }
         if largest > T::ZERO {
-            row.0.iter_mut().for_each(|entry| *entry /= largest);
-            row.1 /= largest;
+            for j in 0..N {
+                matrix[i][j] /= largest;
+            }
+            right[i] /= largest;
         }
     }
-    let at = |row: &([T; N], T), column: usize| row.0.get(column).copied().unwrap_or(T::ZERO);
-    let tiny = T::EPSILON * T::from_f64(N as f64);
     // The largest entry that a column had, against which its pivot is small.
     let mut sizes = [T::ZERO; N];
-    for (column, size) in sizes.iter_mut().enumerate() {
-        *size = rows.iter().fold(T::ZERO, |largest, row| largest.max(at(row, column).abs()));
+    for i in 0..N {
+        for j in 0..N {
+            sizes[j] = sizes[j].max(matrix[i][j].abs());
+        }
     }
-    let mut left = rows.as_mut_slice();
-    for (k, &size) in sizes.iter().enumerate() {
-        let Some((first, rest)) = left.split_first_mut() else { break };
-        for other in rest.iter_mut() {
-            if at(other, k).abs() > at(first, k).abs() {
-                core::mem::swap(first, other);
+    for k in 0..N {
+        for i in k + 1..N {
+            if matrix[i][k].abs() > matrix[k][k].abs() {
+                matrix.swap(k, i);
+                right.swap(k, i);
             }
         }
-        let pivot = at(first, k);
-        if pivot.abs() <= tiny * size {
-            let name = labels.get(k).map_or("", |label| label.name);
-            return Err(SingularMass::Undetermined { coordinate: k, name });
+        if matrix[k][k].abs() <= T::EPSILON * T::from_f64(N as f64) * sizes[k] {
+            return k;
         }
-        for other in rest.iter_mut() {
-            let factor = at(other, k) / pivot;
-            for (entry, &above) in other.0.iter_mut().zip(&first.0).skip(k) {
-                *entry -= factor * above;
+        for i in k + 1..N {
+            let factor = matrix[i][k] / matrix[k][k];
+            for j in k..N {
+                let above = factor * matrix[k][j];
+                matrix[i][j] -= above;
             }
-            other.1 -= factor * first.1;
-        }
-        left = rest;
-    }
-    right = [T::ZERO; N];
-    for (k, row) in rows.iter().enumerate().rev() {
-        let mut sum = row.1;
-        for (&entry, &value) in row.0.iter().zip(&right).skip(k + 1) {
-            sum -= entry * value;
-        }
-        if let Some(slot) = right.get_mut(k) {
-            *slot = sum / at(row, k);
+            let above_right = factor * right[k];
+            right[i] -= above_right;
         }
     }
-    if right.iter().all(|value| value.is_finite()) { Ok(right) } else { Err(SingularMass::NotFinite) }
+    for k in (0..N).rev() {
+        let mut sum = right[k];
+        for j in k + 1..N {
+            sum -= matrix[k][j] * right[j];
+        }
+        right[k] = sum / matrix[k][k];
+        if !right[k].is_finite() {
+            return N + 1;
+        }
+    }
+    N
 }

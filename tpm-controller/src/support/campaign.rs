@@ -7,7 +7,8 @@
 //!
 //! Invariants: nothing allocates; a campaign ends after a bounded number of samples if updates are made; an ended one comes to rest.
 
-use super::{Real, RunFault, SquareRoot};
+use super::run_lines::angle;
+use super::{Real, RunEstimate, RunFault, Solution, SquareRoot};
 
 /// What a smaller amplitude is after a limit was met.
 const BACK_OFF: f64 = 0.7;
@@ -60,6 +61,38 @@ pub enum CampaignEnd {
     Stopped,
 }
 
+/// Where an order is, without why it ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CampaignState {
+    /// A run passes to its pattern and settles.
+    Settling,
+    /// The samples of a run are taken in.
+    Measuring,
+    /// The run is whole: an update is due, the pattern goes on.
+    Due,
+    /// The campaign has ended, and the machine comes to rest.
+    Ended,
+}
+
+/// Why an order ended, without the fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CampaignReason {
+    /// It has not.
+    None,
+    /// All stages were played.
+    Stages,
+    /// All runs were used.
+    Runs,
+    /// An input has reached the stated share of its limit.
+    Effort,
+    /// A limit was met again and again, or on the way from one pattern to the next.
+    Limit,
+    /// A run could not be used: the campaign's status says why.
+    Fault,
+    /// The caller stopped it.
+    Stopped,
+}
+
 /// A pattern while it is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Play<T> {
@@ -77,8 +110,7 @@ impl<T: Real> Play<T> {
     /// The phase w t in radians.
     #[must_use]
     pub fn phase(&self) -> T {
-        let turns = f64::from(self.number) / f64::from(self.samples_per_period.max(1));
-        T::from_f64(2.0 * core::f64::consts::PI * turns)
+        angle(self.number, self.samples_per_period.max(1))
     }
 
     fn advance(&mut self) {
@@ -92,9 +124,12 @@ impl<T: Real> Play<T> {
 /// The order of a campaign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CampaignOrder<T> {
+    /// Where the campaign is, why it ended, and the fault of a run where that is the reason.
+    state: CampaignState,
+    reason: CampaignReason,
+    status: Result<(), RunFault>,
     rules: CampaignRules<T>,
     stages: usize,
-    phase: CampaignPhase,
     now: Play<T>,
     before: Play<T>,
     /// Samples of the passage so far, and of the whole.
@@ -115,9 +150,11 @@ impl<T: Real> CampaignOrder<T> {
     pub fn new(rules: CampaignRules<T>, stages: usize, samples_per_period: u32) -> Self {
         let rest = Play { stage: 0, share: T::ZERO, samples_per_period, number: 0 };
         let mut this = Self {
+            state: CampaignState::Settling,
+            reason: CampaignReason::None,
+            status: Ok(()),
             rules,
             stages,
-            phase: CampaignPhase::Settling,
             now: rest,
             before: rest,
             passed: 0,
@@ -128,17 +165,51 @@ impl<T: Real> CampaignOrder<T> {
             back_offs: 0,
             peak: T::ZERO,
         };
-        this.begin(Play { share: T::ONE, ..rest });
-        if stages == 0 {
-            this.end(CampaignEnd::Stages);
-        }
+        this.start(&rules, stages, samples_per_period);
         this
+    }
+
+    /// Begins a campaign of so many stages; the first one has so many samples in a period.
+    pub fn start(&mut self, rules: &CampaignRules<T>, stages: usize, samples_per_period: u32) {
+        let mut play = Play { stage: 0, share: T::ZERO, samples_per_period, number: 0 };
+        self.state = CampaignState::Settling;
+        self.reason = CampaignReason::None;
+        self.status = Ok(());
+        self.rules = *rules;
+        self.stages = stages;
+        self.now = play;
+        self.before = play;
+        self.passed = 0;
+        self.passage = 0;
+        self.runs = 0;
+        self.runs_of_stage = 0;
+        self.back_offs = 0;
+        play.share = T::ONE;
+        self.begin(play);
+        if stages == 0 {
+            self.finish(CampaignReason::Stages);
+        }
     }
 
     /// Where the campaign is.
     #[must_use]
     pub fn phase(&self) -> CampaignPhase {
-        self.phase
+        let end = match (self.reason, self.status) {
+            (CampaignReason::None, _) => {
+                return match self.state {
+                    CampaignState::Measuring => CampaignPhase::Measuring,
+                    CampaignState::Due => CampaignPhase::Due,
+                    CampaignState::Settling | CampaignState::Ended => CampaignPhase::Settling,
+                };
+            }
+            (CampaignReason::Fault, Err(fault)) => CampaignEnd::Fault(fault),
+            (CampaignReason::Stages, _) => CampaignEnd::Stages,
+            (CampaignReason::Runs, _) => CampaignEnd::Runs,
+            (CampaignReason::Effort, _) => CampaignEnd::Effort,
+            (CampaignReason::Limit, _) => CampaignEnd::Limit,
+            (CampaignReason::Fault | CampaignReason::Stopped, _) => CampaignEnd::Stopped,
+        };
+        CampaignPhase::Ended(end)
     }
 
     /// Runs that were begun.
@@ -147,11 +218,20 @@ impl<T: Real> CampaignOrder<T> {
         self.runs
     }
 
-    /// The pattern that is played, the one before it, and the share of the way between them in radians, from 0 to pi; pi behind the passage.
+    /// The pattern that is played, and the one before it.
     #[must_use]
-    pub fn plays(&self) -> (Play<T>, Play<T>, T) {
-        let share = if self.passed < self.passage { f64::from(self.passed) / f64::from(self.passage) } else { 1.0 };
-        (self.now, self.before, T::from_f64(core::f64::consts::PI * share))
+    pub fn plays(&self) -> (Play<T>, Play<T>) {
+        (self.now, self.before)
+    }
+
+    /// The share of the way between the patterns in radians, from 0 to pi; pi behind the passage.
+    #[must_use]
+    pub fn passage_at(&self) -> T {
+        if self.passed < self.passage {
+            T::PI * T::from_f64(f64::from(self.passed)) / T::from_f64(f64::from(self.passage))
+        } else {
+            T::PI
+        }
     }
 
     /// Radians of the passage in a sample; zero behind the passage.
@@ -170,17 +250,13 @@ impl<T: Real> CampaignOrder<T> {
         if passing {
             self.passed += 1;
         }
-        if matches!(self.phase, CampaignPhase::Ended(_)) {
+        if self.state == CampaignState::Ended {
             self.come_to_rest();
-            return false;
-        }
-        if beyond {
+        } else if beyond {
             self.give_up(passing);
-            return false;
-        }
-        if self.phase == CampaignPhase::Settling && self.passed >= self.passage {
+        } else if self.state == CampaignState::Settling && self.passed >= self.passage {
             if self.settling == 0 && self.now.number == 0 {
-                self.phase = CampaignPhase::Measuring;
+                self.state = CampaignState::Measuring;
                 return true;
             }
             self.settling = self.settling.saturating_sub(1);
@@ -190,51 +266,64 @@ impl<T: Real> CampaignOrder<T> {
 
     /// All samples of the run were taken in: an update is due.
     pub fn run_is_whole(&mut self) {
-        if self.phase == CampaignPhase::Measuring {
-            self.phase = CampaignPhase::Due;
+        if self.state == CampaignState::Measuring {
+            self.state = CampaignState::Due;
         }
     }
 
-    /// Goes on behind an update. `samples_per_period` has that of a stage.
-    pub fn updated(&mut self, samples_per_period: impl Fn(usize) -> u32) {
-        if self.phase != CampaignPhase::Due {
+    /// Goes on behind an update. The next stage has so many samples in a period, if there is one.
+    pub fn updated(&mut self, samples_per_period: u32) {
+        if self.state != CampaignState::Due {
             return;
         }
-        self.runs_of_stage += 1;
-        let repeated = self.runs_of_stage < self.rules.runs_per_stage;
-        if self.runs >= self.rules.most_runs {
-            return self.end(CampaignEnd::Runs);
-        }
-        if repeated {
-            return self.begin(self.now);
-        }
         let stage = self.now.stage + 1;
-        if stage >= self.stages {
-            return self.end(CampaignEnd::Stages);
+        self.runs_of_stage += 1;
+        if self.runs >= self.rules.most_runs {
+            self.finish(CampaignReason::Runs);
+        } else if self.runs_of_stage < self.rules.runs_per_stage {
+            let same = self.now;
+            self.begin(same);
+        } else if stage >= self.stages {
+            self.finish(CampaignReason::Stages);
+        } else if self.peak >= self.rules.effort {
+            self.finish(CampaignReason::Effort);
+        } else {
+            let next = Play { stage, share: T::ONE, samples_per_period, number: 0 };
+            self.runs_of_stage = 0;
+            self.back_offs = 0;
+            self.begin(next);
         }
-        if self.peak >= self.rules.effort {
-            return self.end(CampaignEnd::Effort);
-        }
-        self.runs_of_stage = 0;
-        self.back_offs = 0;
-        self.begin(Play { stage, share: T::ONE, samples_per_period: samples_per_period(stage), number: 0 });
     }
 
-    /// Ends the campaign: the machine passes to rest.
-    pub fn end(&mut self, end: CampaignEnd) {
-        if !matches!(self.phase, CampaignPhase::Ended(_)) {
-            self.phase = CampaignPhase::Ended(end);
+    /// Ends the campaign by the caller's wish: the machine passes to rest.
+    pub fn stop(&mut self) {
+        self.finish(CampaignReason::Stopped);
+    }
+
+    /// Ends the campaign by a fault of a run: the machine passes to rest.
+    pub fn fail(&mut self, fault: RunFault) {
+        if self.state != CampaignState::Ended {
+            self.status = Err(fault);
+            self.finish(CampaignReason::Fault);
+        }
+    }
+
+    fn finish(&mut self, reason: CampaignReason) {
+        if self.state != CampaignState::Ended {
+            self.state = CampaignState::Ended;
+            self.reason = reason;
             self.come_to_rest();
         }
     }
 
     /// Begins a run; a pattern that goes on needs no passage.
     fn begin(&mut self, next: Play<T>) {
+        let same = next.stage == self.now.stage && next.share >= self.now.share && next.share <= self.now.share;
         self.runs += 1;
         self.peak = T::ZERO;
-        self.phase = CampaignPhase::Settling;
-        self.settling = next.samples_per_period.saturating_mul(self.rules.settle_periods);
-        if next != self.now {
+        self.state = CampaignState::Settling;
+        self.settling = self.rules.settle_periods.saturating_mul(next.samples_per_period);
+        if !same {
             self.pass(next);
         }
     }
@@ -247,102 +336,127 @@ impl<T: Real> CampaignOrder<T> {
     }
 
     /// Begins a smaller run, or ends the campaign. The passage to a pattern that meets a limit is played backwards.
+    #[allow(clippy::manual_swap, reason = "of the subset that is printed as C")]
     fn give_up(&mut self, passing: bool) {
         self.back_offs += 1;
         if passing {
-            core::mem::swap(&mut self.now, &mut self.before);
+            let now = self.now;
+            self.now = self.before;
+            self.before = now;
             self.passed = self.passage - self.passed;
-            return self.end(CampaignEnd::Limit);
+            self.finish(CampaignReason::Limit);
+        } else if self.back_offs > MOST_BACK_OFFS {
+            self.finish(CampaignReason::Limit);
+        } else if self.runs >= self.rules.most_runs {
+            self.finish(CampaignReason::Runs);
+        } else {
+            let mut next = self.now;
+            next.share *= T::from_f64(BACK_OFF);
+            self.begin(next);
         }
-        if self.back_offs > MOST_BACK_OFFS || self.runs >= self.rules.most_runs {
-            return self.end(if self.back_offs > MOST_BACK_OFFS { CampaignEnd::Limit } else { CampaignEnd::Runs });
-        }
-        self.begin(Play { share: self.now.share * T::from_f64(BACK_OFF), ..self.now });
     }
 
     /// Passes to rest where no passage is played any more.
     fn come_to_rest(&mut self) {
         if self.passed >= self.passage && self.now.share.abs() > T::ZERO {
-            self.pass(Play { share: T::ZERO, ..self.now });
+            let mut rest = self.now;
+            rest.share = T::ZERO;
+            self.pass(rest);
         }
     }
 }
 
-/// A motion on its way from one to another: derivative n of entry c stands at `n * entries + c`, and `step` has the radians of the
-/// passage in a second. The way is `(1 - p)/2` with the rest-to-rest pattern p of three harmonics, five of whose derivatives are zero at both
-/// ends.
-pub fn passing<T: Real, const N: usize>(before: &[T; N], now: &[T; N], entries: usize, at: T, step: T) -> [T; N] {
-    if at >= T::PI {
-        return *now;
+/// A derivative of the way: `(1 - p)/2` with the rest-to-rest pattern p of three harmonics, five of whose derivatives are zero at both ends;
+/// `cos a - 1/6 cos 3a + 1/50 cos 5a` is 64/75 at 0.
+fn way<T: Real>(at: T, step: T, order: usize) -> T {
+    let mut sum = if order == 0 { T::from_f64(0.5) } else { T::ZERO };
+    for term in 0..3 {
+        let harmonic = T::from_f64((2 * term + 1) as f64);
+        let mut size = T::from_f64(75.0 / 128.0);
+        if term == 1 {
+            size = T::from_f64(-75.0 / 128.0 / 6.0);
+        }
+        if term == 2 {
+            size = T::from_f64(75.0 / 128.0 / 50.0);
+        }
+        for _ in 0..order {
+            size *= harmonic * step;
+        }
+        sum -= size * (harmonic * at + T::PI / T::from_f64(2.0) * T::from_f64(order as f64)).cos();
     }
-    let entries = entries.max(1);
-    let way = |order: u32| -> T {
-        // cos a - 1/6 cos 3a + 1/50 cos 5a is 64/75 at 0.
-        let terms = [(1.0, 1.0), (3.0, -1.0 / 6.0), (5.0, 1.0 / 50.0)];
-        let turned = T::PI / T::from_f64(2.0) * T::from_f64(f64::from(order));
-        let sum = terms.iter().fold(T::ZERO, |sum, &(harmonic, share)| {
-            let harmonic = T::from_f64(harmonic);
-            sum + T::from_f64(share) * (harmonic * step).powi(order) * (harmonic * at + turned).cos()
-        });
-        let half = T::from_f64(if order == 0 { 0.5 } else { 0.0 });
-        half - sum * T::from_f64(75.0 / 128.0)
-    };
-    core::array::from_fn(|place| {
-        let (order, entry) = (place / entries, place % entries);
-        let mut sum = before.get(place).copied().unwrap_or(T::ZERO);
-        let mut binomial = 1.0;
+    sum
+}
+
+/// A motion on its way from one to another, in the place of the latter: derivative n of entry c stands at `n * entries + c`, and `step` has
+/// the radians of the passage in a second.
+pub fn passing<T: Real, const M: usize>(before: &[T; M], now: &mut [T; M], entries: usize, at: T, step: T) {
+    if at >= T::PI || entries == 0 {
+        return;
+    }
+    let mut apart = [T::ZERO; M];
+    for place in 0..M {
+        apart[place] = now[place] - before[place];
+    }
+    for place in 0..M {
+        let order = place / entries;
+        let mut binomial = T::ONE;
+        now[place] = before[place];
         for k in 0..=order {
-            let at = (order - k) * entries + entry;
-            let apart = now.get(at).copied().unwrap_or(T::ZERO) - before.get(at).copied().unwrap_or(T::ZERO);
-            sum += T::from_f64(binomial) * way(k as u32) * apart;
-            binomial = binomial * (order - k) as f64 / (k + 1) as f64;
+            let at_order = (order - k) * entries + place % entries;
+            now[place] += binomial * way(at, step, k) * apart[at_order];
+            binomial = binomial * T::from_f64((order - k) as f64) / T::from_f64((k + 1) as f64);
         }
-        sum
-    })
-}
-
-/// The parameters that all runs show.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pooled<T, const P: usize> {
-    /// The parameters; nothing for those that no run shows.
-    pub values: [Option<T>; P],
-    /// Their standard deviations.
-    pub deviations: [Option<T>; P],
-    /// Their covariance; zero for those that no run shows.
-    pub covariance: [[T; P]; P],
+    }
 }
 
 /// What the runs of a campaign say together, as equations for the step from `centre`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunPool<T, const P: usize> {
-    factor: SquareRoot<T, P>,
-    centre: [T; P],
+    pub(super) factor: SquareRoot<T, P>,
+    pub(super) centre: [T; P],
 }
 
 impl<T: Real, const P: usize> RunPool<T, P> {
+    /// Forgets all runs.
+    pub fn clear(&mut self, centre: &[T; P]) {
+        self.factor.clear();
+        self.centre = *centre;
+    }
+
     /// No run yet.
     #[must_use]
     pub fn new(centre: [T; P]) -> Self {
         Self { factor: SquareRoot::default(), centre }
     }
 
-    /// Takes in the equations of a run for the step from `about`, which count by `1 / max(chi_squared, 1)`; gives what all
-    /// runs show.
-    pub fn take(&mut self, run: &SquareRoot<T, P>, about: &[T; P], chi_squared: T) -> Pooled<T, P> {
+    /// What all runs show, as one run would.
+    #[must_use]
+    pub fn shown<const Q: usize>(&self, noise: [T; Q]) -> RunEstimate<T, Q, P> {
+        RunEstimate::of(&self.factor, &self.centre, T::ONE, noise)
+    }
+
+    /// The parameters that all runs show: what they show in combinations alone moves the parameters in them as little as it can, and what
+    /// they do not show stays.
+    #[must_use]
+    pub fn moved(&self) -> [T; P] {
+        let mut found = Solution::default();
+        self.factor.solve(&mut found);
+        let mut moved = self.centre;
+        for place in 0..P {
+            moved[place] += found.steps[place];
+        }
+        moved
+    }
+
+    /// Takes in the equations of a run for the step from `about`, which count by `1 / max(chi_squared, 1)` and are faded by it.
+    pub fn add(&mut self, run: &mut SquareRoot<T, P>, about: &[T; P], chi_squared: T) {
         let mut by = [T::ZERO; P];
-        for ((by, about), centre) in by.iter_mut().zip(about).zip(&mut self.centre) {
-            *by = *about - *centre;
-            *centre = *about;
+        for place in 0..P {
+            by[place] = about[place] - self.centre[place];
+            self.centre[place] = about[place];
         }
         self.factor.move_by(&by);
-        let mut run = *run;
         run.fade(T::ONE / chi_squared.max(T::ONE));
-        self.factor.pool(&run);
-        let shown = self.factor.solution();
-        let mut values = [None; P];
-        for ((value, step), centre) in values.iter_mut().zip(shown.solution).zip(self.centre) {
-            *value = step.map(|step| centre + step);
-        }
-        Pooled { values, deviations: shown.deviations, covariance: shown.covariance }
+        self.factor.pool(run);
     }
 }

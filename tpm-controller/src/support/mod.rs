@@ -1,7 +1,12 @@
 //! What every generated estimator needs beside `core` and the crate `libm`.
 //!
 //! Invariant: each file here takes what it needs from this module (`super`) and from nowhere else in the crate, and holds no
-//! tests, so that its text may stand, unchanged, inside a generated file.
+//! tests, so that its text may stand, unchanged, inside a generated file. What is computed is of the subset of Rust that is printed as C
+//! (structures, arrays of fixed size, loops over ranges; no iterators, closures or options): `tpm-codegen` refuses anything else.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
+)]
 
 mod accelerations;
 mod campaign;
@@ -28,20 +33,22 @@ mod square_root;
 mod tests;
 
 pub use accelerations::{SingularMass, accelerations, factors_hold};
-pub use campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};
+pub use campaign::{
+    CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, RunPool, passing,
+};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;
 pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
-pub use monitor::{MonitorFault, MonitorJumps, MonitorRules, MonitorState, Monitoring, Moved};
+pub use monitor::{MonitorFault, MonitorPhase, MonitorRules, MonitorState, Monitoring, Moved};
 pub use phasor::Phasor;
 pub use real::Real;
 pub use run_estimate::RunEstimate;
 pub use run_linearised::{RunLinearisation, RunReference};
-pub use run_lines::{RunFault, RunLines};
+pub use run_lines::{RunFault, RunLines, RunSampling};
 pub use run_means::RunPassed;
 pub use run_numerical::RunNumerical;
-pub use run_physical::{RunLumping, RunPhysical};
+pub use run_physical::{RunIteration, RunLumping, RunPhysical};
 pub use run_weigh::RunMeans;
-pub use run_workspace::{RunModel, RunSampling, RunWorkspace};
-pub use square_root::{NotFinite, Shown, SquareRoot};
+pub use run_workspace::{RunModel, RunWorkspace};
+pub use square_root::{SampleFault, Shown, Solution, SquareRoot};

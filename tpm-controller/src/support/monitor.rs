@@ -13,7 +13,7 @@
 //! No change is what is within the identified values' own uncertainty and the noise of the motion as it was measured at rest; a change is what
 //! was asked for. For a drifting parameter both begin beyond its allowance.
 //!
-//! Invariant: nothing allocates and nothing indexes, so that no input can make it panic.
+//! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic.
 
 use super::{Real, SquareRoot};
 use core::fmt;
@@ -29,6 +29,16 @@ const STILL: f64 = 5.0;
 
 /// The fewest blocks of a run-in: fewer do not tell a variance.
 const FEWEST: u32 = 20;
+
+/// A run-in is of one kind where no block has this share of what all show: with noise alone, one of twenty blocks has it once in a thousand
+/// run-ins, which then takes as long again.
+const ONE_KIND: f64 = 0.5;
+
+/// The share of an alarm that one block gives at most.
+const MOST_STEP: f64 = 0.3;
+
+/// The quantile of a normal deviate for an upper limit of 99 %.
+const QUANTILE: f64 = 2.326_348;
 
 /// What is watched, and how. `R` equations, `C` base parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,25 +70,49 @@ impl<T: Real, const R: usize, const C: usize> MonitorRules<T, R, C> {
     /// # Errors
     /// [`MonitorFault`], the first of its kind.
     pub fn check(&self) -> Result<(), MonitorFault> {
-        let positive = |value: &T| *value > T::ZERO && value.is_finite();
-        let allowed = |value: &T| *value >= T::ZERO && value.is_finite();
-        let finite = self.values.iter().chain(self.spread.as_flattened()).all(|value| value.is_finite());
-        match () {
-            () if !finite => Err(MonitorFault::Values),
-            () if !self.changes.iter().all(positive) => Err(MonitorFault::Changes),
-            () if !self.drifts.iter().all(allowed) => Err(MonitorFault::Drifts),
-            () if !self.deviations.iter().all(positive) => Err(MonitorFault::Deviations),
-            () if !positive(&self.sample_time) || !positive(&self.false_alarms) => Err(MonitorFault::Times),
-            () if (self.block as usize).saturating_mul(R) <= 2 * C || self.run_in < FEWEST => Err(MonitorFault::Blocks),
-            () => Ok(()),
+        for i in 0..C {
+            if !self.values[i].is_finite() {
+                return Err(MonitorFault::Values);
+            }
+            for j in 0..C {
+                if !self.spread[i][j].is_finite() {
+                    return Err(MonitorFault::Values);
+                }
+            }
+            if !is_positive(self.changes[i]) {
+                return Err(MonitorFault::Changes);
+            }
+            if self.drifts[i] < T::ZERO || !self.drifts[i].is_finite() {
+                return Err(MonitorFault::Drifts);
+            }
         }
+        for row in 0..R {
+            if !is_positive(self.deviations[row]) {
+                return Err(MonitorFault::Deviations);
+            }
+        }
+        if !is_positive(self.sample_time) || !is_positive(self.false_alarms) {
+            return Err(MonitorFault::Times);
+        }
+        if T::from_f64(f64::from(self.block)) * T::from_f64(R as f64) <= T::from_f64((2 * C) as f64)
+            || self.run_in < FEWEST
+        {
+            return Err(MonitorFault::Blocks);
+        }
+        Ok(())
     }
 
     /// The threshold of every sum: all tests together give the allowed false alarms. At least one.
     fn threshold(&self) -> T {
         let blocks = T::from_f64(3600.0) / (self.sample_time * T::from_f64(f64::from(self.block)));
-        (T::from_f64((2 * C + 1) as f64) * blocks / self.false_alarms).ln().max(T::ONE)
+        let tests = T::from_f64((2 * C + 1) as f64);
+        (tests * blocks / self.false_alarms).ln().max(T::ONE)
     }
+}
+
+/// Whether a number is finite and larger than zero.
+fn is_positive<T: Real>(value: T) -> bool {
+    value > T::ZERO && value.is_finite()
 }
 
 /// Why a monitor cannot follow its rules.
@@ -141,12 +175,48 @@ pub struct Moved<T> {
     pub deviation: T,
 }
 
+/// What a monitor says, without numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MonitorPhase {
+    /// Some parameter, or the power of what is left, still waits for blocks of its run-in; the others are watched.
+    RunIn,
+    /// The machine is watched; `testable` says of how many parameters the last block could show the change, 0 when it stood still.
+    Watching,
+    /// This sample is left out: it is missing, an input was at its limit, or a number is not finite.
+    LeftOut,
+    /// The parameter `moved` has moved by `change`, whose deviation from noise is `deviation`; so until the monitor begins again.
+    Moved,
+    /// The power that no parameters explain is `growth` times that of the run-in; so until the monitor begins again.
+    Unexplained,
+}
+
 /// The evidence for a change in one direction since it was last zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Evidence<T> {
     ratio: T,
     score: T,
     information: T,
+}
+
+impl<T: Real> Evidence<T> {
+    fn clear(&mut self) {
+        self.ratio = T::ZERO;
+        self.score = T::ZERO;
+        self.information = T::ZERO;
+    }
+
+    /// Adds a log-likelihood ratio, of which one block never gives more than a share of an alarm; whether anything is left.
+    fn add_ratio(&mut self, step: T, threshold: T) -> bool {
+        if !step.is_finite() {
+            return false;
+        }
+        self.ratio += step.min(threshold * T::from_f64(MOST_STEP));
+        if self.ratio > T::ZERO {
+            return true;
+        }
+        self.clear();
+        false
+    }
 }
 
 /// What the run-in showed of a parameter, and the evidence that it has grown or shrunk.
@@ -156,22 +226,53 @@ struct Watched<T> {
     score: T,
     information: T,
     squares: T,
+    /// The largest square so far.
+    largest: T,
     sides: [Evidence<T>; 2],
 }
 
-/// The arguments of the signs in the rows of a regressor, `S` per row and 1 where a row has fewer, and which entries depend on one.
-#[derive(Clone, Copy, Debug)]
-pub struct MonitorJumps<'a, T, const R: usize, const C: usize, const S: usize> {
-    /// The arguments along the motion of one instant.
-    pub arguments: [[T; S]; R],
-    /// Whether an entry of the regressor depends on a sign.
-    pub entries: &'a [[bool; C]; R],
+impl<T: Real> Watched<T> {
+    fn clear(&mut self) {
+        self.blocks = 0;
+        self.score = T::ZERO;
+        self.information = T::ZERO;
+        self.squares = T::ZERO;
+        self.largest = T::ZERO;
+        self.sides[0].clear();
+        self.sides[1].clear();
+    }
+
+    /// Takes in a block of the run-in, which begins again where its blocks were not of one kind.
+    fn run_in(&mut self, score: T, information: T, blocks: u32) {
+        let square = score * score / information;
+        self.blocks += 1;
+        self.score += score;
+        self.information += information;
+        self.squares += square;
+        self.largest = self.largest.max(square);
+        if self.blocks >= blocks && self.largest > T::from_f64(ONE_KIND) * self.squares {
+            self.clear();
+        }
+    }
 }
 
-/// What blocks of samples say of a machine, in memory that does not grow with them. `S` signs in a row at most.
+/// The watch over a machine, in memory that does not grow with the samples: R rows, C base parameters, S signs in a row at most.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Monitoring<T, const R: usize, const C: usize, const S: usize> {
-    /// Samples of the block so far, how many of them were taken in, and with how many equations.
+    /// What is watched, and how.
+    pub rules: MonitorRules<T, R, C>,
+    /// What there is to say after the samples so far.
+    pub(super) state: MonitorPhase,
+    /// The base parameter that has moved, by how much as if it alone had, and the deviation of that.
+    moved: usize,
+    change: T,
+    deviation: T,
+    /// The unexplained power of the last block, in that of the run-in.
+    growth: T,
+    /// The parameters of which the last block could show the change that is to be found.
+    testable: usize,
+    /// The block so far: its rows, its samples, how many of them were taken in, and with how many equations.
+    pub block: SquareRoot<T, C>,
     samples: u32,
     taken: u32,
     equations: u32,
@@ -183,336 +284,382 @@ pub struct Monitoring<T, const R: usize, const C: usize, const S: usize> {
     products: [[T; C]; C],
     rests: T,
     parameters: [Watched<T>; C],
-    /// Run-in and evidence of what is left: blocks, sum, squares and ratio.
+    /// Run-in and evidence of what is left: blocks, sum, squares, the largest one, and ratio.
     blocks: u32,
     left: T,
     squares: T,
-    ratio: T,
-    state: MonitorState<T>,
+    largest: T,
+    unexplained: Evidence<T>,
+    /// Memory of a judgement: the right-hand side less what the values explain, the noise of every column times that of the forces that the
+    /// values explain, an orthonormal basis of the drifting columns with the weights of the columns in it, and a direction beside it.
+    right: [T; C],
+    noise: [T; C],
+    basis: [[T; C]; C],
+    basis_weights: [[T; C]; C],
+    own: [T; C],
+    weights: [T; C],
+    /// What a block shows of the change of a parameter: how large a change the noise of the motion looks like, and how large a one that and
+    /// the uncertainty of the identified values.
+    score: T,
+    information: T,
+    noisy: T,
+    blind: T,
 }
 
-impl<T: Real, const R: usize, const C: usize, const S: usize> Default for Monitoring<T, R, C, S> {
-    fn default() -> Self {
+impl<T: Real, const R: usize, const C: usize, const S: usize> Monitoring<T, R, C, S> {
+    /// A watch by these rules, before its run-in.
+    #[must_use]
+    pub fn new(rules: &MonitorRules<T, R, C>) -> Self {
+        let (vector, matrix) = ([T::ZERO; C], [[T::ZERO; C]; C]);
         Self {
+            rules: *rules,
+            state: MonitorPhase::RunIn,
+            moved: 0,
+            change: T::ZERO,
+            deviation: T::ZERO,
+            growth: T::ZERO,
+            testable: 0,
+            block: SquareRoot::default(),
             samples: 0,
             taken: 0,
             equations: 0,
             level: [[T::ZERO; S]; R],
             wander: [[T::ZERO; S]; R],
             mean: [[T::ZERO; C]; R],
-            products: [[T::ZERO; C]; C],
+            products: matrix,
             rests: T::ZERO,
             parameters: [Watched::default(); C],
             blocks: 0,
             left: T::ZERO,
             squares: T::ZERO,
-            ratio: T::ZERO,
-            state: MonitorState::RunIn,
+            largest: T::ZERO,
+            unexplained: Evidence::default(),
+            right: vector,
+            noise: vector,
+            basis: matrix,
+            basis_weights: matrix,
+            own: vector,
+            weights: vector,
+            score: T::ZERO,
+            information: T::ZERO,
+            noisy: T::ZERO,
+            blind: T::ZERO,
         }
     }
-}
 
-impl<T: Real, const R: usize, const C: usize, const S: usize> Monitoring<T, R, C, S> {
-    /// Takes in the regressor of a sample while the machine stands still: what varies then is noise of the motion.
-    pub fn rest(
-        &mut self,
-        rules: &MonitorRules<T, R, C>,
-        mut regressor: [[T; C]; R],
-        jumps: &MonitorJumps<'_, T, R, C, S>,
-    ) {
-        let arguments = jumps.arguments.as_flattened();
-        if !regressor.as_flattened().iter().chain(arguments).all(|entry| entry.is_finite()) {
-            return;
+    /// Begins a watch by these rules.
+    ///
+    /// # Errors
+    /// [`MonitorFault`] when they cannot be followed; the watch must not be used then.
+    pub fn begin(&mut self, rules: &MonitorRules<T, R, C>) -> Result<(), MonitorFault> {
+        rules.check()?;
+        self.rules = *rules;
+        self.block.clear();
+        self.samples = 0;
+        self.taken = 0;
+        self.equations = 0;
+        self.level = [[T::ZERO; S]; R];
+        self.wander = [[T::ZERO; S]; R];
+        self.mean = [[T::ZERO; C]; R];
+        self.products = [[T::ZERO; C]; C];
+        self.rests = T::ZERO;
+        for j in 0..C {
+            self.parameters[j].clear();
+        }
+        self.blocks = 0;
+        self.left = T::ZERO;
+        self.squares = T::ZERO;
+        self.largest = T::ZERO;
+        self.moved = 0;
+        self.change = T::ZERO;
+        self.deviation = T::ZERO;
+        self.growth = T::ZERO;
+        self.testable = 0;
+        self.again();
+        Ok(())
+    }
+
+    /// Takes in the regressor of a sample, which is destroyed, and the arguments of the signs in its rows, 1 where a row has fewer, while
+    /// the machine stands still: what varies then is noise of the motion. `jumping` says which entries depend on a sign; a row is counted
+    /// where its signs are exact, so that what else there is in such an entry is its noise then.
+    pub fn rest(&mut self, regressor: &mut [[T; C]; R], arguments: &[[T; S]; R], jumping: &[[bool; C]; R]) {
+        for row in 0..R {
+            for j in 0..C {
+                if !regressor[row][j].is_finite() {
+                    return;
+                }
+            }
+            for i in 0..S {
+                if !arguments[row][i].is_finite() {
+                    return;
+                }
+            }
         }
         self.rests += T::ONE;
-        let levels = self.level.as_flattened_mut().iter_mut().zip(self.wander.as_flattened_mut());
-        for ((level, wander), &argument) in levels.zip(arguments) {
-            let before = argument - *level;
-            *level += before / self.rests;
-            *wander += before * (argument - *level);
-        }
-        // A row is counted where its signs are exact: what else there is in the entry is its noise then.
-        let entries = regressor.as_flattened_mut().iter_mut().zip(jumps.entries.as_flattened());
-        entries.filter(|(_, jumps)| **jumps).for_each(|(entry, _)| *entry = entry.abs());
-        for ((means, row), &deviation) in self.mean.iter_mut().zip(&regressor).zip(&rules.deviations) {
-            let (mut before, mut after) = (*row, *row);
-            for ((mean, before), after) in means.iter_mut().zip(&mut before).zip(&mut after) {
-                let entry = *before / deviation;
-                *before = entry - *mean;
-                *mean += *before / self.rests;
-                *after = entry - *mean;
+        for row in 0..R {
+            for i in 0..S {
+                let off = arguments[row][i] - self.level[row][i];
+                self.level[row][i] += off / self.rests;
+                self.wander[row][i] += off * (arguments[row][i] - self.level[row][i]);
             }
-            for (products, &before) in self.products.iter_mut().zip(&before) {
-                products.iter_mut().zip(&after).for_each(|(product, &after)| *product += before * after);
+            let mut before = [T::ZERO; C];
+            let mut after = [T::ZERO; C];
+            for j in 0..C {
+                let size = if jumping[row][j] { regressor[row][j].abs() } else { regressor[row][j] };
+                let entry = size / self.rules.deviations[row];
+                before[j] = entry - self.mean[row][j];
+                self.mean[row][j] += before[j] / self.rests;
+                after[j] = entry - self.mean[row][j];
+            }
+            for j in 0..C {
+                for k in 0..C {
+                    self.products[j][k] += before[j] * after[k];
+                }
             }
         }
     }
 
-    /// The deviations of the equations of a sample: infinite where a sign in the equation is that of noise.
+    /// Whether a sign of an equation is that of noise: dry friction at rest, or at a reversal, is anything between its limits. Such an
+    /// equation is left out.
     #[must_use]
-    pub fn deviations(&self, rules: &MonitorRules<T, R, C>, jumps: &MonitorJumps<'_, T, R, C, S>) -> [T; R] {
-        let mut deviations = rules.deviations;
+    pub fn is_still(&self, row: usize, arguments: &[[T; S]; R]) -> bool {
         let share = T::from_f64(STILL * STILL) / (self.rests - T::ONE).max(T::ONE);
-        for ((deviation, arguments), wander) in deviations.iter_mut().zip(&jumps.arguments).zip(&self.wander) {
-            if arguments.iter().zip(wander).any(|(&argument, &wander)| argument * argument <= wander * share) {
-                *deviation = T::from_f64(f64::INFINITY);
+        for i in 0..S {
+            if arguments[row][i] * arguments[row][i] <= self.wander[row][i] * share {
+                return true;
             }
         }
-        deviations
+        false
     }
 
-    /// Counts a sample, which was taken in with the equations of finite deviations or not at all, and says whether its block is over.
-    pub fn counts(&mut self, rules: &MonitorRules<T, R, C>, deviations: Option<&[T; R]>) -> bool {
+    /// Counts a sample, which was taken into the block with so many equations or not at all, and judges the block where it is over.
+    pub fn count(&mut self, taken: bool, equations: u32) -> MonitorPhase {
+        let alarmed = self.state == MonitorPhase::Moved || self.state == MonitorPhase::Unexplained;
         self.samples += 1;
-        for &deviation in deviations.into_iter().flatten() {
-            self.equations += u32::from(deviation.is_finite());
+        if taken {
+            self.taken += 1;
+            self.equations += equations;
         }
-        self.taken += u32::from(deviations.is_some());
-        self.samples >= rules.block
+        if self.samples >= self.rules.block {
+            if !alarmed && self.equations as usize > 2 * C {
+                self.judge();
+            }
+            self.block.clear();
+            self.samples = 0;
+            self.taken = 0;
+            self.equations = 0;
+        }
+        let quiet = self.state == MonitorPhase::RunIn || self.state == MonitorPhase::Watching;
+        if !taken && quiet { MonitorPhase::LeftOut } else { self.state }
     }
 
     /// What there is to say after the samples so far.
     #[must_use]
     pub fn state(&self) -> MonitorState<T> {
-        self.state
+        match self.state {
+            MonitorPhase::RunIn => MonitorState::RunIn,
+            MonitorPhase::Watching => MonitorState::Watching(self.testable),
+            MonitorPhase::LeftOut => MonitorState::LeftOut,
+            MonitorPhase::Moved => {
+                MonitorState::Moved(Moved { parameter: self.moved, change: self.change, deviation: self.deviation })
+            }
+            MonitorPhase::Unexplained => MonitorState::Unexplained(self.growth),
+        }
     }
 
     /// Forgets evidence and alarm, and keeps what was measured at rest and in the run-in.
     pub fn again(&mut self) {
-        self.parameters.iter_mut().for_each(|one| one.sides = [Evidence::default(); 2]);
-        self.ratio = T::ZERO;
-        self.state = MonitorState::RunIn;
+        for j in 0..C {
+            self.parameters[j].sides[0].clear();
+            self.parameters[j].sides[1].clear();
+        }
+        self.unexplained.clear();
+        self.state = MonitorPhase::RunIn;
     }
 
-    /// Judges a block that is over, and begins the next.
-    pub fn judge(&mut self, rules: &MonitorRules<T, R, C>, rows: &SquareRoot<T, C>) {
-        let samples = T::from_f64(f64::from(self.taken));
-        let equations = T::from_f64(f64::from(self.equations));
-        let enough = self.equations as usize > 2 * C;
-        (self.samples, self.taken, self.equations) = (0, 0, 0);
-        if !enough || matches!(self.state, MonitorState::Moved(_) | MonitorState::Unexplained(_)) {
-            return;
+    /// Judges a block that is over.
+    fn judge(&mut self) {
+        let tiny = T::EPSILON * T::from_f64(4.0) * (T::from_f64(C as f64) + self.block.rows.sqrt());
+        let rest = T::from_f64(f64::from(self.taken)) / self.rests.max(T::ONE);
+        let threshold = self.rules.threshold();
+        let mut rounding = T::ZERO;
+        for i in 0..C {
+            let mut left = self.block.right[i];
+            rounding += left * left;
+            self.noise[i] = T::ZERO;
+            for j in 0..C {
+                left -= self.block.factor[i][j] * self.rules.values[j];
+                self.noise[i] += rest * (self.products[i][j] * self.rules.values[j]).abs();
+            }
+            self.right[i] = left;
         }
-        let threshold = rules.threshold();
-        let mut block = Block::new(*rows, rules);
-        let rest = samples / self.rests.max(T::ONE);
-        for (noise, products) in block.noise.iter_mut().zip(&self.products) {
-            let sizes = products.iter().zip(&rules.values).map(|(&product, &value)| (product * value).abs());
-            *noise = rest * sizes.fold(T::ZERO, |sum, size| sum + size);
-        }
-        let (mut testable, mut waits, mut best) = (0, false, None);
+        rounding = rounding.sqrt() * tiny;
+        self.testable = 0;
+        let mut waits = false;
+        let mut moved = false;
         let mut most = T::ZERO;
-        let watched = self.parameters.iter_mut().zip(&rules.changes).zip(&rules.drifts);
-        for (index, ((one, &change), &drift)) in watched.enumerate() {
-            let ready = one.blocks >= rules.run_in;
+        for j in 0..C {
+            let ready = self.parameters[j].blocks >= self.rules.run_in;
+            let change = self.rules.changes[j];
             waits |= !ready;
-            let Some(shown) = block.shown(rules, index) else { continue };
-            if shown.noise >= change * T::from_f64(0.5) {
+            if !self.show(j, tiny) || self.noisy >= change * T::from_f64(0.5) {
                 continue;
             }
-            testable += 1;
+            self.testable += 1;
             if !ready {
-                one.blocks += 1;
-                one.score += shown.score;
-                one.information += shown.information;
-                one.squares += shown.score * shown.score / shown.information;
+                self.parameters[j].run_in(self.score, self.information, self.rules.run_in);
                 continue;
             }
-            let blocks = f64::from(one.blocks - 1);
-            let mean = one.score * one.score / one.information;
-            let variance = (one.squares - mean) / T::from_f64(blocks) * T::from_f64(upper(blocks));
-            let variance = variance.max(block.rounding * block.rounding);
-            let (score, information) = (shown.score / variance, shown.information / variance);
+            let variance = self.variance(j).max(rounding * rounding);
+            let score = self.score / variance;
+            let information = self.information / variance;
             // From what is no change to the one that is to be found.
-            let gap = change - shown.blind;
+            let gap = change - self.blind;
             if gap <= T::ZERO {
                 continue;
             }
-            let middle = drift + (shown.blind + change) * T::from_f64(0.5);
-            for (side, sign) in one.sides.iter_mut().zip([T::ONE, -T::ONE]) {
-                let step = gap * (sign * score - information * middle);
-                if side.step(step, threshold) {
-                    side.score += score;
-                    side.information += information;
-                    let found = side.score * side.score / side.information;
-                    if side.ratio > threshold && found > most {
-                        most = found;
-                        let (change, deviation) = (side.score / side.information, T::ONE / side.information.sqrt());
-                        best = Some(Moved { parameter: index, change, deviation });
-                    }
+            let middle = self.rules.drifts[j] + (self.blind + change) * T::from_f64(0.5);
+            for side in 0..2 {
+                let towards = if side == 0 { score } else { -score };
+                if !self.parameters[j].sides[side].add_ratio(gap * (towards - information * middle), threshold) {
+                    continue;
+                }
+                self.parameters[j].sides[side].score += score;
+                self.parameters[j].sides[side].information += information;
+                let all = self.parameters[j].sides[side].information;
+                let found = self.parameters[j].sides[side].score / all;
+                if self.parameters[j].sides[side].ratio > threshold && found * found * all > most {
+                    most = found * found * all;
+                    moved = true;
+                    self.moved = j;
+                    self.change = found;
+                    self.deviation = T::ONE / all.sqrt();
                 }
             }
         }
-        let unexplained = self.unexplained(rules, &block, equations, threshold);
-        waits |= self.blocks < rules.run_in;
-        self.state = match (best, unexplained) {
-            (Some(moved), _) => MonitorState::Moved(moved),
-            (None, Some(power)) => MonitorState::Unexplained(power),
-            (None, None) if waits => MonitorState::RunIn,
-            (None, None) => MonitorState::Watching(testable),
-        };
+        let unexplained = self.is_unexplained(rounding, threshold);
+        waits |= self.blocks < self.rules.run_in;
+        self.state = if waits { MonitorPhase::RunIn } else { MonitorPhase::Watching };
+        if unexplained {
+            self.state = MonitorPhase::Unexplained;
+        }
+        if moved {
+            self.state = MonitorPhase::Moved;
+        }
     }
 
-    /// The power that no parameters explain, in that of the run-in, once it has grown: a sum of ratios of gamma densities, whose shape and
-    /// mean the run-in measured.
-    fn unexplained(
-        &mut self,
-        rules: &MonitorRules<T, R, C>,
-        block: &Block<T, C>,
-        equations: T,
-        threshold: T,
-    ) -> Option<T> {
-        let free = equations - T::from_f64(C as f64);
-        let power = block.residual * block.residual / free;
-        if self.blocks < rules.run_in {
+    /// The variance of the score of a parameter over its information, at the upper limit of the run-in's, without the run-in's mean.
+    fn variance(&self, j: usize) -> T {
+        let freedom = T::from_f64(f64::from(self.parameters[j].blocks - 1));
+        let mean = self.parameters[j].score * self.parameters[j].score / self.parameters[j].information;
+        (self.parameters[j].squares - mean) / freedom * upper(freedom)
+    }
+
+    /// Adds the power that no parameters explain to its evidence, a sum of ratios of gamma densities whose shape and mean the run-in measured;
+    /// says whether it has grown.
+    fn is_unexplained(&mut self, rounding: T, threshold: T) -> bool {
+        let free = T::from_f64(f64::from(self.equations)) - T::from_f64(C as f64);
+        let power = self.block.residual * self.block.residual / free;
+        if self.blocks < self.rules.run_in {
             self.blocks += 1;
             self.left += power;
             self.squares += power * power;
-            return None;
+            self.largest = self.largest.max(power);
+            if self.blocks >= self.rules.run_in && self.largest > T::from_f64(ONE_KIND) * self.left {
+                self.blocks = 0;
+                self.left = T::ZERO;
+                self.squares = T::ZERO;
+                self.largest = T::ZERO;
+            }
+            return false;
         }
         let blocks = T::from_f64(f64::from(self.blocks));
         let mean = self.left / blocks;
-        let variance =
-            (self.squares / blocks - mean * mean).max(T::ZERO) * T::from_f64(upper(f64::from(self.blocks - 1)));
+        let variance = (self.squares / blocks - mean * mean).max(T::ZERO) * upper(blocks - T::ONE);
         // White noise has the largest shape there is.
         let shape = (mean * mean / variance.max(T::EPSILON * mean * mean)).min(free * T::from_f64(0.5));
-        let usual =
-            mean * (T::ONE + T::from_f64(3.0) / (shape * blocks).sqrt()) + block.rounding * block.rounding / free;
+        let beyond = T::ONE + T::from_f64(3.0) / (shape * blocks).sqrt();
+        let usual = mean * beyond + rounding * rounding / free;
         let growth = T::from_f64(GROWTH);
         let step = shape * (power / usual * (T::ONE - T::ONE / growth) - growth.ln());
-        let mut side = Evidence { ratio: self.ratio, ..Evidence::default() };
-        side.step(step, threshold);
-        self.ratio = side.ratio;
-        (self.ratio > threshold).then(|| power / usual)
+        let _ = self.unexplained.add_ratio(step, threshold);
+        self.growth = power / usual;
+        self.unexplained.ratio > threshold
     }
-}
 
-impl<T: Real> Evidence<T> {
-    /// Adds a log-likelihood ratio, of which one block never gives more than three tenths of an alarm; whether anything is left.
-    fn step(&mut self, step: T, threshold: T) -> bool {
-        if !step.is_finite() {
+    /// Finds what the block shows of a parameter; false where its column is zero or a combination of those that drift.
+    fn show(&mut self, index: usize, tiny: T) -> bool {
+        let mut count = 0;
+        for j in 0..C {
+            if self.rules.drifts[j] > T::ZERO && j != index && self.beside(j, count, tiny) {
+                let length = dot(&self.own, &self.own).sqrt();
+                for i in 0..C {
+                    self.basis[count][i] = self.own[i] / length;
+                    self.basis_weights[count][i] = self.weights[i] / length;
+                }
+                count += 1;
+            }
+        }
+        if !self.beside(index, count, tiny) {
             return false;
         }
-        self.ratio += step.min(threshold * T::from_f64(0.3));
-        if self.ratio > T::ZERO {
-            return true;
+        self.score = dot(&self.own, &self.right);
+        self.information = dot(&self.own, &self.own);
+        // How an error of every identified value looks like a change of this one.
+        let mut shares = [T::ZERO; C];
+        for j in 0..C {
+            for i in 0..C {
+                shares[j] += self.own[i] * self.block.factor[i][j];
+            }
+            shares[j] /= self.information;
         }
-        *self = Self::default();
-        false
+        // Noise of the motion that stands in the direction and in what the values explain gives products that no mean takes away.
+        let mut variance = T::ZERO;
+        let mut lost = T::ZERO;
+        for j in 0..C {
+            let mut sum = T::ZERO;
+            for i in 0..C {
+                sum += shares[i] * self.rules.spread[i][j];
+            }
+            variance += sum * sum;
+            lost += self.noise[j] * self.weights[j].abs();
+        }
+        self.noisy = lost / self.information;
+        // The tail of a normal deviate beyond d is at most exp(-d^2/2), for all parameters together.
+        let bound = T::from_f64(2.0) * (T::from_f64((2 * C) as f64) / T::from_f64(BEYOND)).ln();
+        self.blind = (bound * variance).sqrt() + self.noisy;
+        true
+    }
+
+    /// A column without its part along the first directions of the basis; false where no more than rounding is left.
+    fn beside(&mut self, index: usize, count: usize, tiny: T) -> bool {
+        for i in 0..C {
+            self.own[i] = self.block.factor[i][index];
+            self.weights[i] = if i == index { T::ONE } else { T::ZERO };
+        }
+        let before = dot(&self.own, &self.own);
+        for k in 0..count {
+            let along = dot(&self.own, &self.basis[k]);
+            for i in 0..C {
+                self.own[i] -= along * self.basis[k][i];
+                self.weights[i] -= along * self.basis_weights[k][i];
+            }
+        }
+        dot(&self.own, &self.own) > before * tiny * tiny * T::from_f64(16.0)
     }
 }
 
 /// The factor from a variance of so many degrees of freedom to its upper limit of 99 % (Wilson and Hilferty, 1931).
-fn upper(freedom: f64) -> f64 {
-    let part = 2.0 / (9.0 * freedom);
-    let root = 1.0 - part - 2.326_348 * Real::sqrt(part);
-    1.0 / (root * root * root)
-}
-
-/// A block of samples: the columns of its factor, and what is left of the right-hand side.
-struct Block<T, const C: usize> {
-    columns: [[T; C]; C],
-    right: [T; C],
-    residual: T,
-    /// Euclidean length of what rounding leaves of the right-hand side.
-    rounding: T,
-    /// The smallest share of a column that is more than rounding.
-    tiny: T,
-    /// Sums of the products of every column's noise with that of the forces that the values explain.
-    noise: [T; C],
-}
-
-/// What a block shows of the change of a parameter.
-struct Shown<T> {
-    score: T,
-    information: T,
-    /// How large a change the noise of the motion looks like.
-    noise: T,
-    /// How large a change that and the uncertainty of the identified values look like.
-    blind: T,
-}
-
-/// A combination of columns, with the weights of the columns in it.
-#[derive(Clone, Copy)]
-struct Direction<T, const C: usize> {
-    values: [T; C],
-    weights: [T; C],
-}
-
-impl<T: Real, const C: usize> Block<T, C> {
-    fn new<const R: usize>(mut rows: SquareRoot<T, C>, rules: &MonitorRules<T, R, C>) -> Self {
-        let tiny = T::EPSILON * T::from_f64(4.0) * (T::from_f64(C as f64) + rows.rows().sqrt());
-        let mut right = rows.right_side();
-        let rounding = dot(&right, &right).sqrt() * tiny;
-        rows.move_by(&rules.values);
-        right = rows.right_side();
-        let mut columns = [[T::ZERO; C]; C];
-        for (place, (row, _)) in rows.equations().enumerate() {
-            for (column, &entry) in columns.iter_mut().zip(row) {
-                column.iter_mut().skip(place).take(1).for_each(|slot| *slot = entry);
-            }
-        }
-        Self { columns, right, residual: rows.residual(), rounding, tiny, noise: [T::ZERO; C] }
-    }
-
-    /// What the block shows of a parameter; nothing where its column is zero or a combination of those that drift.
-    fn shown<const R: usize>(&self, rules: &MonitorRules<T, R, C>, index: usize) -> Option<Shown<T>> {
-        let nothing = Direction { values: [T::ZERO; C], weights: [T::ZERO; C] };
-        let mut basis = [nothing; C];
-        let mut count = 0;
-        for (other, &drift) in rules.drifts.iter().enumerate() {
-            if drift <= T::ZERO || other == index {
-                continue;
-            }
-            let Some(own) = self.beside(other, &basis, count) else { continue };
-            let length = dot(&own.values, &own.values).sqrt();
-            basis.iter_mut().skip(count).take(1).for_each(|slot| {
-                *slot = Direction {
-                    values: own.values.map(|value| value / length),
-                    weights: own.weights.map(|weight| weight / length),
-                };
-            });
-            count += 1;
-        }
-        let own = self.beside(index, &basis, count)?;
-        let information = dot(&own.values, &own.values);
-        // How an error of every identified value looks like a change of this one.
-        let share = self.columns.map(|column| dot(&own.values, &column) / information);
-        let mut variance = T::ZERO;
-        for place in 0..C {
-            let mut sum = T::ZERO;
-            for (row, &share) in rules.spread.iter().zip(&share) {
-                row.iter().skip(place).take(1).for_each(|&entry| sum += share * entry);
-            }
-            variance += sum * sum;
-        }
-        // Noise of the motion that stands in the direction and in what the values explain gives products that no mean takes away.
-        let lost = self.noise.iter().zip(&own.weights).map(|(&noise, &weight)| noise * weight.abs());
-        let noise = lost.fold(T::ZERO, |sum, lost| sum + lost) / information;
-        // The tail of a normal deviate beyond d is at most exp(-d^2/2), for all parameters together.
-        let bound = T::from_f64(2.0 * C as f64 / BEYOND).ln() * T::from_f64(2.0);
-        Some(Shown {
-            score: dot(&own.values, &self.right),
-            information,
-            noise,
-            blind: (bound * variance).sqrt() + noise,
-        })
-    }
-
-    /// A column without its part along the first directions of an orthonormal basis; nothing where no more than rounding is left.
-    fn beside(&self, index: usize, basis: &[Direction<T, C>; C], count: usize) -> Option<Direction<T, C>> {
-        let mut own = Direction { values: *self.columns.get(index)?, weights: [T::ZERO; C] };
-        own.weights.iter_mut().skip(index).take(1).for_each(|weight| *weight = T::ONE);
-        let before = dot(&own.values, &own.values);
-        for other in basis.iter().take(count) {
-            let along = dot(&own.values, &other.values);
-            own.values.iter_mut().zip(&other.values).for_each(|(value, &other)| *value -= along * other);
-            own.weights.iter_mut().zip(&other.weights).for_each(|(weight, &other)| *weight -= along * other);
-        }
-        (dot(&own.values, &own.values) > before * self.tiny * self.tiny * T::from_f64(16.0)).then_some(own)
-    }
+fn upper<T: Real>(freedom: T) -> T {
+    let part = T::from_f64(2.0) / (T::from_f64(9.0) * freedom);
+    let root = T::ONE - part - T::from_f64(QUANTILE) * part.sqrt();
+    T::ONE / (root * root * root)
 }
 
 fn dot<T: Real, const C: usize>(a: &[T; C], b: &[T; C]) -> T {
-    a.iter().zip(b).fold(T::ZERO, |sum, (&a, &b)| sum + a * b)
+    let mut sum = T::ZERO;
+    for i in 0..C {
+        sum += a[i] * b[i];
+    }
+    sum
 }

@@ -14,9 +14,10 @@ pub struct Phasor<T> {
 
 impl<T: Real> Phasor<T> {
     /// Zero.
-    pub const ZERO: Self = Self { re: T::ZERO, im: T::ZERO };
-    /// One.
-    pub const ONE: Self = Self { re: T::ONE, im: T::ZERO };
+    #[must_use]
+    pub fn zero() -> Self {
+        Self { re: T::ZERO, im: T::ZERO }
+    }
 
     /// `re + j im`.
     #[must_use]
@@ -27,20 +28,26 @@ impl<T: Real> Phasor<T> {
     /// `e^{j angle}`, the angle in radians.
     #[must_use]
     pub fn turn(angle: T) -> Self {
-        let (im, re) = angle.sin_cos();
-        Self { re, im }
+        Self { re: angle.cos(), im: angle.sin() }
     }
 
     /// `(j w)^order`: what a derivative makes of a line of angular frequency w.
     #[must_use]
     pub fn derivative(w: T, order: u32) -> Self {
-        let size = w.powi(order);
-        match order % 4 {
-            0 => Self::new(size, T::ZERO),
-            1 => Self::new(T::ZERO, size),
-            2 => Self::new(-size, T::ZERO),
-            _ => Self::new(T::ZERO, -size),
+        let mut size = T::ONE;
+        for _ in 0..order {
+            size *= w;
         }
+        if order.is_multiple_of(4) {
+            return Self::new(size, T::ZERO);
+        }
+        if order % 4 == 1 {
+            return Self::new(T::ZERO, size);
+        }
+        if order % 4 == 2 {
+            return Self::new(-size, T::ZERO);
+        }
+        Self::new(T::ZERO, -size)
     }
 
     /// The complex conjugate.

@@ -21,7 +21,7 @@
 
 use super::{
     Real, RunFault, RunLinearisation, RunLines, RunMeans, RunModel, RunPassed, RunReference, RunSampling, RunWorkspace,
-    Shown, SquareRoot,
+    Solution, SquareRoot,
 };
 
 /// Passes that weigh equations by their noise.
@@ -36,6 +36,11 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
     pub deviations: [Option<T>; P],
     /// Their covariance; zero for those that the run does not show.
     pub covariance: [[T; P]; P],
+    /// A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own. A shown
+    /// parameter is a combination of itself alone; the others lead none.
+    pub combinations: [[T; P]; P],
+    /// The values of the combinations and their standard deviations; nothing where there is none.
+    pub combined: [Option<[T; 2]>; P],
     /// The weighted equations for the step from `about`, by which runs are pooled.
     pub equations: SquareRoot<T, P>,
     /// The parameters from which the steps of the equations count: those of the pass before the last.
@@ -53,6 +58,7 @@ pub struct RunEstimate<T, const Q: usize, const P: usize> {
 
 impl<
     T: Real,
+    const U: usize,
     const Q: usize,
     const R: usize,
     const P: usize,
@@ -60,7 +66,7 @@ impl<
     const L: usize,
     const E: usize,
     const K: usize,
-> RunWorkspace<T, Q, R, P, S, L, E, K>
+> RunWorkspace<T, U, Q, R, P, S, L, E, K>
 {
     /// What a run says of the parameters. Its channels are the Q coordinates and then the U inputs; `prior` has the present estimates,
     /// which weights begin from and parameters that the run does not show keep. With a reference the rows are linearised about it, at the
@@ -69,7 +75,7 @@ impl<
     /// # Errors
     /// The fault of the run or of the reference; [`RunFault::Equations`] when a row or a prior is not finite; [`RunFault::Still`] when
     /// nothing stands out of the noise.
-    pub fn estimate<M: RunModel<T, U, R, P, S>, const U: usize, const C: usize>(
+    pub fn estimate<M: RunModel<T, U, R, P, S>, const C: usize>(
         &mut self,
         model: &M,
         (run, passed): (&RunLines<T, C, L>, &RunPassed<T, U>),
@@ -77,100 +83,139 @@ impl<
         prior: &[T; P],
         about: Option<(RunLinearisation, &RunReference<T, Q, L>)>,
     ) -> Result<RunEstimate<T, Q, P>, RunFault> {
-        let lines = run.lines()?;
-        let period = T::from_f64(f64::from(run.samples_per_period())) * sampling.sample_time;
-        let w = T::from_f64(2.0) * T::PI / period;
-        if !(prior.iter().all(|value| value.is_finite()) && w > T::ZERO && w.is_finite()) {
-            return Err(RunFault::Equations);
-        }
-        for (own, line) in self.motion.iter_mut().zip(&lines) {
-            *own = *line;
-        }
-        self.path = match about {
-            Some((_, reference)) => *reference.lines(run.samples_per_period())?,
-            None => self.motion,
-        };
-        let inputs = Self::applied::<U, C>(&lines, w, sampling);
-        let map = self.evaluate(model, &inputs, w)?;
-        let mut theta = *prior;
-        self.forget_shift();
-        self.sensors = [T::ZERO; Q];
-        self.differentiate(model, &inputs, &theta, w);
-        if let Some((which, _)) = about {
-            self.respond(&M::MOTION, which, w);
-            self.linearise(model, &inputs, &theta, w, false);
-        }
-        self.find_shown(&M::MOTION, w);
-        let mut shown = self.solve(&M::MOTION, &theta, w, false)?;
-        for pass in 0..PASSES {
-            theta = moved(&theta, prior, &shown.0.solution);
-            self.differentiate(model, &inputs, &theta, w);
-            self.find_noise(&M::MOTION, w);
-            if pass + 1 == PASSES {
-                // Of second order in the noise, at parameters that were found without it.
-                self.find_shift(model, run, (passed, &map), &inputs, (sampling, &theta, w));
-            }
-            if about.is_some() {
-                self.linearise(model, &inputs, &theta, w, true);
-            }
-            self.find_shown(&M::MOTION, w);
-            shown = self.solve(&M::MOTION, &theta, w, true)?;
-        }
-        let (found, equations) = shown;
-        let freedom = equations.rows() - T::from_f64(found.rank as f64);
-        let chi_squared = if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO };
-        let factor = chi_squared.max(T::ONE).sqrt();
-        let mut values = [None; P];
-        for ((value, step), theta) in values.iter_mut().zip(found.solution).zip(theta) {
-            *value = step.map(|step| theta + step);
+        self.prior = *prior;
+        match about {
+            Some((which, reference)) => self.update_about(model, run, passed, &sampling, reference, which)?,
+            None => self.update(model, run, passed, &sampling)?,
         }
         let samples = run.samples_behind_line();
-        Ok(RunEstimate {
-            values,
-            deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * factor)),
-            covariance: found.covariance.map(|row| row.map(|entry| entry * factor * factor)),
-            equations,
-            about: theta,
-            rank: found.rank,
-            condition: found.condition,
-            chi_squared,
-            noise: self.sensors.map(|variance| (variance * samples).sqrt()),
-        })
+        let noise = self.sensors.map(|variance| (variance * samples).sqrt());
+        Ok(RunEstimate::of(&self.factor, &self.about, self.chi_squared(), noise))
     }
 
-    /// Solves the equations for the step from these parameters; `weighed` by the noise, otherwise rows by the size of their forces. The
-    /// equations are returned too.
-    fn solve(
+    /// Finds what a run says of the parameters, from those of `prior`, along the measured motion.
+    ///
+    /// # Errors
+    /// Those of an estimate.
+    pub fn update<M: RunModel<T, U, R, P, S>, const C: usize>(
         &mut self,
-        slots: &[(usize, u32); S],
-        theta: &[T; P],
-        w: T,
-        weighed: bool,
-    ) -> Result<Found<T, P>, RunFault> {
-        // Noise shifts the mean of a term that is even in a velocity: means count where it is known by how much, and where nothing else
-        // shows a parameter.
-        let means = if self.shifts { RunMeans::OfTerms } else { RunMeans::None };
-        let mut factor = self.equations(slots, theta, w, (weighed, means))?;
-        let mut found = factor.solution();
-        if found.rank < P {
-            factor = self.equations(slots, theta, w, (weighed, RunMeans::All))?;
-            found = factor.solution();
+        model: &M,
+        run: &RunLines<T, C, L>,
+        passed: &RunPassed<T, U>,
+        sampling: &RunSampling<T>,
+    ) -> Result<(), RunFault> {
+        self.take(run, sampling)?;
+        self.path = self.motion;
+        self.evaluate(model)?;
+        self.differentiate(model);
+        self.find_shown(model);
+        self.solve(model, false)?;
+        for pass in 0..PASSES {
+            self.differentiate(model);
+            self.find_noise(model);
+            if pass + 1 == PASSES {
+                // Of second order in the noise, at parameters that were found without it.
+                self.find_shift(model, run, passed, sampling);
+            }
+            self.find_shown(model);
+            self.solve(model, true)?;
         }
-        if found.rank == 0 {
+        Ok(())
+    }
+
+    /// Finds what a run says of the parameters, its rows linearised about a reference.
+    ///
+    /// # Errors
+    /// Those of an estimate.
+    pub fn update_about<M: RunModel<T, U, R, P, S>, const C: usize>(
+        &mut self,
+        model: &M,
+        run: &RunLines<T, C, L>,
+        passed: &RunPassed<T, U>,
+        sampling: &RunSampling<T>,
+        reference: &RunReference<T, Q, L>,
+        which: RunLinearisation,
+    ) -> Result<(), RunFault> {
+        self.take(run, sampling)?;
+        reference.fits(run.samples_per_period)?;
+        self.path = reference.lines;
+        self.evaluate(model)?;
+        self.differentiate(model);
+        self.respond(model, which);
+        self.linearise(model, false);
+        self.find_shown(model);
+        self.solve(model, false)?;
+        for pass in 0..PASSES {
+            self.differentiate(model);
+            self.find_noise(model);
+            if pass + 1 == PASSES {
+                self.find_shift(model, run, passed, sampling);
+            }
+            self.linearise(model, true);
+            self.find_shown(model);
+            self.solve(model, true)?;
+        }
+        Ok(())
+    }
+
+    /// Solves the equations for the step from the present parameters and makes it; `weighed` by the noise, otherwise rows by the size of
+    /// their forces. What the run shows in combinations alone moves the parameters in them as little as it can; the prior stays where nothing is
+    /// shown.
+    ///
+    /// Noise shifts the mean of a term that is even in a velocity: means count where it is known by how much, and where nothing else
+    /// shows a parameter.
+    fn solve<M: RunModel<T, U, R, P, S>>(&mut self, model: &M, weighed: bool) -> Result<(), RunFault> {
+        let means = if self.shifts { RunMeans::OfTerms } else { RunMeans::None };
+        self.equations(model, weighed, means)?;
+        self.factor.solve(&mut self.found);
+        if self.found.rank < P {
+            self.equations(model, weighed, RunMeans::All)?;
+            self.factor.solve(&mut self.found);
+        }
+        if self.found.rank == 0 {
             return Err(RunFault::Still);
         }
-        Ok((found, factor))
+        self.about = self.theta;
+        for column in 0..P {
+            self.theta[column] += self.found.steps[column];
+        }
+        Ok(())
+    }
+
+    /// Weighted sum of squares of what the equations leave, over its degrees of freedom.
+    pub fn chi_squared(&self) -> T {
+        self.factor.chi_squared(&self.found)
     }
 }
 
-/// A solution, and the equations behind it.
-type Found<T, const P: usize> = (Shown<T, P>, SquareRoot<T, P>);
-
-/// The parameters a step on; the prior where the run does not show one.
-fn moved<T: Real, const P: usize>(theta: &[T; P], prior: &[T; P], steps: &[Option<T>; P]) -> [T; P] {
-    let mut moved = *prior;
-    for ((moved, theta), step) in moved.iter_mut().zip(theta).zip(steps) {
-        *moved = step.map_or(*moved, |step| *theta + step);
+impl<T: Real, const Q: usize, const P: usize> RunEstimate<T, Q, P> {
+    /// What equations for the step from some parameters show.
+    pub(super) fn of(equations: &SquareRoot<T, P>, about: &[T; P], chi_squared: T, noise: [T; Q]) -> Self {
+        let mut found = Solution::default();
+        equations.solve(&mut found);
+        let factor = chi_squared.max(T::ONE);
+        let (mut values, mut deviations, mut combined) = ([None; P], [None; P], [None; P]);
+        for place in 0..P {
+            if found.shown[place] {
+                values[place] = Some(about[place] + found.values[place]);
+                deviations[place] = Some(found.deviations[place] * factor.sqrt());
+            }
+            if found.combinations[place][place] > T::ZERO {
+                combined[place] = Some([found.combined(about, place), found.deviations[place] * factor.sqrt()]);
+            }
+        }
+        Self {
+            values,
+            deviations,
+            covariance: found.covariance.map(|row| row.map(|entry| entry * factor)),
+            combinations: found.combinations,
+            combined,
+            equations: *equations,
+            about: *about,
+            rank: found.rank,
+            condition: found.condition,
+            chi_squared,
+            noise,
+        }
     }
-    moved
 }

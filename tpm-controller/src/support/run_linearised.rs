@@ -12,11 +12,9 @@
 //! can be evaluated along the measured motion as well: it counts as an error that all harmonics of a row have alike.
 //!
 //! Invariants: those of [`RunWorkspace`].
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
+use super::run_lines::angle;
+use super::run_workspace::{motion_at, turn_at};
 use super::{Phasor, Real, RunFault, RunModel, RunWorkspace};
 
 /// How much of the rows' derivatives is taken into account.
@@ -31,10 +29,11 @@ pub enum RunLinearisation {
 /// The reference of a run: the harmonics of one period of its samples. Its L lines are laid out as those of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunReference<T, const Q: usize, const L: usize> {
+    /// What ended the reference, or nothing so far.
+    status: Result<(), RunFault>,
     samples_per_period: u32,
     count: u32,
-    fault: Option<RunFault>,
-    lines: [[Phasor<T>; L]; Q],
+    pub(super) lines: [[Phasor<T>; L]; Q],
 }
 
 impl<T: Real, const Q: usize, const L: usize> RunReference<T, Q, L> {
@@ -43,62 +42,85 @@ impl<T: Real, const Q: usize, const L: usize> RunReference<T, Q, L> {
     /// # Errors
     /// [`RunFault::Samples`] when they do not resolve the harmonics.
     pub fn new(samples_per_period: u32) -> Result<Self, RunFault> {
+        let lines = [[Phasor::zero(); L]; Q];
+        let mut this = Self { status: Ok(()), samples_per_period, count: 0, lines };
+        this.begin(samples_per_period)?;
+        Ok(this)
+    }
+
+    /// Begins a period.
+    ///
+    /// # Errors
+    /// [`RunFault::Samples`] when its samples do not resolve the harmonics.
+    pub fn begin(&mut self, samples_per_period: u32) -> Result<(), RunFault> {
+        self.status = Ok(());
         if samples_per_period as usize <= L {
-            return Err(RunFault::Samples);
+            self.status = Err(RunFault::Samples);
         }
-        Ok(Self { samples_per_period, count: 0, fault: None, lines: [[Phasor::ZERO; L]; Q] })
+        self.samples_per_period = samples_per_period;
+        self.count = 0;
+        self.lines = [[Phasor::zero(); L]; Q];
+        self.status
     }
 
     /// Takes in sample `number` of the reference, counted from 0 as the samples of the run are; samples behind the first period are not
-    /// used. Says whether the period is whole.
+    /// used.
     ///
     /// # Errors
     /// [`RunFault::Missed`], [`RunFault::NotFinite`]; every later sample gives the same fault.
-    pub fn push(&mut self, number: u32, reference: &[T; Q]) -> Result<bool, RunFault> {
-        if self.fault.is_none() && self.count < self.samples_per_period {
-            if number != self.count {
-                self.fault = Some(RunFault::Missed { sample: self.count });
-            } else if !reference.iter().all(|value| value.is_finite()) {
-                self.fault = Some(RunFault::NotFinite { sample: number });
+    pub fn push(&mut self, number: u32, reference: &[T; Q]) -> Result<(), RunFault> {
+        self.status?;
+        if self.is_whole() {
+            return Ok(());
+        }
+        if number != self.count {
+            self.status = Err(RunFault::Missed { sample: self.count });
+        }
+        for coordinate in 0..Q {
+            if self.status.is_ok() && !reference[coordinate].is_finite() {
+                self.status = Err(RunFault::NotFinite { sample: number });
             }
         }
-        if let Some(fault) = self.fault {
-            return Err(fault);
-        }
-        if self.count >= self.samples_per_period {
-            return Ok(true);
-        }
-        let turns = f64::from(number) / f64::from(self.samples_per_period);
-        let step = Phasor::turn(T::from_f64(2.0 * core::f64::consts::PI * turns)).conj();
+        self.status?;
+        let step = Phasor::turn(angle(number, self.samples_per_period)).conj();
         let share = T::ONE / T::from_f64(f64::from(self.samples_per_period));
-        for (&value, lines) in reference.iter().zip(&mut self.lines) {
-            let mut turned = Phasor::new(value * share, T::ZERO);
-            for (harmonic, line) in lines.iter_mut().step_by(2).enumerate() {
-                *line += if harmonic == 0 { turned } else { turned + turned };
+        for coordinate in 0..Q {
+            let mut turned = Phasor::new(reference[coordinate] * share, T::ZERO);
+            for harmonic in 0..L / 2 {
+                self.lines[coordinate][2 * harmonic] += if harmonic == 0 { turned } else { turned + turned };
                 turned = turned * step;
             }
         }
         self.count += 1;
-        Ok(self.count == self.samples_per_period)
+        Ok(())
     }
 
-    /// Its harmonics, in the places of even lines.
+    /// Whether the period is whole.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.count >= self.samples_per_period
+    }
+
+    /// Whether a run of so many samples in a period can be compared with it.
     ///
     /// # Errors
     /// The fault of the reference, [`RunFault::Unfinished`] before the end of its period, and [`RunFault::Samples`] when a run has
     /// another period.
-    pub fn lines(&self, samples_per_period: u32) -> Result<&[[Phasor<T>; L]; Q], RunFault> {
-        match self.fault {
-            Some(fault) => Err(fault),
-            None if samples_per_period != self.samples_per_period => Err(RunFault::Samples),
-            None if self.count < self.samples_per_period => Err(RunFault::Unfinished { samples: self.count }),
-            None => Ok(&self.lines),
+    pub fn fits(&self, samples_per_period: u32) -> Result<(), RunFault> {
+        self.status?;
+        if samples_per_period != self.samples_per_period {
+            return Err(RunFault::Samples);
         }
+        if !self.is_whole() {
+            return Err(RunFault::Unfinished { samples: self.count });
+        }
+        Ok(())
     }
 }
 
 impl<
     T: Real,
+    const U: usize,
     const Q: usize,
     const R: usize,
     const P: usize,
@@ -106,55 +128,57 @@ impl<
     const L: usize,
     const E: usize,
     const K: usize,
-> RunWorkspace<T, Q, R, P, S, L, E, K>
+> RunWorkspace<T, U, Q, R, P, S, L, E, K>
 {
-    /// Harmonics of what the tracking error makes of the rows, from their derivatives as they are now.
-    pub(super) fn respond(&mut self, slots: &[(usize, u32); S], which: RunLinearisation, w: T) {
-        let harmonics = L.div_ceil(2) as i32;
-        self.response = [[Phasor::ZERO; L]; R];
+    /// Harmonics of what the tracking error makes of the rows, from their derivatives as they are now. A mean stands for itself, any other
+    /// phasor for itself and its conjugate.
+    pub(super) fn respond<M: RunModel<T, U, R, P, S>>(&mut self, model: &M, which: RunLinearisation) {
+        let harmonics = L as i32 / 2;
         for row in 0..R {
             for harmonic in 0..harmonics {
-                let mut sum = Phasor::ZERO;
+                let mut sum = Phasor::zero();
                 for coordinate in 0..Q {
                     for source in 1 - harmonics..harmonics {
                         if which == RunLinearisation::Error && source != harmonic {
                             continue;
                         }
-                        let shift = harmonic - source;
-                        let through = self.through(slots, row, coordinate, 2 * harmonic, shift, w);
+                        let through = self.through(model, row, coordinate, 2 * harmonic, harmonic - source);
                         let line = 2 * source.unsigned_abs() as usize;
-                        let error = self.motion[coordinate][line] - self.path[coordinate][line];
-                        // A mean stands for itself, any other phasor for itself and its conjugate.
-                        let error = if source == 0 { error + error } else { error };
+                        let apart = self.motion[coordinate][line] - self.path[coordinate][line];
+                        let error = if source == 0 { apart + apart } else { apart };
                         sum += through * if source < 0 { error.conj() } else { error };
                     }
                 }
-                let share = if harmonic == 0 { 0.5 } else { 1.0 };
-                self.response[row][2 * harmonic as usize] = sum.times(T::from_f64(share));
+                let share = if harmonic == 0 { T::from_f64(0.5) } else { T::ONE };
+                self.response[row][2 * harmonic as usize] = sum.times(share);
             }
         }
     }
 
     /// Takes the response to the tracking error off what the rows leave along the reference; `weighed` says that the noise of the forces
     /// gets what this leaves out of the rows along the measured motion.
-    pub(super) fn linearise<M: RunModel<T, U, R, P, S>, const U: usize>(
-        &mut self,
-        model: &M,
-        inputs: &[[Phasor<T>; L]; U],
-        theta: &[T; P],
-        w: T,
-        weighed: bool,
-    ) {
-        for (rest, response) in self.rest.iter_mut().flatten().zip(self.response.iter().flatten()) {
-            *rest -= *response;
+    pub(super) fn linearise<M: RunModel<T, U, R, P, S>>(&mut self, model: &M, weighed: bool) {
+        self.whole = [[Phasor::zero(); L]; R];
+        for row in 0..R {
+            for line in (0..L).step_by(2) {
+                let response = self.response[row][line];
+                self.rest[row][line] -= response;
+            }
         }
         if !weighed {
             return;
         }
-        let measured = Self::left(model, &self.motion, inputs, theta, w);
+        for point in 0..M::POINTS {
+            let turn = turn_at(model, point);
+            let mut motion = [T::ZERO; S];
+            motion_at(model, &self.motion, turn, self.w, &mut motion);
+            self.add_rest(model, &motion, turn, true);
+        }
         for row in 0..R {
-            let apart = self.rest[row].iter().zip(&measured[row]).step_by(2);
-            let missed = apart.fold(T::ZERO, |most, (own, whole)| most.max((*own - *whole).square()));
+            let mut missed = T::ZERO;
+            for line in (0..L).step_by(2) {
+                missed = missed.max((self.rest[row][line] - self.whole[row][line]).square());
+            }
             self.forces[row] += missed;
         }
     }

@@ -42,12 +42,12 @@ pub enum RunFault {
     },
     /// The equations along the motion hold a number that is not finite.
     Equations,
-    /// A changed parameter does not exist, its step is zero or not finite, or there is no run to compare it with.
-    Perturbation,
-    /// No physical parameters near the given ones agree with what the run shows.
-    Apart,
     /// The measured coordinates stand still, or no equation stands out of the noise.
     Still,
+    /// No physical parameters near the given ones agree with what the run shows.
+    Apart,
+    /// A changed parameter does not exist, its step is zero or not finite, or there is no run to compare it with.
+    Perturbation,
 }
 
 impl fmt::Display for RunFault {
@@ -79,13 +79,26 @@ impl fmt::Display for RunFault {
 
 impl core::error::Error for RunFault {}
 
+/// How the samples were taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunSampling<T> {
+    /// Time between samples, s.
+    pub sample_time: T,
+    /// Whether every input is held until the next sample.
+    pub held: bool,
+    /// Time from a recorded input to its force, s, beyond the hold.
+    pub delay: T,
+}
+
 /// The lines of C channels, L each, while a run is played. L is even: harmonics 0 to `L/2 - 1` and the lines halfway behind each.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunLines<T, const C: usize, const L: usize> {
-    samples_per_period: u32,
-    samples: u32,
-    count: u32,
-    fault: Option<RunFault>,
+    /// What ended the run, or nothing so far.
+    pub(super) status: Result<(), RunFault>,
+    pub(super) samples_per_period: u32,
+    /// Samples of the whole run, and so far.
+    pub(super) samples: u32,
+    pub(super) count: u32,
     /// Samples of a part of the run: the root of all, with which rounding grows then.
     part_samples: u32,
     /// Sums over the present part, which join the total when it ends.
@@ -95,18 +108,27 @@ pub struct RunLines<T, const C: usize, const L: usize> {
     excess: [[Phasor<T>; L]; C],
 }
 
+/// The angle of a part of a turn.
+pub(super) fn angle<T: Real>(number: u32, of: u32) -> T {
+    T::from_f64(2.0 * core::f64::consts::PI * f64::from(number) / f64::from(of))
+}
+
 impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
-    /// Samples of a run of so many periods, where there can be one.
+    /// Whether there can be a run of so many periods.
     ///
     /// # Errors
     /// [`RunFault::Samples`], [`RunFault::Periods`].
-    pub fn check(samples_per_period: u32, periods: u32) -> Result<u32, RunFault> {
+    pub fn check(samples_per_period: u32, periods: u32) -> Result<(), RunFault> {
         if periods < 4 || !periods.is_multiple_of(2) {
             return Err(RunFault::Periods);
         }
         // The highest line is below (L/2) w, which two samples of a period must resolve.
-        let enough = samples_per_period as usize > L;
-        samples_per_period.checked_mul(periods).filter(|_| enough).ok_or(RunFault::Samples)
+        if samples_per_period as usize <= L
+            || samples_per_period.saturating_mul(periods) / periods != samples_per_period
+        {
+            return Err(RunFault::Samples);
+        }
+        Ok(())
     }
 
     /// Before the first sample of a run of whole periods.
@@ -114,18 +136,39 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
     /// # Errors
     /// [`RunFault::Samples`], [`RunFault::Periods`].
     pub fn new(samples_per_period: u32, periods: u32) -> Result<Self, RunFault> {
-        let samples = Self::check(samples_per_period, periods)?;
-        let (part_samples, zero) = (samples.isqrt(), [[Phasor::ZERO; L]; C]);
-        Ok(Self {
+        let zero = [[Phasor::zero(); L]; C];
+        let mut this = Self {
+            status: Ok(()),
             samples_per_period,
-            samples,
+            samples: 0,
             count: 0,
-            fault: None,
-            part_samples,
+            part_samples: 1,
             part: zero,
             total: zero,
             excess: zero,
-        })
+        };
+        this.begin(samples_per_period, periods)?;
+        Ok(this)
+    }
+
+    /// Begins a run of whole periods.
+    ///
+    /// # Errors
+    /// [`RunFault::Samples`], [`RunFault::Periods`].
+    pub fn begin(&mut self, samples_per_period: u32, periods: u32) -> Result<(), RunFault> {
+        self.samples_per_period = samples_per_period;
+        self.samples = 0;
+        self.count = 0;
+        self.part_samples = 1;
+        self.part = [[Phasor::zero(); L]; C];
+        self.total = [[Phasor::zero(); L]; C];
+        self.excess = [[Phasor::zero(); L]; C];
+        self.status = Self::check(samples_per_period, periods);
+        if self.status.is_ok() {
+            self.samples = samples_per_period * periods;
+            self.part_samples = self.samples.isqrt();
+        }
+        self.status
     }
 
     /// Takes in sample `number`, counted from 0, of every channel. Samples beyond the end of the run are not used.
@@ -133,50 +176,60 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
     /// # Errors
     /// [`RunFault::Missed`], [`RunFault::NotFinite`]; every later sample gives the same fault.
     pub fn push(&mut self, number: u32, sample: &[T; C]) -> Result<(), RunFault> {
-        if self.fault.is_none() && number != self.count {
+        if number != self.count {
             self.fail(RunFault::Missed { sample: self.count });
         }
-        if self.fault.is_none() && !sample.iter().all(|value| value.is_finite()) {
-            self.fail(RunFault::NotFinite { sample: number });
+        for channel in 0..C {
+            if !sample[channel].is_finite() {
+                self.fail(RunFault::NotFinite { sample: number });
+            }
         }
-        if let Some(fault) = self.fault {
-            return Err(fault);
-        }
+        self.status?;
         if self.is_whole() {
             return Ok(());
         }
         let two_periods = self.samples_per_period.saturating_mul(2);
-        let share = |number: u32, of: u32| T::from_f64(2.0 * core::f64::consts::PI * f64::from(number) / f64::from(of));
         let edge = number.min(self.samples - number);
-        let weight = match edge < two_periods {
-            true => (T::ONE - share(edge, two_periods.saturating_mul(2)).cos()) / T::from_f64(2.0),
-            false => T::ONE,
-        };
-        let step = Phasor::turn(share(number % two_periods, two_periods)).conj();
-        for (&value, sums) in sample.iter().zip(&mut self.part) {
-            let mut turned = Phasor::new(value * weight, T::ZERO);
-            for sum in sums {
-                *sum += turned;
+        let mut weight = T::ONE;
+        if edge < two_periods {
+            let phase: T = angle(edge, two_periods.saturating_mul(2));
+            weight = (T::ONE - phase.cos()) / T::from_f64(2.0);
+        }
+        let step = Phasor::turn(angle(number % two_periods, two_periods)).conj();
+        for channel in 0..C {
+            let mut turned = Phasor::new(sample[channel] * weight, T::ZERO);
+            for line in 0..L {
+                self.part[channel][line] += turned;
                 turned = turned * step;
             }
         }
         self.count += 1;
         if self.count.is_multiple_of(self.part_samples) || self.is_whole() {
-            let sums = self.total.iter_mut().flatten().zip(self.excess.iter_mut().flatten());
-            for ((total, excess), part) in sums.zip(self.part.iter_mut().flatten()) {
-                // Kahan: single precision keeps the noise of a line, which is far below the line itself.
-                let (before, added) = (*total, *part - *excess);
-                *total += added;
-                *excess = (*total - before) - added;
-                *part = Phasor::ZERO;
-            }
+            self.join();
         }
         Ok(())
     }
 
-    /// Ends the run with a fault that was noticed elsewhere, unless it has one already.
+    /// Adds the present part to the total by Kahan's summation: single precision keeps the noise of a line, which is far below the line
+    /// itself.
+    fn join(&mut self) {
+        for channel in 0..C {
+            for line in 0..L {
+                let before = self.total[channel][line];
+                let added = self.part[channel][line] - self.excess[channel][line];
+                let after = before + added;
+                self.total[channel][line] = after;
+                self.excess[channel][line] = (after - before) - added;
+                self.part[channel][line] = Phasor::zero();
+            }
+        }
+    }
+
+    /// Ends the run with a fault, unless it has one already.
     pub fn fail(&mut self, fault: RunFault) {
-        self.fault.get_or_insert(fault);
+        if self.status.is_ok() {
+            self.status = Err(fault);
+        }
     }
 
     /// Samples so far.
@@ -191,48 +244,42 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
         self.count >= self.samples
     }
 
+    /// Whether the run has ended as it should.
+    ///
+    /// # Errors
+    /// The fault of the run, and [`RunFault::Unfinished`] before its last sample.
+    pub fn finished(&self) -> Result<(), RunFault> {
+        self.status?;
+        if self.samples == 0 || self.count < self.samples {
+            return Err(RunFault::Unfinished { samples: self.count });
+        }
+        Ok(())
+    }
+
     /// Samples of the whole run.
     #[must_use]
     pub fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// Samples of a period.
-    #[must_use]
-    pub fn samples_per_period(&self) -> u32 {
-        self.samples_per_period
-    }
-
-    /// Periods of the whole run.
-    fn periods(&self) -> f64 {
-        f64::from(self.samples) / f64::from(self.samples_per_period)
+    /// Periods of the whole run without the two at its ends, where the window is not flat.
+    fn flat_periods(&self) -> T {
+        T::from_f64(f64::from(self.samples / self.samples_per_period - 2))
     }
 
     /// The variance of white noise in the samples of a channel over that of its lines.
     #[must_use]
     pub fn samples_behind_line(&self) -> T {
-        let flat = self.periods() - 2.0;
-        T::from_f64(f64::from(self.samples_per_period) * flat * flat / (4.0 * (flat - 0.5)))
+        let flat = self.flat_periods();
+        let period = T::from_f64(f64::from(self.samples_per_period));
+        period * flat * flat / (T::from_f64(4.0) * (flat - T::from_f64(0.5)))
     }
 
-    /// The lines as one-sided phasors `a_c - j a_s`, the mean at 0.
-    ///
-    /// # Errors
-    /// The fault of the run, and [`RunFault::Unfinished`] before its last sample.
-    pub fn lines(&self) -> Result<[[Phasor<T>; L]; C], RunFault> {
-        if let Some(fault) = self.fault {
-            return Err(fault);
-        }
-        if !self.is_whole() {
-            return Err(RunFault::Unfinished { samples: self.count });
-        }
-        let mean = T::ONE / T::from_f64((self.periods() - 2.0) * f64::from(self.samples_per_period));
-        let mut lines = self.total;
-        for channel in &mut lines {
-            for (index, line) in channel.iter_mut().enumerate() {
-                *line = line.times(if index == 0 { mean } else { mean + mean });
-            }
-        }
-        Ok(lines)
+    /// A line of a whole run as one-sided phasor `a_c - j a_s`, the mean at 0.
+    #[must_use]
+    pub fn line(&self, channel: usize, line: usize) -> Phasor<T> {
+        let mean = T::ONE / (self.flat_periods() * T::from_f64(f64::from(self.samples_per_period)));
+        let scale = if line == 0 { mean } else { mean + mean };
+        self.total[channel][line].times(scale)
     }
 }

@@ -8,17 +8,15 @@
 //! under the same input, which is passed sample by sample through a filter: what it has passed is there as the sum of its squares.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
+use super::run_workspace::{motion_at, turn_at};
 use super::{Phasor, Real, RunLines, RunModel, RunSampling, RunWorkspace};
 
 /// Where the filter begins, as a share of the highest line: what it lacks there the lines have, and above them it lacks nothing.
 const BEGINNING: f64 = 0.6;
 /// Damping of the two sections of a filter of Butterworth's fourth order, `2 cos(pi/8)` and `2 cos(3 pi/8)`.
-const DAMPING: [f64; 2] = [1.847_759_065_022_573_5, 0.765_366_864_730_179_6];
+const FLAT: f64 = 1.847_759_065_022_573_5;
+const SHARP: f64 = 0.765_366_864_730_179_6;
 /// Lower bound on the square of the relative deviation of what the filter passed.
 const LEAST_DOUBT: f64 = 4e-4;
 /// Noise of a line exceeds so many times its variance once in 8000 lines.
@@ -42,38 +40,48 @@ impl<T: Real, const U: usize> RunPassed<T, U> {
     /// Before the first sample of a run with so many lines.
     #[must_use]
     pub fn new(samples_per_period: u32, lines: usize) -> Self {
-        let first = T::from_f64(BEGINNING * lines as f64 / 2.0);
-        let bend = tangent(first, samples_per_period);
-        Self { samples_per_period, count: 0, bend, states: [[T::ZERO; 4]; U], products: [[T::ZERO; U]; U] }
+        let (states, products) = ([[T::ZERO; 4]; U], [[T::ZERO; U]; U]);
+        let mut this = Self { samples_per_period, count: 0, bend: T::ZERO, states, products };
+        this.begin(samples_per_period, lines);
+        this
     }
 
-    /// Takes in the next sample of the inputs.
+    /// Begins a run with so many lines.
+    pub fn begin(&mut self, samples_per_period: u32, lines: usize) {
+        self.samples_per_period = samples_per_period;
+        self.count = 0;
+        self.bend = tangent(T::from_f64(BEGINNING) * T::from_f64(lines as f64) / T::from_f64(2.0), samples_per_period);
+        self.states = [[T::ZERO; 4]; U];
+        self.products = [[T::ZERO; U]; U];
+    }
+
+    /// Takes in the next sample of the inputs. Between samples a mass under a held force goes on: its velocity has that of the middle, and
+    /// a twelfth of the square of the step.
     pub fn push(&mut self, inputs: &[T; U]) {
-        let (mut passed, mut fast) = ([T::ZERO; U], [T::ZERO; U]);
+        let mut passed = [T::ZERO; U];
+        let mut fast = [T::ZERO; U];
         let two = T::from_f64(2.0);
         for input in 0..U {
             let mut value = inputs[input];
-            for (section, damping) in DAMPING.into_iter().enumerate() {
-                let damping = T::from_f64(damping);
-                let [band, low] = [2 * section, 2 * section + 1];
-                let states = &mut self.states[input];
+            for section in 0..2 {
+                let damping = if section == 0 { T::from_f64(FLAT) } else { T::from_f64(SHARP) };
+                let band = self.states[input][2 * section];
+                let low = self.states[input][2 * section + 1];
                 let share = T::ONE / (T::ONE + self.bend * (self.bend + damping));
-                let rate = share * (states[band] + self.bend * (value - states[low]));
-                let slow = states[low] + self.bend * rate;
-                states[band] = two * rate - states[band];
-                states[low] = two * slow - states[low];
+                let rate = share * (band + self.bend * (value - low));
+                let slow = low + self.bend * rate;
+                self.states[input][2 * section] = two * rate - band;
+                self.states[input][2 * section + 1] = two * slow - low;
                 let high = value - damping * rate - slow;
                 if section == 0 {
                     fast[input] = high;
                     value = rate;
                 } else {
-                    value = high;
+                    passed[input] = high;
                 }
             }
-            passed[input] = value;
         }
         if self.count >= self.samples_per_period {
-            // Between samples a mass under a held force goes on: its velocity has that of the middle, and a twelfth of the square of the step.
             let between = self.bend * self.bend / T::from_f64(3.0);
             for input in 0..U {
                 for other in 0..=input {
@@ -84,27 +92,30 @@ impl<T: Real, const U: usize> RunPassed<T, U> {
         self.count = self.count.saturating_add(1);
     }
 
-    /// Mean products of what has passed; nothing within the first period.
-    pub(super) fn means(&self) -> Option<[[T; U]; U]> {
-        let count = self.count.checked_sub(self.samples_per_period).filter(|count| *count > 0)?;
-        Some(self.products.map(|row| row.map(|sum| sum / T::from_f64(f64::from(count)))))
+    /// Whether anything has passed behind the first period.
+    fn is_begun(&self) -> bool {
+        self.count > self.samples_per_period
+    }
+
+    /// A mean product of what has passed, of an input and one that is not behind it.
+    pub(super) fn mean(&self, input: usize, other: usize) -> T {
+        self.products[input][other] / T::from_f64(f64::from(self.count - self.samples_per_period))
     }
 }
 
 /// `tan(w T / 2)` at so many harmonics.
 fn tangent<T: Real>(harmonic: T, samples_per_period: u32) -> T {
-    let (sine, cosine) = (T::PI * harmonic / T::from_f64(f64::from(samples_per_period))).sin_cos();
-    sine / cosine
+    let half = T::PI * harmonic / T::from_f64(f64::from(samples_per_period));
+    half.sin() / half.cos()
 }
 
-/// The covariance of the motion that noise makes, and how uncertain it is, as a share of it.
-struct Motion<T, const S: usize> {
-    covariance: [[T; S]; S],
-    doubt: T,
+/// The real part of a phasor times the conjugate of another.
+fn product<T: Real>(a: Phasor<T>, b: Phasor<T>) -> T {
+    a.re * b.re + a.im * b.im
 }
 
-/// Solves a complex system in its place, the largest pivot first; nothing where there is none.
-fn eliminate<T: Real, const Q: usize>(matrix: &mut [[Phasor<T>; Q]; Q], right: &mut [Phasor<T>; Q]) -> Option<()> {
+/// Solves a complex system in its place, the largest pivot first; says whether there is a solution.
+fn eliminate<T: Real, const Q: usize>(matrix: &mut [[Phasor<T>; Q]; Q], right: &mut [Phasor<T>; Q]) -> bool {
     for step in 0..Q {
         let mut best = step;
         for row in step + 1..Q {
@@ -115,11 +126,13 @@ fn eliminate<T: Real, const Q: usize>(matrix: &mut [[Phasor<T>; Q]; Q], right: &
         matrix.swap(step, best);
         right.swap(step, best);
         let size = matrix[step][step].square();
-        if !(size > T::ZERO && size.is_finite()) {
-            return None;
+        if size <= T::ZERO || !size.is_finite() {
+            return false;
         }
         let inverse = matrix[step][step].conj().times(T::ONE / size);
-        matrix[step] = matrix[step].map(|entry| entry * inverse);
+        for column in 0..Q {
+            matrix[step][column] = matrix[step][column] * inverse;
+        }
         right[step] = right[step] * inverse;
         for row in 0..Q {
             if row == step {
@@ -127,18 +140,19 @@ fn eliminate<T: Real, const Q: usize>(matrix: &mut [[Phasor<T>; Q]; Q], right: &
             }
             let factor = matrix[row][step];
             for column in 0..Q {
-                let own = matrix[step][column];
-                matrix[row][column] -= factor * own;
+                let own = factor * matrix[step][column];
+                matrix[row][column] -= own;
             }
-            let own = right[step];
-            right[row] -= factor * own;
+            let own_right = factor * right[step];
+            right[row] -= own_right;
         }
     }
-    Some(())
+    true
 }
 
 impl<
     T: Real,
+    const U: usize,
     const Q: usize,
     const R: usize,
     const P: usize,
@@ -146,108 +160,124 @@ impl<
     const L: usize,
     const E: usize,
     const K: usize,
-> RunWorkspace<T, Q, R, P, S, L, E, K>
+> RunWorkspace<T, U, Q, R, P, S, L, E, K>
 {
     /// The mean response of the rows to the coordinates at an angular frequency; of second derivatives alone where it is zero.
-    fn mean_response(&self, slots: &[(usize, u32); S], w: T) -> [[Phasor<T>; Q]; Q] {
-        let mut matrix = [[Phasor::ZERO; Q]; Q];
-        for (row, gains) in matrix.iter_mut().zip(&self.gains) {
-            for (lines, &(coordinate, order)) in gains.iter().zip(slots) {
-                let gain = lines[0].re;
+    fn mean_response<M: RunModel<T, U, R, P, S>>(&self, model: &M, w: T, matrix: &mut [[Phasor<T>; Q]; Q]) {
+        let _ = model;
+        for row in 0..Q {
+            for column in 0..Q {
+                matrix[row][column] = Phasor::zero();
+            }
+            for entry in 0..S {
+                let gain = self.gains[row][entry][0].re;
                 if w > T::ZERO {
-                    row[coordinate] += Phasor::derivative(w, order).times(gain);
-                } else if order == 2 {
-                    row[coordinate] += Phasor::new(gain, T::ZERO);
+                    matrix[row][M::COORDINATES[entry]] += Phasor::derivative(w, M::ORDERS[entry]).times(gain);
+                } else if M::ORDERS[entry] == 2 {
+                    matrix[row][M::COORDINATES[entry]] += Phasor::new(gain, T::ZERO);
                 }
             }
         }
-        matrix
     }
 
-    /// Covariance of the motion that noise makes on its way round the loop; nothing where it is not known.
-    fn true_motion<const U: usize, const C: usize>(
-        &self,
-        slots: &[(usize, u32); S],
+    /// Covariance of the motion that noise makes on its way round the loop: what the inputs halfway between the harmonics explain, and above
+    /// the lines what the filter passed, to which masses alone answer. Says whether it is known.
+    fn true_motion<M: RunModel<T, U, R, P, S>, const C: usize>(
+        &mut self,
+        model: &M,
         run: &RunLines<T, C, L>,
-        (passed, map): (&RunPassed<T, U>, &[[T; U]; R]),
-        inputs: &[[Phasor<T>; L]; U],
-        (sample_time, w): (T, T),
-    ) -> Option<Motion<T, S>> {
+        passed: &RunPassed<T, U>,
+        sampling: &RunSampling<T>,
+    ) -> bool {
         let two = T::from_f64(2.0);
-        let corner = two / sample_time * passed.bend;
-        let top = w * T::from_f64(L as f64 / 2.0);
-        if Q != R || !(corner > T::ZERO && corner.is_finite()) {
-            return None;
+        let corner = two / sampling.sample_time * passed.bend;
+        let top = self.w * T::from_f64(L as f64) / two;
+        if Q != R || corner <= T::ZERO || !corner.is_finite() || !passed.is_begun() {
+            return false;
         }
-        let mut above = passed.means()?;
+        let mut matrix = [[Phasor::zero(); Q]; Q];
+        let mut right = [Phasor::zero(); Q];
+        let mut above = [[T::ZERO; U]; U];
         let mut answer = [[T::ZERO; U]; Q];
         for input in 0..U {
-            let mut masses = self.mean_response(slots, T::ZERO);
-            let mut right = [Phasor::ZERO; Q];
-            for (right, row) in right.iter_mut().zip(map) {
-                *right = Phasor::new(row[input], T::ZERO);
+            self.mean_response(model, T::ZERO, &mut matrix);
+            for row in 0..Q {
+                right[row] = Phasor::new(self.map[row][input], T::ZERO);
             }
-            eliminate(&mut masses, &mut right)?;
-            for (answer, found) in answer.iter_mut().zip(right) {
-                answer[input] = found.re;
+            if !eliminate(&mut matrix, &mut right) {
+                return false;
+            }
+            for coordinate in 0..Q {
+                answer[coordinate][input] = right[coordinate].re;
+            }
+            for other in 0..=input {
+                above[input][other] = passed.mean(input, other);
             }
         }
         // How far masses are from being all that answers, at the highest line.
-        let (masses, whole) = (self.mean_response(slots, T::ZERO), self.mean_response(slots, top));
-        let (mut apart, mut size) = (T::ZERO, T::ZERO);
-        for (mass, own) in masses.iter().flatten().zip(whole.iter().flatten()) {
-            let mass = mass.times(top * top);
-            apart += (*own + mass).square();
-            size += mass.square();
+        let mut masses = [[Phasor::zero(); Q]; Q];
+        self.mean_response(model, T::ZERO, &mut masses);
+        self.mean_response(model, top, &mut matrix);
+        let mut apart = T::ZERO;
+        let mut whole = T::ZERO;
+        for row in 0..Q {
+            for column in 0..Q {
+                let mass = masses[row][column].times(top * top);
+                apart += (matrix[row][column] + mass).square();
+                whole += mass.square();
+            }
         }
         // The variance of the band of a harmonic over the square of a line.
-        let band = run.samples_behind_line() * two / T::from_f64(f64::from(run.samples_per_period()));
-        let mut covariance = [[T::ZERO; S]; S];
+        let period = T::from_f64(f64::from(run.samples_per_period));
+        let band = run.samples_behind_line() * two / period;
         let mut squares = [T::ZERO; S];
+        self.covariance = [[T::ZERO; S]; S];
         for line in 1..L {
-            let ratio = tangent(T::from_f64(line as f64 / 2.0), run.samples_per_period()) / passed.bend;
+            let ratio = tangent(T::from_f64(line as f64) / two, run.samples_per_period) / passed.bend;
             let cube = ratio * ratio * ratio;
             let share = cube * cube / (T::ONE + cube * cube * ratio * ratio);
             if line % 2 == 0 {
                 // The periodic part of what was passed, without the noise of the line.
                 for input in 0..U {
                     for other in 0..=input {
-                        let product = |at: usize| {
-                            let (own, by) = (inputs[input][at], inputs[other][at]);
-                            own.re * by.re + own.im * by.im
-                        };
-                        above[input][other] -= share * (product(line) - product(line + 1)) / two;
+                        let periodic = product(self.inputs[input][line], self.inputs[other][line]);
+                        let noise = product(self.inputs[input][line + 1], self.inputs[other][line + 1]);
+                        above[input][other] -= share * (periodic - noise) / two;
                     }
                 }
                 continue;
             }
-            let frequency = w * T::from_f64(line as f64) / two;
-            let mut response = self.mean_response(slots, frequency);
-            let mut moved = [Phasor::ZERO; Q];
-            for (moved, drive) in moved.iter_mut().zip(&self.drive) {
-                *moved = drive[line];
-            }
-            eliminate(&mut response, &mut moved)?;
-            // Near a resonance inputs say little. What was measured is this motion and the noise of the sensor.
-            for ((moved, lines), sensor) in moved.iter_mut().zip(&self.motion).zip(&self.sensors) {
-                let most = two * (lines[line].square() + T::from_f64(MOST_NOISE) * *sensor);
-                if moved.square() > most {
-                    *moved = lines[line];
+            let frequency = self.w * T::from_f64(line as f64) / two;
+            self.mean_response(model, frequency, &mut matrix);
+            let mut modelled = [Phasor::zero(); Q];
+            for row in 0..Q {
+                right[row] = self.drive[row][line];
+                for input in 0..U {
+                    modelled[row] += self.inputs[input][line].times(answer[row][input]);
                 }
             }
-            let modelled = answer.map(|row| {
-                row.iter().zip(inputs).fold(Phasor::ZERO, |sum, (answer, lines)| sum + lines[line].times(*answer))
-            });
-            let product = |a: Phasor<T>, b: Phasor<T>| a.re * b.re + a.im * b.im;
-            for (entry, &(a, of_a)) in slots.iter().enumerate() {
-                for (second, &(b, of_b)) in slots.iter().enumerate() {
-                    let parts = (Phasor::derivative(frequency, of_a), Phasor::derivative(frequency, of_b));
-                    let mut own = product(moved[a] * parts.0, moved[b] * parts.1);
-                    if of_a + of_b == 2 {
-                        let filtered = share * product(modelled[a], modelled[b]) / (corner * corner);
-                        own -= if of_a == 1 { filtered } else { -filtered };
+            if !eliminate(&mut matrix, &mut right) {
+                return false;
+            }
+            for coordinate in 0..Q {
+                // Near a resonance inputs say little. What was measured is this motion and the noise of the sensor.
+                let measured = self.motion[coordinate][line];
+                let most = two * (measured.square() + T::from_f64(MOST_NOISE) * self.sensors[coordinate]);
+                if right[coordinate].square() > most {
+                    right[coordinate] = measured;
+                }
+            }
+            for entry in 0..S {
+                let part = right[M::COORDINATES[entry]] * Phasor::derivative(frequency, M::ORDERS[entry]);
+                for second in 0..S {
+                    let beside = right[M::COORDINATES[second]] * Phasor::derivative(frequency, M::ORDERS[second]);
+                    let mut own = product(part, beside);
+                    if M::ORDERS[entry] + M::ORDERS[second] == 2 {
+                        let mass = product(modelled[M::COORDINATES[entry]], modelled[M::COORDINATES[second]]);
+                        let filtered = share * mass / (corner * corner);
+                        own -= if M::ORDERS[entry] == 1 { filtered } else { -filtered };
                     }
-                    covariance[entry][second] += band * own;
+                    self.covariance[entry][second] += band * own;
                     if entry == second {
                         squares[entry] += band * own * band * own / two;
                     }
@@ -255,86 +285,102 @@ impl<
             }
         }
         // The band above the lines is at least as wide as that below.
-        let independent = T::from_f64(f64::from(run.samples()) / f64::from(run.samples_per_period()) * L as f64 / 2.0);
-        let share = T::ONE / independent + T::from_f64(LEAST_DOUBT) + apart / size;
-        let mut doubt = T::ZERO;
-        for (entry, &(a, of_a)) in slots.iter().enumerate() {
-            for (second, &(b, of_b)) in slots.iter().enumerate() {
+        let periods = T::from_f64(f64::from(run.samples / run.samples_per_period));
+        let inexact = T::ONE / (periods * T::from_f64(L as f64) / two) + T::from_f64(LEAST_DOUBT) + apart / whole;
+        self.doubt = T::ZERO;
+        for entry in 0..S {
+            for second in 0..S {
                 let mut tail = T::ZERO;
                 for input in 0..U {
                     for other in 0..U {
-                        let product = if input >= other { above[input][other] } else { above[other][input] };
-                        tail += answer[a][input] * answer[b][other] * product;
+                        let both = if input >= other { above[input][other] } else { above[other][input] };
+                        tail += answer[M::COORDINATES[entry]][input] * answer[M::COORDINATES[second]][other] * both;
                     }
                 }
                 tail /= corner * corner;
-                if of_a + of_b == 2 {
-                    covariance[entry][second] += if of_a == 1 { tail } else { -tail };
+                if M::ORDERS[entry] + M::ORDERS[second] == 2 {
+                    self.covariance[entry][second] += if M::ORDERS[entry] == 1 { tail } else { -tail };
                 }
-                if entry == second && of_a == 1 {
-                    let own = covariance[entry][entry];
-                    if !(own > T::ZERO && own.is_finite()) {
-                        return None;
+                if entry == second && M::ORDERS[entry] == 1 {
+                    let own = self.covariance[entry][entry];
+                    if own <= T::ZERO || !own.is_finite() {
+                        return false;
                     }
-                    squares[entry] += tail * tail * share;
-                    doubt = doubt.max((squares[entry] / (own * own)).sqrt());
+                    squares[entry] += tail * tail * inexact;
+                    self.doubt = self.doubt.max((squares[entry] / (own * own)).sqrt());
                 }
             }
         }
-        Some(Motion { covariance, doubt })
+        true
     }
 
     /// Finds what the motion that noise makes adds to the means of the regressor, half the mean second derivative times its covariance, and
-    /// takes of what the rows leave, where a row has a mean. It is not known where noise is not that of the sensors alone, or masses do not answer above the lines.
-    pub(super) fn find_shift<M: RunModel<T, U, R, P, S>, const U: usize, const C: usize>(
+    /// takes of what the rows leave, where a row has a mean. It is not known where noise is not that of the sensors alone, or masses do not
+    /// answer above the lines. Where derivatives do not vary along the motion, nothing is added.
+    pub(super) fn find_shift<M: RunModel<T, U, R, P, S>, const C: usize>(
         &mut self,
         model: &M,
         run: &RunLines<T, C, L>,
-        passed: (&RunPassed<T, U>, &[[T; U]; R]),
-        inputs: &[[Phasor<T>; L]; U],
-        (sampling, theta, w): (RunSampling<T>, &[T; P], T),
+        passed: &RunPassed<T, U>,
+        sampling: &RunSampling<T>,
     ) {
         self.forget_shift();
-        if self.disturbed || !(0..R).any(|row| self.has_mean(row, theta)) {
+        let mut any = false;
+        for row in 0..R {
+            any |= self.has_mean(row);
+        }
+        if self.disturbed || !any {
             return;
         }
         if self.reach == 0 {
-            // Where derivatives do not vary along the motion, nothing is added.
             self.shifts = true;
             return;
         }
-        let motion = self.true_motion(&M::MOTION, run, passed, inputs, (sampling.sample_time, w));
-        let Some(Motion { covariance, doubt }) = motion else { return };
+        if !self.true_motion(model, run, passed, sampling) {
+            self.doubt = T::ZERO;
+            return;
+        }
         self.shifts = true;
-        self.doubt = doubt;
-        let steps = self.steps(&M::MOTION, w);
+        let mut steps = [T::ZERO; S];
+        self.steps(model, &mut steps);
         for point in 0..M::POINTS {
-            let at = self.motion_at(&M::MOTION, point, M::POINTS, w);
+            let turn = turn_at(model, point);
+            let mut motion = [T::ZERO; S];
+            motion_at(model, &self.path, turn, self.w, &mut motion);
             for entry in 0..S {
                 for second in 0..=entry {
-                    let half = if entry == second { 0.5 } else { 1.0 };
-                    let share = T::from_f64(half) * covariance[entry][second]
-                        / (T::from_f64(4.0 * M::POINTS as f64) * steps[entry] * steps[second]);
+                    let half = if entry == second { T::from_f64(0.5) } else { T::ONE };
+                    let points = T::from_f64(M::POINTS as f64);
+                    let share = half * self.covariance[entry][second]
+                        / (T::from_f64(4.0) * steps[entry] * steps[second] * points);
                     // Accelerations are in the rows as they are.
-                    if share.abs() <= T::ZERO || M::MOTION[entry].1 + M::MOTION[second].1 == 4 {
-                        continue;
-                    }
-                    for (first, other) in [(T::ONE, T::ONE), (T::ONE, -T::ONE), (-T::ONE, T::ONE), (-T::ONE, -T::ONE)] {
-                        let (mut phi, mut known) = ([[T::ZERO; P]; R], [T::ZERO; R]);
-                        let mut moved = at;
-                        moved[entry] += first * steps[entry];
-                        moved[second] += other * steps[second];
-                        model.rows(&moved, &mut phi, &mut known, &mut [[T::ZERO; U]; R]);
-                        let share = share * first * other;
-                        for row in 0..R {
-                            self.shifted[row] += share * known[row];
-                            for column in 0..P {
-                                self.shift[row][column] += share * phi[row][column];
-                                self.shifted[row] += share * phi[row][column] * theta[column];
-                            }
+                    if share.abs() > T::ZERO && M::ORDERS[entry] + M::ORDERS[second] != 4 {
+                        for side in 0..4 {
+                            let forward = if side < 2 { steps[entry] } else { -steps[entry] };
+                            let beside = if side % 2 == 0 { steps[second] } else { -steps[second] };
+                            let sign = if side == 1 || side == 2 { -share } else { share };
+                            let mut moved = motion;
+                            moved[entry] += forward;
+                            moved[second] += beside;
+                            self.add_shifted(model, &moved, sign);
                         }
                     }
                 }
+            }
+        }
+    }
+
+    /// Adds a share of the rows at a motion to what is added to their means.
+    fn add_shifted<M: RunModel<T, U, R, P, S>>(&mut self, model: &M, motion: &[T; S], share: T) {
+        let mut phi = [[T::ZERO; P]; R];
+        let mut known = [T::ZERO; R];
+        let mut map = [[T::ZERO; U]; R];
+        model.rows(motion, &mut phi, &mut known, &mut map);
+        for row in 0..R {
+            self.shifted[row] += share * known[row];
+            for column in 0..P {
+                self.shift[row][column] += share * phi[row][column];
+                self.shifted[row] += share * phi[row][column] * self.theta[column];
             }
         }
     }
@@ -348,9 +394,11 @@ impl<
     }
 
     /// Whether a term of a row has a mean that stands out of the noise of the row.
-    pub(super) fn has_mean(&self, row: usize, theta: &[T; P]) -> bool {
-        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE) * self.variance(row, 0);
-        let terms = self.regressor[row].iter().zip(theta).map(|(lines, theta)| lines[0].times(*theta));
-        terms.chain([self.known[row][0]]).any(|term| term.square() > least)
+    pub(super) fn has_mean(&self, row: usize) -> bool {
+        let mut largest = self.known[row][0].square();
+        for column in 0..P {
+            largest = largest.max(self.regressor[row][column][0].times(self.theta[column]).square());
+        }
+        largest > T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE) * self.variance(row, 0)
     }
 }

@@ -6,12 +6,8 @@
 //! from a few lines its variance would otherwise take a share of the sensors', and the small harmonics would count less than they show.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
-use super::{Phasor, Real, RunWorkspace};
+use super::{Phasor, Real, RunModel, RunWorkspace};
 
 /// Steps of the maximum-likelihood iteration for the variances of the noise.
 const NOISE_STEPS: usize = 30;
@@ -24,11 +20,10 @@ const LEAST_FORCE: f64 = 1e-7;
 const ROUNDINGS: f64 = 16.0;
 /// What the forces of all rows must add to the logarithm of the likelihood, for each row: twice it exceeds 4 by chance once in 40 times.
 const LEAST_GAIN: f64 = 2.0;
-/// Harmonics of a derivative below this share of its largest one do not mix lines of noise.
-const LEAST_MIXING: f64 = 1e-3;
 
 impl<
     T: Real,
+    const U: usize,
     const Q: usize,
     const R: usize,
     const P: usize,
@@ -36,93 +31,85 @@ impl<
     const L: usize,
     const E: usize,
     const K: usize,
-> RunWorkspace<T, Q, R, P, S, L, E, K>
+> RunWorkspace<T, U, Q, R, P, S, L, E, K>
 {
-    /// Harmonics of the derivatives that mix the lines of noise: those that are a part of the largest one of their entry.
-    pub(super) fn find_reach(&mut self) {
-        let least = T::from_f64(LEAST_MIXING * LEAST_MIXING);
-        self.reach = 0;
-        for lines in self.gains.iter().flatten() {
-            let peak = lines.iter().fold(T::ZERO, |peak, line| peak.max(line.square()));
-            for (m, line) in lines.iter().enumerate().skip(1) {
-                if line.square() > least * peak {
-                    self.reach = self.reach.max(m);
-                }
-            }
-        }
-    }
-
     /// What a line of a coordinate, `line - 2 shift`, makes of a line of a row through one harmonic of the row's derivatives.
-    pub(super) fn through(
+    pub(super) fn through<M: RunModel<T, U, R, P, S>>(
         &self,
-        slots: &[(usize, u32); S],
+        model: &M,
         row: usize,
         coordinate: usize,
         line: i32,
         shift: i32,
-        w: T,
     ) -> Phasor<T> {
-        let source = T::from_f64(f64::from(line - 2 * shift) / 2.0) * w;
-        let mut sum = Phasor::ZERO;
-        for (lines, &(of, order)) in self.gains[row].iter().zip(slots) {
-            if of != coordinate {
-                continue;
+        let _ = model;
+        let source = T::from_f64((line - 2 * shift) as f64) / T::from_f64(2.0) * self.w;
+        let harmonic = shift.unsigned_abs() as usize;
+        let mut sum = Phasor::zero();
+        if harmonic >= L {
+            return sum;
+        }
+        for entry in 0..S {
+            if M::COORDINATES[entry] == coordinate {
+                let gain = self.gains[row][entry][harmonic];
+                let turned = if shift < 0 { gain.conj() } else { gain };
+                sum += turned * Phasor::derivative(source, M::ORDERS[entry]);
             }
-            let harmonic = lines.get(shift.unsigned_abs() as usize).copied().unwrap_or(Phasor::ZERO);
-            let gain = if shift < 0 { harmonic.conj() } else { harmonic };
-            sum += gain * Phasor::derivative(source, order);
         }
         sum
     }
 
     /// Variances of the sensors and of a force on every row, from the lines halfway between the harmonics: the maximum of their likelihood,
-    /// by steps that never make a variance negative.
-    pub(super) fn find_noise(&mut self, slots: &[(usize, u32); S], w: T) {
-        let reach = self.reach as i32;
-        let mut left = [[T::ZERO; L]; R];
+    /// by steps that never make a variance negative. A force is there only where it explains more than chance does.
+    pub(super) fn find_noise<M: RunModel<T, U, R, P, S>>(&mut self, model: &M) {
         for line in 0..L {
             for row in 0..R {
                 let mut residual = self.drive[row][line];
                 for coordinate in 0..Q {
                     let mut felt = T::ZERO;
-                    for shift in -reach..=reach {
-                        let through = self.through(slots, row, coordinate, line as i32, shift, w);
+                    for shift in -self.reach..=self.reach {
+                        let through = self.through(model, row, coordinate, line as i32, shift);
                         felt += through.square();
                         let source = line as i32 - 2 * shift;
-                        let measured = self.motion[coordinate].get(source.unsigned_abs() as usize).copied();
-                        let measured = measured.unwrap_or(Phasor::ZERO);
-                        residual -= through * if source < 0 { measured.conj() } else { measured };
+                        let place = source.unsigned_abs() as usize;
+                        if place < L {
+                            let measured = self.motion[coordinate][place];
+                            residual -= through * if source < 0 { measured.conj() } else { measured };
+                        }
                     }
                     self.felt[row][line][coordinate] = felt;
                 }
-                left[row][line] = residual.square();
+                self.left[row][line] = residual.square();
             }
         }
-        let rounding = self.begin_noise(&left);
-        let begin = (self.sensors, self.forces);
-        self.forces = rounding;
-        let alone = self.fit_noise(&left, false);
-        let of_sensors = (self.sensors, self.forces);
-        (self.sensors, self.forces) = begin;
-        let both = self.fit_noise(&left, true);
-        self.disturbed = both - alone > T::from_f64(LEAST_GAIN * R as f64);
-        if self.disturbed {
-            return;
+        let mut roundings = [T::ZERO; R];
+        self.begin_noise(&mut roundings);
+        let begin_sensors = self.sensors;
+        let begin_forces = self.forces;
+        self.forces = roundings;
+        let alone = self.fit_noise(false);
+        let alone_sensors = self.sensors;
+        self.sensors = begin_sensors;
+        self.forces = begin_forces;
+        let both = self.fit_noise(true);
+        self.disturbed = both - alone > T::from_f64(LEAST_GAIN) * T::from_f64(R as f64);
+        if !self.disturbed {
+            self.sensors = alone_sensors;
+            self.forces = roundings;
         }
-        (self.sensors, self.forces) = of_sensors;
     }
 
     /// Takes the variances of the sensors, and of the forces too or as they are, to those of largest likelihood; gives its logarithm.
-    fn fit_noise(&mut self, left: &[[T; L]; R], with_forces: bool) -> T {
+    fn fit_noise(&mut self, with_forces: bool) -> T {
         for _ in 0..NOISE_STEPS {
-            self.improve_noise(left, with_forces);
+            self.improve_noise(with_forces);
         }
         let mut sum = T::ZERO;
         for row in 0..R {
             for line in (1..L).step_by(2) {
                 let variance = self.variance(row, line);
                 if variance > T::ZERO && variance.is_finite() {
-                    sum -= left[row][line] / variance + variance.ln();
+                    sum -= self.left[row][line] / variance + variance.ln();
                 }
             }
         }
@@ -131,81 +118,102 @@ impl<
 
     /// Variances to begin with: what is left of every row by its force, and by every sensor as much as the rows allow it. Gives those that
     /// rounding has by itself.
-    fn begin_noise(&mut self, left: &[[T; L]; R]) -> [T; R] {
-        let mut roundings = [T::ZERO; R];
+    fn begin_noise(&mut self, roundings: &mut [T; R]) {
         self.sensors = [T::ZERO; Q];
-        let count = T::from_f64(L as f64 / 2.0);
         for row in 0..R {
-            let halfway = || (1..L).step_by(2);
-            let sum = halfway().fold(T::ZERO, |sum, line| sum + left[row][line]);
-            let peak = self.drive[row].iter().chain(&self.known[row]).fold(T::ZERO, |peak, z| peak.max(z.square()));
+            let mut sum = T::ZERO;
+            for line in (1..L).step_by(2) {
+                sum += self.left[row][line];
+            }
+            let mut peak = T::ZERO;
+            for line in 0..L {
+                peak = peak.max(self.drive[row][line].square()).max(self.known[row][line].square());
+            }
             let least = T::EPSILON.max(T::from_f64(LEAST_FORCE));
-            let rounding = least * least * peak;
-            roundings[row] = rounding;
-            self.forces[row] = (sum / count).max(rounding);
+            roundings[row] = least * least * peak;
+            self.forces[row] = (sum / (T::from_f64(L as f64) / T::from_f64(2.0))).max(roundings[row]);
             for coordinate in 0..Q {
-                let felt = halfway().fold(T::ZERO, |sum, line| sum + self.felt[row][line][coordinate]);
+                let mut felt = T::ZERO;
+                for line in (1..L).step_by(2) {
+                    felt += self.felt[row][line][coordinate];
+                }
                 if felt > T::ZERO {
-                    let level = sum / felt;
-                    self.sensors[coordinate] = self.sensors[coordinate].max(level);
+                    self.sensors[coordinate] = self.sensors[coordinate].max(sum / felt);
                 }
             }
         }
-        roundings
     }
 
     /// One step towards the variances of largest likelihood.
-    fn improve_noise(&mut self, left: &[[T; L]; R], with_forces: bool) {
-        let (mut sensors, mut forces) = ([[T::ZERO; 2]; Q], [[T::ZERO; 2]; R]);
+    fn improve_noise(&mut self, with_forces: bool) {
+        let mut sensors = [[T::ZERO; 2]; Q];
+        let mut forces = [[T::ZERO; 2]; R];
         for row in 0..R {
             for line in (1..L).step_by(2) {
                 let variance = self.variance(row, line);
                 if !variance.is_finite() || variance <= T::ZERO {
                     continue;
                 }
-                let (given, expected) = (left[row][line] / variance / variance, T::ONE / variance);
-                for (sums, felt) in sensors.iter_mut().zip(self.felt[row][line]) {
-                    sums[0] += felt * given;
-                    sums[1] += felt * expected;
+                let given = self.left[row][line] / variance / variance;
+                let expected = T::ONE / variance;
+                for coordinate in 0..Q {
+                    sensors[coordinate][0] += self.felt[row][line][coordinate] * given;
+                    sensors[coordinate][1] += self.felt[row][line][coordinate] * expected;
                 }
                 forces[row][0] += given;
                 forces[row][1] += expected;
             }
         }
-        let rows = if with_forces { R } else { 0 };
-        let own = self.sensors.iter_mut().zip(sensors).chain(self.forces.iter_mut().zip(forces).take(rows));
-        for (variance, [given, expected]) in own {
-            if expected > T::ZERO {
-                *variance *= (given / expected).sqrt();
+        for coordinate in 0..Q {
+            if sensors[coordinate][1] > T::ZERO {
+                self.sensors[coordinate] *= (sensors[coordinate][0] / sensors[coordinate][1]).sqrt();
+            }
+        }
+        for row in 0..R {
+            if with_forces && forces[row][1] > T::ZERO {
+                self.forces[row] *= (forces[row][0] / forces[row][1]).sqrt();
             }
         }
     }
 
     /// Variance of a line of a row.
     pub(super) fn variance(&self, row: usize, line: usize) -> T {
-        let felt = self.felt[row][line].iter().zip(&self.sensors);
-        felt.fold(self.forces[row], |sum, (felt, sensor)| sum + *felt * *sensor)
+        let mut sum = self.forces[row];
+        for coordinate in 0..Q {
+            sum += self.felt[row][line][coordinate] * self.sensors[coordinate];
+        }
+        sum
     }
 
     /// Says which columns of the regressor stand out of what noise, or rounding, makes of them at any harmonic of any row. A column of noise
     /// alone shows nothing of its parameter, and would say so with a number.
-    pub(super) fn find_shown(&mut self, slots: &[(usize, u32); S], w: T) {
-        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
+    pub(super) fn find_shown<M: RunModel<T, U, R, P, S>>(&mut self, model: &M) {
+        let _ = model;
         let mut noise = self.sensors;
-        for (noise, lines) in noise.iter_mut().zip(&self.motion) {
-            let peak = lines.iter().fold(T::ZERO, |peak, line| peak.max(line.square()));
-            *noise = noise.max(peak * T::from_f64(ROUNDINGS * ROUNDINGS) * T::EPSILON * T::EPSILON);
+        for coordinate in 0..Q {
+            let mut peak = T::ZERO;
+            for line in 0..L {
+                peak = peak.max(self.motion[coordinate][line].square());
+            }
+            let rounding = T::from_f64(ROUNDINGS) * T::EPSILON;
+            noise[coordinate] = noise[coordinate].max(peak * rounding * rounding);
         }
         for column in 0..P {
-            let stands = |row: usize, harmonic: usize| {
-                let mut variance = T::ZERO;
-                for (slope, &(coordinate, order)) in self.slopes[row][column].iter().zip(slots) {
-                    let felt = Phasor::derivative(w * T::from_f64(harmonic as f64), order).square();
-                    variance += *slope * felt * noise[coordinate];
+            self.stands[column] = false;
+            for row in 0..R {
+                for harmonic in 0..L / 2 {
+                    let mut variance = T::ZERO;
+                    for entry in 0..S {
+                        let derivative = Phasor::derivative(self.w * T::from_f64(harmonic as f64), M::ORDERS[entry]);
+                        let felt = derivative.square() * noise[M::COORDINATES[entry]];
+                        variance += self.slopes[row][column][entry] * felt;
+                    }
+                    let size = self.regressor[row][column][2 * harmonic].square();
+                    if size > T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE) * variance {
+                        self.stands[column] = true;
+                    }
                 }
-                self.regressor[row][column][2 * harmonic].square() > least * variance
-            };
-            self.shown[column] = (0..R).any(|row| (0..L / 2).any(|harmonic| stands(row, harmonic)));
+            }
         }
     }
 }

@@ -15,7 +15,7 @@
 //!
 //! Invariant: nothing allocates, and every loop has a length that is fixed.
 
-use super::{Phasor, Real, RunEstimate, RunFault, RunLines, RunReference, SquareRoot};
+use super::{Phasor, Real, RunEstimate, RunFault, RunLines, RunReference, Solution, SquareRoot};
 
 /// A harmonic is used where it stands so many times out of the noise.
 const LEAST_VISIBLE: f64 = 4.0;
@@ -28,76 +28,46 @@ pub struct RunNumerical<T, const Q: usize, const P: usize, const L: usize> {
     base: [[Phasor<T>; L]; Q],
     /// How the tracking error changes with each parameter.
     slopes: [[[Phasor<T>; L]; Q]; P],
-    /// The runs behind each of them.
-    differences: [RunDifference<T>; P],
+    /// By how much each was changed in the first and in the second of its runs; zero where the run has not been played.
+    steps: [[T; 2]; P],
     /// Sums of squares of the lines halfway between the harmonics, and of how many runs.
     noise: [T; Q],
     runs: T,
-    /// Samples of a run, and of a period; zero before there is one.
-    samples: [u32; 2],
-    /// The variance of noise in the samples over that of a line.
-    behind: T,
     /// Square of the largest line that was measured.
     peak: [T; Q],
-}
-
-/// By how much a parameter was changed in the first and in the second of its runs; zero where the run has not been played.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct RunDifference<T> {
-    first: T,
-    second: T,
-}
-
-impl<T: Real> RunDifference<T> {
-    /// Before any run.
-    const NONE: Self = Self { first: T::ZERO, second: T::ZERO };
-
-    /// With another run: with the opposite direction it completes the first one, otherwise it takes its place.
-    fn with(self, step: T) -> Self {
-        let opposite = self.is_any() && (self.first < T::ZERO) != (step < T::ZERO);
-        if opposite && !self.is_both() { Self { second: step, ..self } } else { Self { first: step, second: T::ZERO } }
-    }
-
-    /// Whether any run has been played.
-    fn is_any(self) -> bool {
-        self.first.abs() > T::ZERO
-    }
-
-    /// Whether runs in both directions have been played.
-    fn is_both(self) -> bool {
-        self.second.abs() > T::ZERO
-    }
-
-    /// The weights of the base run and of the two others in the slope at the base: of the line through two errors, or of the parabola
-    /// through three. Their sum is zero.
-    fn weights(self) -> [T; 3] {
-        let Self { first, second } = self;
-        if !self.is_any() {
-            return [T::ZERO; 3];
-        }
-        if !self.is_both() {
-            let weight = T::ONE / first;
-            return [-weight, weight, T::ZERO];
-        }
-        let of = |own: T, other: T| other / (own * (other - own));
-        let (first, second) = (of(first, second), of(second, first));
-        [-(first + second), first, second]
-    }
+    /// Samples of a run, and of a period; zero before there is one.
+    samples: u32,
+    samples_per_period: u32,
+    /// The variance of noise in the samples over that of a line.
+    behind: T,
 }
 
 impl<T: Real, const Q: usize, const P: usize, const L: usize> Default for RunNumerical<T, Q, P, L> {
     fn default() -> Self {
         Self {
-            base: [[Phasor::ZERO; L]; Q],
-            slopes: [[[Phasor::ZERO; L]; Q]; P],
-            differences: [RunDifference::NONE; P],
+            base: [[Phasor::zero(); L]; Q],
+            slopes: [[[Phasor::zero(); L]; Q]; P],
+            steps: [[T::ZERO; 2]; P],
             noise: [T::ZERO; Q],
             runs: T::ZERO,
-            samples: [0; 2],
-            behind: T::ONE,
             peak: [T::ZERO; Q],
+            samples: 0,
+            samples_per_period: 0,
+            behind: T::ONE,
         }
     }
+}
+
+/// The weights of the base run and of the two others in the slope at the base: of the line through two errors, or of the parabola through
+/// three. Their sum is zero.
+fn slope_weights<T: Real>(first: T, second: T, weights: &mut [T; 3]) {
+    weights[1] = if first.abs() > T::ZERO { T::ONE / first } else { T::ZERO };
+    weights[2] = T::ZERO;
+    if second.abs() > T::ZERO {
+        weights[1] = second / (first * (second - first));
+        weights[2] = first / (second * (first - second));
+    }
+    weights[0] = -(weights[1] + weights[2]);
 }
 
 impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q, P, L> {
@@ -110,11 +80,21 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
         run: &RunLines<T, C, L>,
         reference: &RunReference<T, Q, L>,
     ) -> Result<(), RunFault> {
-        let (lines, reference) = (run.lines()?, reference.lines(run.samples_per_period())?);
-        *self = Self::default();
-        self.samples = [run.samples(), run.samples_per_period()];
+        run.finished()?;
+        reference.fits(run.samples_per_period)?;
+        self.steps = [[T::ZERO; 2]; P];
+        self.noise = [T::ZERO; Q];
+        self.peak = [T::ZERO; Q];
+        self.runs = T::ZERO;
+        self.samples = run.samples;
+        self.samples_per_period = run.samples_per_period;
         self.behind = run.samples_behind_line();
-        self.base = self.take(&lines, reference);
+        self.take_noise(run);
+        for coordinate in 0..Q {
+            for line in (0..L).step_by(2) {
+                self.base[coordinate][line] = run.line(coordinate, line) - reference.lines[coordinate][line];
+            }
+        }
         Ok(())
     }
 
@@ -131,47 +111,52 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
         run: &RunLines<T, C, L>,
         reference: &RunReference<T, Q, L>,
     ) -> Result<(), RunFault> {
-        let (lines, reference) = (run.lines()?, reference.lines(run.samples_per_period())?);
-        if parameter >= P || self.samples[0] == 0 || !step.is_finite() || step.abs() <= T::ZERO {
+        run.finished()?;
+        reference.fits(run.samples_per_period)?;
+        if parameter >= P || self.samples == 0 || !step.is_finite() || step.abs() <= T::ZERO {
             return Err(RunFault::Perturbation);
         }
-        if self.samples != [run.samples(), run.samples_per_period()] {
+        if self.samples != run.samples || self.samples_per_period != run.samples_per_period {
             return Err(RunFault::Samples);
         }
-        let changed = self.take(&lines, reference);
-        for ((slope, runs), number) in self.slopes.iter_mut().zip(&mut self.differences).zip(0..) {
-            if parameter != number {
-                continue;
-            }
-            *runs = runs.with(step);
-            // The slope of the first run alone is that of a line through it.
-            let [_, first, second] = runs.weights();
-            let (kept, own) = if runs.is_both() { (first * runs.first, second) } else { (T::ZERO, first) };
-            for (slope, (changed, base)) in
-                slope.iter_mut().flatten().zip(changed.iter().zip(&self.base).flat_map(pairs))
-            {
-                *slope = slope.times(kept) + (*changed - *base).times(own);
+        self.take_noise(run);
+        let first = self.steps[parameter][0];
+        let is_any = first.abs() > T::ZERO;
+        let is_both = self.steps[parameter][1].abs() > T::ZERO;
+        let opposite = is_any && !is_both && (first < T::ZERO) != (step < T::ZERO);
+        if opposite {
+            self.steps[parameter][1] = step;
+        } else {
+            self.steps[parameter][0] = step;
+            self.steps[parameter][1] = T::ZERO;
+        }
+        let mut weights = [T::ZERO; 3];
+        slope_weights(self.steps[parameter][0], self.steps[parameter][1], &mut weights);
+        for coordinate in 0..Q {
+            for line in (0..L).step_by(2) {
+                let error = run.line(coordinate, line) - reference.lines[coordinate][line];
+                let changed = error - self.base[coordinate][line];
+                let before = self.slopes[parameter][coordinate][line];
+                // The slope of the first run alone is that of a line through it.
+                let kept = before.times(weights[1] * first) + changed.times(weights[2]);
+                self.slopes[parameter][coordinate][line] = if opposite { kept } else { changed.times(weights[1]) };
             }
         }
         Ok(())
     }
 
-    /// The tracking error of a run, whose noise counts with that of the others.
-    fn take(&mut self, lines: &[[Phasor<T>; L]], reference: &[[Phasor<T>; L]; Q]) -> [[Phasor<T>; L]; Q] {
-        let mut error = [[Phasor::ZERO; L]; Q];
+    /// Takes in the noise of a run, which counts with that of the others.
+    fn take_noise<const C: usize>(&mut self, run: &RunLines<T, C, L>) {
         self.runs += T::ONE;
-        let sums = self.noise.iter_mut().zip(&mut self.peak);
-        for (((error, lines), reference), (noise, peak)) in error.iter_mut().zip(lines).zip(reference).zip(sums) {
-            for (index, (error, (line, own))) in error.iter_mut().zip(lines.iter().zip(reference)).enumerate() {
-                *peak = peak.max(line.square());
-                if index % 2 == 0 {
-                    *error = *line - *own;
-                } else {
-                    *noise += line.square() / T::from_f64(L as f64 / 2.0);
+        for coordinate in 0..Q {
+            for line in 0..L {
+                let square = run.line(coordinate, line).square();
+                self.peak[coordinate] = self.peak[coordinate].max(square);
+                if line % 2 != 0 {
+                    self.noise[coordinate] += square / T::from_f64((L / 2) as f64);
                 }
             }
         }
-        error
     }
 
     /// What the runs say of the parameters; `played` were those of the first run's feed-forward. A parameter without a run of its own
@@ -181,99 +166,99 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
     /// [`RunFault::Unfinished`] before any parameter was changed, [`RunFault::Still`] when nothing stands out of the noise,
     /// [`RunFault::Equations`] when a number is not finite.
     pub fn estimate(&self, played: &[T; P]) -> Result<RunEstimate<T, Q, P>, RunFault> {
-        if !self.differences.iter().any(|runs| runs.is_any()) {
-            return Err(RunFault::Unfinished { samples: self.samples[0] });
+        let mut equations = SquareRoot::default();
+        let mut found = Solution::default();
+        self.update(played, &mut equations, &mut found)?;
+        let mut noise = [T::ZERO; Q];
+        for coordinate in 0..Q {
+            noise[coordinate] = (self.variance(coordinate) * self.behind).sqrt();
         }
-        if !played.iter().all(|value| value.is_finite()) {
-            return Err(RunFault::Equations);
+        Ok(RunEstimate::of(&equations, played, equations.chi_squared(&found), noise))
+    }
+
+    /// The equations for the step from the parameters that were played, and their solution.
+    ///
+    /// # Errors
+    /// Those of an estimate.
+    pub fn update(
+        &self,
+        played: &[T; P],
+        equations: &mut SquareRoot<T, P>,
+        found: &mut Solution<T, P>,
+    ) -> Result<(), RunFault> {
+        let mut any = false;
+        for parameter in 0..P {
+            any |= self.steps[parameter][0].abs() > T::ZERO;
         }
-        let first = self.equations(T::ONE)?.solution();
-        let (mut base, mut squares) = (T::ONE, T::ZERO);
-        for (update, runs) in first.solution.iter().zip(self.differences) {
-            let update = update.unwrap_or(T::ZERO);
-            let [own, first, second] = runs.weights().map(|weight| update * weight);
-            base += own;
-            squares += first * first + second * second;
+        if !any {
+            return Err(RunFault::Unfinished { samples: self.samples });
+        }
+        for parameter in 0..P {
+            if !played[parameter].is_finite() {
+                return Err(RunFault::Equations);
+            }
+        }
+        self.equations(T::ONE, equations)?;
+        equations.solve(found);
+        let mut base = T::ONE;
+        let mut squares = T::ZERO;
+        for parameter in 0..P {
+            let update = if found.shown[parameter] { found.values[parameter] } else { T::ZERO };
+            let mut weights = [T::ZERO; 3];
+            slope_weights(self.steps[parameter][0], self.steps[parameter][1], &mut weights);
+            base += update * weights[0];
+            squares += update * weights[1] * (update * weights[1]) + update * weights[2] * (update * weights[2]);
         }
         // An update by the whole step needs the changed run alone.
-        let factor = base * base + squares;
-        let equations = self.equations(factor)?;
-        let found = equations.solution();
+        self.equations(base * base + squares, equations)?;
+        equations.solve(found);
         if found.rank == 0 {
             return Err(RunFault::Still);
         }
-        let freedom = equations.rows() - T::from_f64(found.rank as f64);
-        let chi_squared = if freedom > T::ZERO { found.residual * found.residual / freedom } else { T::ZERO };
-        let scale = chi_squared.max(T::ONE);
-        let mut values = [None; P];
-        for ((value, update), played) in values.iter_mut().zip(found.solution).zip(played) {
-            *value = update.map(|update| *played + update);
-        }
-        let mut noise = [T::ZERO; Q];
-        for (slot, coordinate) in noise.iter_mut().zip(0..) {
-            *slot = (self.variance(coordinate) * self.behind).sqrt();
-        }
-        Ok(RunEstimate {
-            values,
-            deviations: found.deviations.map(|deviation| deviation.map(|deviation| deviation * scale.sqrt())),
-            covariance: found.covariance.map(|row| row.map(|entry| entry * scale)),
-            equations,
-            about: *played,
-            rank: found.rank,
-            condition: found.condition,
-            chi_squared,
-            noise,
-        })
+        Ok(())
     }
 
     /// Variance of a line of a coordinate.
-    fn variance(&self, coordinate: usize) -> T {
-        let of = |values: &[T; Q]| values.get(coordinate).copied().unwrap_or(T::ZERO);
+    pub fn variance(&self, coordinate: usize) -> T {
         let rounding = T::from_f64(ROUNDINGS) * T::EPSILON;
-        let least = of(&self.peak) * rounding * rounding;
-        (of(&self.noise) / self.runs.max(T::ONE)).max(least)
+        let noise = self.noise[coordinate] / self.runs.max(T::ONE);
+        noise.max(self.peak[coordinate] * rounding * rounding)
     }
 
     /// `-M update = E`, every part divided by its deviation, for noise of `factor` times the variance of one run.
-    fn equations(&self, factor: T) -> Result<SquareRoot<T, P>, RunFault> {
-        let mut equations = SquareRoot::default();
-        let visible = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
-        for (coordinate, base) in self.base.iter().enumerate() {
+    fn equations(&self, factor: T, equations: &mut SquareRoot<T, P>) -> Result<(), RunFault> {
+        equations.clear();
+        for coordinate in 0..Q {
             let variance = self.variance(coordinate);
             let deviation = (variance * factor / T::from_f64(2.0)).sqrt();
             if deviation <= T::ZERO {
                 continue;
             }
-            for (line, own) in base.iter().enumerate().skip(2).step_by(2) {
-                let mut columns = [Phasor::ZERO; P];
-                let mut shown = own.square() > visible * variance;
-                for ((column, slopes), runs) in columns.iter_mut().zip(&self.slopes).zip(self.differences) {
-                    if runs.is_any() {
-                        let slope = slopes.get(coordinate).and_then(|lines| lines.get(line)).copied();
-                        let slope = slope.unwrap_or(Phasor::ZERO);
-                        let [base, first, second] = runs.weights();
-                        let noise = variance * (base * base + first * first + second * second);
-                        shown |= slope.square() > visible * noise;
-                        *column = slope.times(-(T::ONE / deviation));
+            for line in (2..L).step_by(2) {
+                let own = self.base[coordinate][line];
+                let mut real = [T::ZERO; P];
+                let mut imaginary = [T::ZERO; P];
+                let mut shown = own.square() > T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE) * variance;
+                for parameter in 0..P {
+                    if self.steps[parameter][0].abs() <= T::ZERO {
+                        continue;
                     }
+                    let mut weights = [T::ZERO; 3];
+                    slope_weights(self.steps[parameter][0], self.steps[parameter][1], &mut weights);
+                    let sum = weights[0] * weights[0] + weights[1] * weights[1] + weights[2] * weights[2];
+                    let slope = self.slopes[parameter][coordinate][line];
+                    shown |= slope.square() > T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE) * variance * sum;
+                    real[parameter] = -slope.re / deviation;
+                    imaginary[parameter] = -slope.im / deviation;
                 }
-                if shown {
-                    equations
-                        .push(columns.map(|column| column.re), own.re / deviation)
-                        .map_err(|_| RunFault::Equations)?;
-                    equations
-                        .push(columns.map(|column| column.im), own.im / deviation)
-                        .map_err(|_| RunFault::Equations)?;
+                if shown
+                    && (!equations.take(&mut real, own.re / deviation)
+                        || !equations.take(&mut imaginary, own.im / deviation))
+                {
+                    return Err(RunFault::Equations);
                 }
             }
         }
-        Ok(equations)
+        Ok(())
     }
-}
-
-/// The lines of one coordinate in two runs, side by side.
-fn pairs<'l, T, const L: usize>(
-    (a, b): (&'l [Phasor<T>; L], &'l [Phasor<T>; L]),
-) -> impl Iterator<Item = (&'l Phasor<T>, &'l Phasor<T>)> {
-    a.iter().zip(b)
 }

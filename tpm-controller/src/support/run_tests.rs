@@ -13,7 +13,8 @@ const W: f64 = core::f64::consts::PI;
 const TRUTH: [f64; 4] = [2.0, 30.0, 1.5, 0.25];
 
 impl<T: Real> RunModel<T, 1, 1, 5, 3> for Oscillator {
-    const MOTION: [(usize, u32); 3] = [(0, 0), (0, 1), (0, 2)];
+    const COORDINATES: [usize; 3] = [0; 3];
+    const ORDERS: [u32; 3] = [0, 1, 2];
     const POINTS: usize = 512;
 
     fn rows(&self, motion: &[T; 3], regressor: &mut [[T; 5]; 1], _: &mut [T; 1], map: &mut [[T; 1]; 1]) {
@@ -22,6 +23,12 @@ impl<T: Real> RunModel<T, 1, 1, 5, 3> for Oscillator {
         regressor[0] = [acceleration, x * x * x, rate.abs() * rate, T::ONE, acceleration + w * w * x];
         map[0][0] = T::ONE;
     }
+}
+
+/// All lines of a whole run.
+fn lines_of<const C: usize, const L: usize>(run: &RunLines<f64, C, L>) -> [[Phasor<f64>; L]; C] {
+    run.finished().expect("whole");
+    core::array::from_fn(|channel| core::array::from_fn(|line| run.line(channel, line)))
 }
 
 /// The lines of a run with one coordinate and one input, and what the input holds above them.
@@ -46,7 +53,7 @@ fn run<T: Real>(later: f64) -> Played<T> {
 fn estimate<T: Real>((lines, passed): &Played<T>, delay: f64) -> Result<RunEstimate<T, 1, 5>, RunFault> {
     let sampling = RunSampling { sample_time: T::from_f64(SHAPE.2), held: false, delay: T::from_f64(delay) };
     let prior = [1.0, 10.0, 0.0, 0.0, 0.0].map(T::from_f64);
-    RunWorkspace::<T, 1, 1, 5, 3, 26, 25, 325>::default().estimate::<_, 1, 2>(
+    RunWorkspace::<T, 1, 1, 1, 5, 3, 26, 25, 325>::default().estimate(
         &Oscillator,
         (lines, passed),
         sampling,
@@ -86,7 +93,7 @@ fn a_sample_that_cannot_be_used_ends_the_run() {
     let mut still = begun();
     (0..still.samples()).for_each(|number| still.push(number, &[0.0, 0.0]).expect("finite"));
     assert!(estimate(&still).is_err() || estimate(&still).is_ok_and(|found| found.rank < 5));
-    assert!(still.push(0, &[0.0, 0.0]).is_err() && still.lines().is_err(), "a sample that came twice");
+    assert!(still.push(0, &[0.0, 0.0]).is_err() && still.finished().is_err(), "a sample that came twice");
 }
 
 /// m x'' + k x + c x^3 = u: smooth, so that nothing but the order of a linearisation is left.
@@ -95,7 +102,8 @@ struct Spring;
 const SPRING: [f64; 3] = [2.0, 30.0, 50.0];
 
 impl RunModel<f64, 1, 1, 3, 2> for Spring {
-    const MOTION: [(usize, u32); 2] = [(0, 0), (0, 2)];
+    const COORDINATES: [usize; 2] = [0; 2];
+    const ORDERS: [u32; 2] = [0, 2];
     const POINTS: usize = 128;
 
     fn rows(&self, motion: &[f64; 2], regressor: &mut [[f64; 3]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
@@ -129,14 +137,14 @@ fn update_about(which: Option<RunLinearisation>, size: f64, prior: &[f64; 3]) ->
         let time = f64::from(number) * step;
         let [x, acceleration] = [0, 2].map(|order| at(&pattern, time, order) + at(&error, time, order));
         let force = SPRING[0] * acceleration + SPRING[1] * x + SPRING[2] * x * x * x;
-        let _ = reference.push(number, &[at(&pattern, time, 0)]).expect("finite");
+        reference.push(number, &[at(&pattern, time, 0)]).expect("finite");
         lines.push(number, &[x, force]).expect("finite");
         passed.push(&[force]);
     }
     let sampling = RunSampling { sample_time: step, held: false, delay: 0.0 };
     let about = which.map(|which| (which, &reference));
-    let mut workspace = RunWorkspace::<f64, 1, 1, 3, 2, 26, 25, 325>::default();
-    let found = workspace.estimate::<_, 1, 2>(&Spring, (&lines, &passed), sampling, prior, about).expect("a run");
+    let mut workspace = RunWorkspace::<f64, 1, 1, 1, 3, 2, 26, 25, 325>::default();
+    let found = workspace.estimate(&Spring, (&lines, &passed), sampling, prior, about).expect("a run");
     let apart = found.values.iter().zip(SPRING).map(|(value, truth)| (value.expect("shown") - truth).abs() / truth);
     apart.fold(0.0, f64::max)
 }
@@ -161,17 +169,18 @@ fn a_reference_that_cannot_be_used_gives_no_parameter() {
     type Reference = RunReference<f64, 1, 26>;
     assert_eq!(Reference::new(26).err(), Some(RunFault::Samples));
     let mut reference = Reference::new(200).expect("a shape");
-    assert_eq!(reference.lines(200).err(), Some(RunFault::Unfinished { samples: 0 }));
+    assert_eq!(reference.fits(200).err(), Some(RunFault::Unfinished { samples: 0 }));
     assert_eq!(reference.push(1, &[0.0]), Err(RunFault::Missed { sample: 0 }));
     assert_eq!(reference.push(0, &[0.0]), Err(RunFault::Missed { sample: 0 }), "a fault stays");
     let mut reference = Reference::new(200).expect("a shape");
     assert_eq!(reference.push(0, &[f64::INFINITY]), Err(RunFault::NotFinite { sample: 0 }));
     let mut reference = Reference::new(200).expect("a shape");
     for number in 0..200 {
-        assert_eq!(reference.push(number, &[0.0]), Ok(number == 199));
+        assert_eq!(reference.push(number, &[0.0]), Ok(()));
+        assert_eq!(reference.is_whole(), number == 199);
     }
-    assert_eq!(reference.push(7, &[f64::NAN]), Ok(true), "what is behind the period is not used");
-    assert_eq!(reference.lines(100).err(), Some(RunFault::Samples));
+    assert_eq!(reference.push(7, &[f64::NAN]), Ok(()), "what is behind the period is not used");
+    assert_eq!(reference.fits(100).err(), Some(RunFault::Samples));
 }
 
 /// a = p q, b = q, c = p + q from p and q; r is in none of them.
@@ -240,7 +249,7 @@ fn bent(parameters: [f64; 2], about: [f64; 2], noise: f64) -> (RunLines<f64, 1, 
             + (parameters[0] - about[0]).powi(2) * 4e-2 * libm::cos(turn);
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let random = (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5;
-        let _ = reference.push(number, &[planned]).expect("finite");
+        reference.push(number, &[planned]).expect("finite");
         lines.push(number, &[planned + error + noise * random]).expect("finite");
     }
     (lines, reference)
@@ -315,7 +324,7 @@ fn runs_in_opposite_directions_take_out_the_bend() {
 
 #[test]
 fn lines_are_those_of_the_signal_and_nothing_stands_halfway() {
-    let lines = run::<f64>(0.0).0.lines().expect("whole");
+    let lines = lines_of(&run::<f64>(0.0).0);
     let apart = |line: Phasor<f64>, re: f64| (line - Phasor::new(re, 0.0)).square().sqrt();
     for (index, line) in lines[0].iter().enumerate() {
         assert!(apart(*line, if index == 2 { 0.3 } else { 0.0 }) < 1e-12, "{index}: {line:?}");
@@ -339,7 +348,7 @@ fn white_noise_has_the_stated_variance_in_every_line_but_the_mean() {
             square += noise * noise / f64::from(run.samples());
             run.push(number, &[noise]).expect("finite");
         }
-        let lines = run.lines().expect("whole");
+        let lines = lines_of(&run);
         for odd in [0, 1] {
             let own = lines[0].iter().skip(2 + odd).step_by(2);
             let variance = own.clone().map(|line| line.square()).sum::<f64>() / own.count() as f64 * behind;
@@ -353,8 +362,11 @@ fn white_noise_has_the_stated_variance_in_every_line_but_the_mean() {
 fn runs_are_pooled_by_what_they_show() {
     let found = estimate(&run::<f64>(0.0), 0.0).expect("a run");
     let mut pool = RunPool::new([1.0, 10.0, 0.0, 0.0, 0.0]);
-    let first = pool.take(&found.equations, &found.about, 1.0);
-    let second = pool.take(&found.equations, &found.about, 1.0);
+    let mut take = || {
+        pool.add(&mut found.equations.clone(), &found.about, 1.0);
+        pool.shown([0.0])
+    };
+    let (first, second) = (take(), take());
     let (once, deviation, twice, smaller) = (first.values, first.deviations, second.values, second.deviations);
     for i in 0..4 {
         let (once, twice) = (once[i].expect("shown"), twice[i].expect("shown"));
@@ -365,6 +377,43 @@ fn runs_are_pooled_by_what_they_show() {
     assert_eq!(twice[4], None);
 }
 
+/// The oscillator with its mass as a sum of a whole and a half one, which no motion tells apart.
+struct Halves;
+
+impl RunModel<f64, 1, 1, 5, 3> for Halves {
+    const COORDINATES: [usize; 3] = [0; 3];
+    const ORDERS: [u32; 3] = [0, 1, 2];
+    const POINTS: usize = 512;
+
+    fn rows(&self, motion: &[f64; 3], regressor: &mut [[f64; 5]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
+        let [x, rate, acceleration] = *motion;
+        regressor[0] = [acceleration, acceleration / 2.0, x * x * x, rate.abs() * rate, 1.0];
+        map[0][0] = 1.0;
+    }
+}
+
+/// What runs show in combinations alone is kept with its deviation, and the next feed-forward goes along it.
+#[test]
+fn runs_go_along_the_combinations_that_they_show() {
+    let (lines, passed) = run::<f64>(0.0);
+    let sampling = RunSampling { sample_time: SHAPE.2, held: false, delay: 0.0 };
+    let prior = [1.0, 0.5, 10.0, 0.0, 0.0];
+    let mut workspace = RunWorkspace::<f64, 1, 1, 1, 5, 3, 26, 25, 325>::default();
+    let mut found = workspace.estimate(&Halves, (&lines, &passed), sampling, &prior, None).expect("a run");
+    assert_eq!((found.rank, found.values[0], found.values[1]), (4, None, None), "{found:?}");
+    let mut pool = RunPool::new(prior);
+    pool.add(&mut found.equations, &found.about, found.chi_squared);
+    for (shown, moved) in [(found, workspace.theta), (pool.shown([0.0]), pool.moved())] {
+        let lead = if shown.combinations[0][0] > 0.0 { 0 } else { 1 };
+        let [value, deviation] = shown.combined[lead].expect("a combination");
+        let whole = value / shown.combinations[lead][0];
+        assert!((whole - 2.0).abs() < 2e-3 && deviation > 0.0, "{shown:?}");
+        assert!((moved[0] + moved[1] / 2.0 - 2.0).abs() < 2e-3, "{moved:?}");
+        // Both move from the prior by as much force.
+        assert!(((moved[0] - 1.0) - (moved[1] - 0.5) / 2.0).abs() < 1e-6, "{moved:?}");
+    }
+}
+
 #[test]
 fn a_passage_is_smooth_at_both_ends() {
     // Position and four derivatives of one coordinate, between rest at 1 and a motion of constant speed.
@@ -372,11 +421,15 @@ fn a_passage_is_smooth_at_both_ends() {
     let near = |found: [f64; 5], wanted: [f64; 5]| {
         assert!(found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-9), "{found:?}");
     };
-    near(passing(&before, &now, 1, 0.0, 2.0), before);
-    near(passing(&before, &now, 1, core::f64::consts::PI, 2.0), now);
-    near(passing(&before, &now, 1, core::f64::consts::PI - 1e-12, 2.0), now);
+    let passed = |mut now: [f64; 5], at: f64| {
+        passing(&before, &mut now, 1, at, 2.0);
+        now
+    };
+    near(passed(now, 0.0), before);
+    near(passed(now, core::f64::consts::PI), now);
+    near(passed(now, core::f64::consts::PI - 1e-12), now);
     // The derivatives are those of the position.
-    let motion = |time: f64| passing(&before, &[3.0 + 0.5 * time, 0.5, 0.0, 0.0, 0.0], 1, 2.0 * time, 2.0);
+    let motion = |time: f64| passed([3.0 + 0.5 * time, 0.5, 0.0, 0.0, 0.0], 2.0 * time);
     let step = 1e-4;
     for order in 0..4 {
         let difference = (motion(0.5 + step)[order] - motion(0.5 - step)[order]) / (2.0 * step);
@@ -392,12 +445,12 @@ fn played(beyond: impl Fn(CampaignPhase, u32, f64) -> bool) -> CampaignOrder<f64
     let mut order = CampaignOrder::new(rules, 2, 50);
     let mut measured = 0;
     for _ in 0..20_000 {
-        let (now, _, _) = order.plays();
+        let (now, _) = order.plays();
         if order.phase() == CampaignPhase::Measuring {
             measured += 1;
             if measured == 4 * now.samples_per_period {
                 order.run_is_whole();
-                order.updated(|stage| [50, 40][stage]);
+                order.updated(40);
             }
         }
         if order.advance(0.5, beyond(order.phase(), order.runs(), now.share)) {
@@ -443,7 +496,7 @@ fn the_filter_passes_the_velocity_of_a_mass() {
         }
         fast = next;
     }
-    let found = passed.means().expect("samples")[0][0] / (2.0 * libm::tan(first / 2.0)).powi(2);
+    let found = passed.mean(0, 0) / (2.0 * libm::tan(first / 2.0)).powi(2);
     // The velocity has variance one at every low frequency. The filter lacks what it has below its beginning, `pi/8 / sin(pi/8)` of it.
     let lacks = first / 8.0 / libm::sin(core::f64::consts::PI / 8.0);
     let wanted = mean / count - lacks;
@@ -456,7 +509,8 @@ struct Drag;
 const DRAG: [f64; 3] = [2.0, 40.0, 1.5];
 
 impl RunModel<f64, 1, 1, 3, 3> for Drag {
-    const MOTION: [(usize, u32); 3] = [(0, 0), (0, 1), (0, 2)];
+    const COORDINATES: [usize; 3] = [0; 3];
+    const ORDERS: [u32; 3] = [0, 1, 2];
     const POINTS: usize = 128;
 
     fn rows(&self, motion: &[f64; 3], regressor: &mut [[f64; 3]; 1], _: &mut [f64; 1], map: &mut [[f64; 1]; 1]) {
@@ -520,9 +574,9 @@ fn a_mean_is_used_without_what_noise_makes_of_it() {
     let (mut sum, mut squares, runs) = (0.0, 0.0, 16);
     for seed in 1..=runs {
         let (lines, passed) = under_feedback(seed);
-        let mut workspace = RunWorkspace::<f64, 1, 1, 3, 3, 26, 25, 325>::default();
+        let mut workspace = RunWorkspace::<f64, 1, 1, 1, 3, 3, 26, 25, 325>::default();
         let of = (&lines, &passed);
-        let found = workspace.estimate::<_, 1, 2>(&Drag, of, sampling, &[3.0, 20.0, 0.75], None).expect("a run");
+        let found = workspace.estimate(&Drag, of, sampling, &[3.0, 20.0, 0.75], None).expect("a run");
         let [value, deviation] = [found.values, found.deviations].map(|of| of[2].expect("shown"));
         assert!(workspace.shifts);
         // Left in, the motion that noise makes would move the parameter by this much.

@@ -6,12 +6,8 @@
 //! of all visible equations are divided by the Cholesky factor of the covariance that they have together.
 //!
 //! Invariants: nothing allocates; every loop has a length that the model fixes, and indices run up to lengths of the arrays that they index.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "an index of rows or columns reads as in the mathematics, and is below the array's length"
-)]
 
-use super::{Phasor, Real, RunFault, RunWorkspace, SquareRoot};
+use super::{Phasor, Real, RunFault, RunModel, RunWorkspace};
 
 /// A harmonic is used where a force on a row is so many times as large as the noise of the row.
 const LEAST_VISIBLE: f64 = 4.0;
@@ -31,6 +27,7 @@ pub enum RunMeans {
 
 impl<
     T: Real,
+    const U: usize,
     const Q: usize,
     const R: usize,
     const P: usize,
@@ -38,117 +35,141 @@ impl<
     const L: usize,
     const E: usize,
     const K: usize,
-> RunWorkspace<T, Q, R, P, S, L, E, K>
+> RunWorkspace<T, U, Q, R, P, S, L, E, K>
 {
-    /// The equations of the visible harmonics for the step from these parameters, independent and of variance one; `weighed` by the noise,
-    /// otherwise rows by the size of their forces.
+    /// The equations of the visible harmonics for the step from the present parameters, independent and of variance one; `weighed` by the
+    /// noise, otherwise rows by the size of their forces.
     ///
     /// # Errors
     /// [`RunFault::Equations`] when a number is not finite.
-    pub(super) fn equations(
+    pub(super) fn equations<M: RunModel<T, U, R, P, S>>(
         &mut self,
-        slots: &[(usize, u32); S],
-        theta: &[T; P],
-        w: T,
-        (weighed, means): (bool, RunMeans),
-    ) -> Result<SquareRoot<T, P>, RunFault> {
-        self.collect(theta, weighed, means);
+        model: &M,
+        weighed: bool,
+        means: RunMeans,
+    ) -> Result<(), RunFault> {
+        self.collect(weighed, means);
         self.noise = [T::ZERO; K];
         for index in 0..self.count {
-            let [harmonic, row, _] = self.places[index].map(usize::from);
+            let row = self.places[index][1] as usize;
+            let is_mean = self.places[index][0] == 0;
             let force = if weighed { self.forces[row] } else { self.size(row) };
             // A phasor's real and imaginary part have half of its variance each, a mean a quarter of that of the other phasors.
-            let share = if harmonic > 0 { 0.5 } else { 0.25 };
-            let doubt = if harmonic > 0 { T::ZERO } else { self.doubt * self.shifted[row] };
-            self.noise[at(index, index)] = force * T::from_f64(share) + doubt * doubt;
+            let share = if is_mean { T::from_f64(0.25) } else { T::from_f64(0.5) };
+            let doubt = if is_mean { self.doubt * self.shifted[row] } else { T::ZERO };
+            self.noise[at(index, index)] = force * share + doubt * doubt;
         }
         if weighed {
-            for line in 0..L / 2 + self.reach {
+            for line in 0..L as i32 / 2 + self.reach {
                 for coordinate in 0..Q {
-                    self.add_noise(slots, coordinate, line, w);
+                    self.add_noise(model, coordinate, line);
                 }
             }
         }
-        let mut factor = SquareRoot::default();
+        self.factor.clear();
         for index in 0..self.count {
             self.whiten(index)?;
-            factor.push(self.rows[index], self.right[index]).map_err(|_| RunFault::Equations)?;
+            let mut row = self.rows[index];
+            if !self.factor.take(&mut row, self.right[index]) {
+                return Err(RunFault::Equations);
+            }
         }
-        Ok(factor)
+        Ok(())
     }
 
     /// Harmonic, row and part of all equations that count, and their coefficients.
-    fn collect(&mut self, theta: &[T; P], weighed: bool, means: RunMeans) {
+    fn collect(&mut self, weighed: bool, means: RunMeans) {
         self.count = 0;
-        for harmonic in usize::from(means == RunMeans::None)..L / 2 {
-            if weighed && !self.is_visible(theta, harmonic) {
+        for harmonic in 0..L / 2 {
+            if (harmonic == 0 && means == RunMeans::None) || (weighed && !self.is_visible(harmonic)) {
                 continue;
             }
             for row in 0..R {
-                if harmonic == 0 && means == RunMeans::OfTerms && !self.has_mean(row, theta) {
+                if harmonic == 0 && means == RunMeans::OfTerms && !self.has_mean(row) {
                     continue;
                 }
-                let right = self.rest[row][2 * harmonic];
                 for part in 0..if harmonic > 0 { 2 } else { 1 } {
-                    let of = |z: Phasor<T>| if part == 0 { z.re } else { z.im };
                     let index = self.count;
                     if index >= E {
                         return;
                     }
                     // Harmonics, rows and parts are few.
-                    self.places[index] = [harmonic as u16, row as u16, part];
+                    self.places[index][0] = harmonic as u16;
+                    self.places[index][1] = row as u16;
+                    self.places[index][2] = part as u16;
                     for column in 0..P {
-                        let shift = if harmonic > 0 { T::ZERO } else { self.shift[row][column] };
-                        let entry = of(self.regressor[row][column][2 * harmonic]) + shift;
-                        self.rows[index][column] = if self.shown[column] { entry } else { T::ZERO };
+                        let entry = self.regressor[row][column][2 * harmonic];
+                        let shift = if harmonic == 0 { self.shift[row][column] } else { T::ZERO };
+                        let own = if part == 0 { entry.re + shift } else { entry.im };
+                        self.rows[index][column] = if self.stands[column] { own } else { T::ZERO };
                     }
-                    self.right[index] = of(right) - if harmonic > 0 { T::ZERO } else { self.shifted[row] };
+                    let right = self.rest[row][2 * harmonic];
+                    let taken = if harmonic == 0 { self.shifted[row] } else { T::ZERO };
+                    self.right[index] = if part == 0 { right.re - taken } else { right.im };
                     self.count += 1;
                 }
             }
         }
     }
 
-    /// Adds the covariance that the noise of a coordinate at one harmonic, below or beyond those that are used, gives all equations.
-    fn add_noise(&mut self, slots: &[(usize, u32); S], coordinate: usize, line: usize, w: T) {
-        // What the real and the imaginary part of the noise are multiplied by in every equation; the mean has a real part alone.
-        let mut by = [[T::ZERO; 2]; E];
+    /// Adds what the noise of a coordinate that reaches an equation by a shift is multiplied by there.
+    fn add_shift<M: RunModel<T, U, R, P, S>>(
+        &mut self,
+        model: &M,
+        index: usize,
+        coordinate: usize,
+        shift: i32,
+        sign: T,
+    ) {
+        if shift.abs() > self.reach {
+            return;
+        }
+        let row = self.places[index][1] as usize;
+        let line = 2 * self.places[index][0] as i32;
+        let through = self.through(model, row, coordinate, line, shift);
+        if self.places[index][2] == 0 {
+            self.by[index][0] += through.re;
+            self.by[index][1] -= through.im * sign;
+        } else {
+            self.by[index][0] += through.im;
+            self.by[index][1] += through.re * sign;
+        }
+    }
+
+    /// Adds the covariance that the noise of a coordinate at one harmonic, below or beyond those that are used, gives all equations. The
+    /// mean has a real part alone.
+    fn add_noise<M: RunModel<T, U, R, P, S>>(&mut self, model: &M, coordinate: usize, line: i32) {
         for index in 0..self.count {
-            let [harmonic, row, part] = self.places[index].map(usize::from);
-            let mut of = |shift: i32, sign: T| {
-                if shift.unsigned_abs() as usize > self.reach {
-                    return;
-                }
-                let through = self.through(slots, row, coordinate, 2 * harmonic as i32, shift, w);
-                let parts = if part == 0 { [through.re, -through.im] } else { [through.im, through.re] };
-                by[index][0] += parts[0];
-                by[index][1] += parts[1] * sign;
-            };
-            of(harmonic as i32 - line as i32, T::ONE);
+            let harmonic = self.places[index][0] as i32;
+            self.by[index][0] = T::ZERO;
+            self.by[index][1] = T::ZERO;
+            self.add_shift(model, index, coordinate, harmonic - line, T::ONE);
             if line > 0 {
-                of(harmonic as i32 + line as i32, -T::ONE);
+                self.add_shift(model, index, coordinate, harmonic + line, -T::ONE);
             } else {
-                by[index][1] = T::ZERO;
+                self.by[index][1] = T::ZERO;
             }
             if harmonic == 0 {
-                by[index] = by[index].map(|value| value / T::from_f64(2.0));
+                self.by[index][0] /= T::from_f64(2.0);
+                self.by[index][1] /= T::from_f64(2.0);
             }
         }
         let half = self.sensors[coordinate] / T::from_f64(2.0);
         let variance = if line > 0 { half } else { half + half };
         for index in 0..self.count {
             for part in 0..2 {
-                let own = by[index][part] * variance;
+                let own = self.by[index][part] * variance;
                 if own.abs() > T::ZERO {
                     for other in 0..=index {
-                        self.noise[at(index, other)] += own * by[other][part];
+                        self.noise[at(index, other)] += own * self.by[other][part];
                     }
                 }
             }
         }
     }
 
-    /// The next row of the Cholesky factor in the place of the covariance, and the equation divided by it.
+    /// The next row of the Cholesky factor in the place of the covariance, and the equation divided by it. Equations that have all their
+    /// noise in common still differ by rounding.
     fn whiten(&mut self, index: usize) -> Result<(), RunFault> {
         let whole = self.noise[at(index, index)];
         let mut pivot = whole;
@@ -164,42 +185,58 @@ impl<
                 let above = self.rows[before][column];
                 self.rows[index][column] -= share * above;
             }
-            let above = self.right[before];
-            self.right[index] -= share * above;
+            let above_right = self.right[before];
+            self.right[index] -= share * above_right;
         }
-        // Equations that have all their noise in common still differ by rounding.
         pivot = pivot.max(whole * T::from_f64(ROUNDINGS) * T::EPSILON);
-        if !(pivot > T::ZERO && pivot.is_finite()) {
+        if pivot <= T::ZERO || !pivot.is_finite() {
             return Err(RunFault::Equations);
         }
         let length = pivot.sqrt();
         self.noise[at(index, index)] = length;
-        self.rows[index].iter_mut().for_each(|entry| *entry /= length);
+        for column in 0..P {
+            self.rows[index][column] /= length;
+        }
         self.right[index] /= length;
         Ok(())
     }
 
-    /// Whether a force on any row stands out of the noise: the applied one, or a term at these parameters.
-    fn is_visible(&self, theta: &[T; P], harmonic: usize) -> bool {
-        let least = T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE);
-        (0..R).any(|row| {
-            let terms = self.regressor[row].iter().zip(theta).map(|(lines, theta)| lines[2 * harmonic].times(*theta));
-            let forces = terms.chain([self.drive[row][2 * harmonic], self.known[row][2 * harmonic]]);
-            let largest = forces.fold(T::ZERO, |largest, force| largest.max(force.square()));
-            largest > least * self.variance(row, 2 * harmonic)
-        })
+    /// Whether a force on any row stands out of the noise: the applied one, or a term at the present parameters.
+    fn is_visible(&self, harmonic: usize) -> bool {
+        let line = 2 * harmonic;
+        for row in 0..R {
+            let mut largest = self.drive[row][line].square().max(self.known[row][line].square());
+            for column in 0..P {
+                largest = largest.max(self.regressor[row][column][line].times(self.theta[column]).square());
+            }
+            if largest > T::from_f64(LEAST_VISIBLE * LEAST_VISIBLE) * self.variance(row, line) {
+                return true;
+            }
+        }
+        false
     }
 
     /// The square of the force on a row: of the applied one, or, where nothing is applied, of its terms by parameters of one.
     fn size(&self, row: usize) -> T {
-        let power = |lines: &[Phasor<T>; L]| lines.iter().step_by(2).fold(T::ZERO, |sum, line| sum + line.square());
         let applied = power(&self.drive[row]);
         if applied > T::ZERO {
             return applied;
         }
-        let terms = self.regressor[row].iter().fold(power(&self.known[row]), |sum, lines| sum + power(lines));
+        let mut terms = power(&self.known[row]);
+        for column in 0..P {
+            terms += power(&self.regressor[row][column]);
+        }
         if terms > T::ZERO { terms } else { T::ONE }
     }
+}
+
+/// The sum of the squares of a signal's harmonics.
+fn power<T: Real, const L: usize>(lines: &[Phasor<T>; L]) -> T {
+    let mut sum = T::ZERO;
+    for line in (0..L).step_by(2) {
+        sum += lines[line].square();
+    }
+    sum
 }
 
 /// The place of an entry of a triangle.

@@ -1,5 +1,5 @@
 use super::{
-    Label, MonitorJumps, MonitorRules, MonitorState, Monitoring, NotFinite, Real, SingularMass, SolveError, SquareRoot,
+    Label, MonitorRules, MonitorState, Monitoring, Real, SampleFault, SingularMass, Solution, SolveError, SquareRoot,
     accelerations, factors_hold, least_squares, weighted_least_squares,
 };
 
@@ -150,13 +150,77 @@ fn what_the_rows_do_not_show_has_no_value() {
         let row = [a, b, b + 2e6 * a, c, 0.0];
         sums.push(row, 2.0 * b + 0.5 * c).expect("finite");
     }
-    assert_eq!(sums.push([1.0, f32::NAN, 0.0, 0.0, 0.0], 0.0), Err(NotFinite));
-    assert_eq!(sums.push([0.0; 5], f32::INFINITY), Err(NotFinite));
+    assert_eq!(sums.push([1.0, f32::NAN, 0.0, 0.0, 0.0], 0.0), Err(SampleFault::NotFinite));
+    assert_eq!(sums.push([0.0; 5], f32::INFINITY), Err(SampleFault::NotFinite));
     let found = sums.solution();
     assert_eq!(found.rank, 3);
     assert_eq!(found.solution.map(|value| value.is_some()), [false, false, false, true, false]);
     assert_eq!(found.deviations.map(|value| value.is_some()), [false, false, false, true, false]);
     assert!((found.solution[3].expect("shown") - 0.5).abs() < 1e-4, "{found:?}");
+}
+
+/// Of columns that go together their combination is shown, with its deviation, and a step leaves what is hidden as it is.
+#[test]
+fn combinations_are_kept_and_stepped_along() {
+    // The second column is half of the first, which is as long as the third: a + c/2 is shown, and b.
+    let mut sums = SquareRoot::<f64, 3>::default();
+    for i in 0..400 {
+        let [a, b, ..] = row(i);
+        sums.push([a, b, a / 2.0], 3.0 * a - 1.5 * b).expect("finite");
+    }
+    let mut found = Solution::default();
+    sums.solve(&mut found);
+    assert_eq!((found.rank, found.shown), (2, [false, true, false]));
+    let lead = if found.combinations[0][0] > 0.0 { 0 } else { 2 };
+    let [one, other] = if lead == 0 { [1.0, 0.5] } else { [2.0, 1.0] };
+    assert_eq!(found.combinations[2 - lead], [0.0; 3], "{found:?}");
+    assert!((found.combinations[lead][0] - one).abs() < 1e-9 && (found.combinations[lead][2] - other).abs() < 1e-9);
+    assert!((found.values[lead] - if lead == 0 { 3.0 } else { 6.0 }).abs() < 1e-9, "{found:?}");
+    assert!(found.deviations[lead] > 0.0 && found.combinations[1] == [0.0, 1.0, 0.0]);
+    // In the size of their columns both move by as much.
+    assert!((found.steps[0] - 1.5).abs() < 1e-9 && (found.steps[2] - 3.0).abs() < 1e-9, "{found:?}");
+    assert!((found.steps[1] + 1.5).abs() < 1e-9);
+    // About other parameters the combination has their share.
+    assert!((found.combined(&[1.0, 5.0, 4.0], lead) - if lead == 0 { 6.0 } else { 12.0 }).abs() < 1e-9);
+}
+
+/// One wrong number among thousands does not decide; a machine that has changed is followed.
+#[test]
+fn a_row_that_stands_out_is_left_out_as_long_as_such_rows_are_rare() {
+    let mut state = 5_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 11) as f64 / 2_f64.powi(53) - 0.5) * 0.1
+    };
+    let mut sums = SquareRoot::<f64, 2>::default();
+    let mut left_out = 0;
+    for i in 0..6000 {
+        let (a, b) = (libm::sin(0.7 * f64::from(i)), libm::cos(1.3 * f64::from(i)));
+        let (mut given, mut force) = ([a, b], 2.0 * a + 3.0 * b + noise());
+        match i {
+            2000 => force = 1e6,
+            3000 => given[0] = 1e20,
+            _ => {}
+        }
+        let odd = sums.stands_out(&mut given.clone(), force) && sums.leaves_out();
+        assert_eq!(odd, i == 2000 || i == 3000, "{i}");
+        if !odd {
+            sums.push(given, force).expect("finite");
+        }
+    }
+    let found = sums.solution().solution.map(|value| value.expect("shown"));
+    assert!((found[0] - 2.0).abs() < 0.01 && (found[1] - 3.0).abs() < 0.01, "{found:?}");
+    for i in 0..60_000 {
+        let (a, b) = (libm::sin(0.7 * f64::from(i)), libm::cos(1.3 * f64::from(i)));
+        let force = 200.0 * a + 3.0 * b + noise();
+        if sums.stands_out(&mut [a, b], force) && sums.leaves_out() {
+            left_out += 1;
+        } else {
+            sums.push([a, b], force).expect("finite");
+        }
+    }
+    assert!((1..=660).contains(&left_out), "{left_out}");
+    assert!(sums.solution().solution[0].is_some_and(|found| found > 150.0));
 }
 
 #[test]
@@ -229,14 +293,13 @@ fn watched(blocks: usize, mass: f64, zone: bool) -> (usize, MonitorState<f64>) {
         }
         sum
     };
-    let mut watch = Monitoring::<f64, 1, 2, 1>::default();
-    let jumps = |v: f64| MonitorJumps { arguments: [[if zone { v } else { 1.0 }]], entries: &[[false, true]] };
+    let mut watch = Monitoring::<f64, 1, 2, 1>::new(&rules);
+    let arguments = |v: f64| [[if zone { v } else { 1.0 }]];
     for _ in 0..1000 {
         let (v, a) = (VELOCITY * noise(), ACCELERATION * noise());
-        watch.rest(&rules, [[a, Real::sign(v)]], &jumps(v));
+        watch.rest(&mut [[a, Real::sign(v)]], &arguments(v), &[[false, true]]);
     }
     for block in 0..blocks {
-        let mut rows = SquareRoot::<f64, 2>::default();
         let moves = block % 20 < 10;
         let held = f64::from(block as u32 / 20 % 5) / 2.0 - 1.0;
         for k in 0..50 {
@@ -246,11 +309,9 @@ fn watched(blocks: usize, mass: f64, zone: bool) -> (usize, MonitorState<f64>) {
             let mass = if block < 400 { 2.0 } else { mass };
             let force = mass * a + 1.5 * (1.0 + 0.3 * (0.01 * t).sin()) * sign + 0.2 * noise();
             let (v, a) = (v + VELOCITY * noise(), a + ACCELERATION * noise());
-            let [deviation] = watch.deviations(&rules, &jumps(v));
-            let taken = rows.push([a / deviation, Real::sign(v) / deviation], force / deviation).is_ok();
-            if watch.counts(&rules, taken.then_some(&[deviation])) {
-                watch.judge(&rules, &rows);
-            }
+            let still = watch.is_still(0, &arguments(v));
+            let taken = still || watch.block.push([a, Real::sign(v)], force).is_ok();
+            let _ = watch.count(taken, u32::from(!still));
         }
         if matches!(watch.state(), MonitorState::Moved(_) | MonitorState::Unexplained(_)) {
             return (block, watch.state());

@@ -9,74 +9,127 @@ use super::super::code::{Expression, Reader};
 use super::super::names::{Names, derivative_name};
 use super::super::run::RunPlan;
 use super::campaign_functions::functions;
-use super::campaign_source::{HEADER, ORDER};
 use super::context::Context;
-use super::expression::{Scalar, Writer};
-use super::layout::statement;
-use super::solve::filled;
+use super::dynamics::size_macro;
+use super::expression::Writer;
+use super::layout::{doc, statement};
+use super::support;
 
-/// Writes the campaign, where it was requested; `words` are those of the estimator of a run.
-pub(super) fn write(
-    context: &mut Context<'_>,
-    plan: &RunPlan<'_>,
-    names: &Names<String>,
-    words: &[(&'static str, String)],
-) {
-    let Some(campaign) = CampaignPlan::of(context.estimator) else { return };
-    let mut words = words.to_vec();
-    words.extend(own_words(context));
-    context.header.push_str(&filled(HEADER, &words));
-    let order = filled(ORDER, &words);
-    context.source.push_str(&order);
-    motion(context);
-    play(context, plan, names, &campaign);
-    functions(context, names);
+/// The functions of the controller's code that a campaign calls.
+pub(super) struct Calls {
+    pub(super) begin: String,
+    pub(super) advance: String,
+    pub(super) run_is_whole: String,
+    pub(super) updated: String,
+    pub(super) stop: String,
+    pub(super) fail: String,
+    at: String,
+    step: String,
+    passing: String,
+    pub(super) clear: String,
+    pub(super) add: String,
+    pub(super) solve: String,
 }
 
-fn own_words(context: &Context<'_>) -> Vec<(&'static str, String)> {
-    let scalar = context.scalar;
-    let coordinates = context.names.coordinates.len();
-    let types = [
-        ("STAGE", "run_stage"),
-        ("RULES", "run_rules"),
-        ("LIMITS", "run_limits"),
-        ("COMMAND", "run_command"),
-        ("PHASE", "run_phase"),
-        ("END", "run_end"),
-        ("PLAY", "run_play"),
-        ("CAMPAIGN", "run_campaign"),
-        ("MEASURED", "run_measured"),
-        ("PARAMETERS", "run_parameters"),
-        ("FOUND", "run_estimate"),
+/// Writes the campaign, where it was requested.
+pub(super) fn write(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) {
+    let Some(campaign) = CampaignPlan::of(context.estimator) else { return };
+    let size = size_macro(
+        context,
+        "RUN_MOTION",
+        places(context),
+        "Entries of a whole motion: every coordinate with as many derivatives as any has.",
+    );
+    context.header.push_str(&format!("\n{size}"));
+    let (pool, factor) = (support::sizes(context, &["RUN_PARAMETERS"]), support::sizes(context, &["RUN_PARAMETERS"]));
+    let sizes: Vec<(&str, &str)> = support::RUN.into_iter().chain([("M", "RUN_MOTION")]).collect();
+    let calls = support::write(context, &sizes, |translator| {
+        let mut order = |name| translator.method("CampaignOrder", &[], name);
+        Ok(Calls {
+            begin: order("start")?,
+            advance: order("advance")?,
+            run_is_whole: order("run_is_whole")?,
+            updated: order("updated")?,
+            stop: order("stop")?,
+            fail: order("fail")?,
+            at: order("passage_at")?,
+            step: order("passage_step")?,
+            passing: translator.function("campaign", "passing")?,
+            clear: translator.method("RunPool", &pool, "clear")?,
+            add: translator.method("RunPool", &pool, "add")?,
+            solve: translator.method("SquareRoot", &factor, "solve")?,
+        })
+    });
+    structures(context);
+    motion(context);
+    play(context, plan, names, &campaign, &calls);
+    functions(context, names, &calls);
+}
+
+/// The structures that hold the model's own.
+fn structures(context: &mut Context<'_>) {
+    let own = |name: &str| context.global(name);
+    let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
+    let stage = format!("    {} pattern;\n    uint32_t samples_per_period;\n", own(&context.of_pattern(0, "pattern")));
+    let rules = [
+        format!("    {} sampling;\n", own("run_sampling")),
+        field(
+            "Periods that settle before a run is measured, behind the passage to it.",
+            "uint32_t settle_periods".to_owned(),
+        ),
+        field("Periods that are measured, an even number and at least four.", "uint32_t periods".to_owned()),
+        field("Runs of every stage.", "uint32_t runs_per_stage".to_owned()),
+        field("Runs of the whole campaign, those that were given up included.", "uint32_t most_runs".to_owned()),
+        field(
+            "Share of an input's limit from which on no larger stage is begun.",
+            format!("{} effort", context.scalar.name()),
+        ),
+    ]
+    .concat();
+    let limits = [
+        field("The limit of every input.", format!("{} inputs", own("run_applied"))),
+        field("The largest tracking error of every coordinate.", format!("{} tracking", own("run_measured"))),
+    ]
+    .concat();
+    let command = [
+        field("The reference of every measured coordinate.", format!("{} reference", own("run_measured"))),
+        field(
+            "The feed-forward; feedback of the measured less the reference is added to it.",
+            format!("{} feed_forward", own("run_applied")),
+        ),
+    ]
+    .concat();
+    let campaign = [
+        format!("    {} phase;\n    {} end;\n    {} status;\n", own("run_phase"), own("run_end"), own("run_status")),
+        format!("    {} command;\n", own("run_command")),
+        field(
+            "The present estimates: the prior where no run has shown a parameter.",
+            format!("{} parameters", own("run_parameters")),
+        ),
+        format!("    int estimated;\n    {} estimate;\n    uint32_t runs;\n", own("run_estimate")),
+        format!("    const {} *stages;\n    {} sampling;\n", own("run_stage"), own("run_sampling")),
+        format!("    {} limits;\n    {} order;\n", own("run_limits"), own("run_order")),
+        format!("    {} pool;\n    uint32_t number;\n", own("run_pool")),
+        format!("    {} run;\n    {} workspace;\n", own("run"), own("run_workspace")),
+    ]
+    .concat();
+    let about = "A whole campaign on the controller: the machine identifies itself. At every sample `command` has reference and feed-forward, the \
+                 controller adds its feedback and applies the sum, and the sample is pushed. When a run is whole, an update is due; all runs are \
+                 pooled by what they show. Read `phase`, `end`, `status`, `runs`, `command`, `parameters` and, once `estimated` is 1, `estimate`.";
+    let all = [
+        (
+            "run_stage",
+            "A stage of a campaign: amplitudes, and the samples of a period, which give the frequency.",
+            stage,
+        ),
+        ("run_rules", "What the caller decides about a campaign.", rules),
+        ("run_limits", "What makes a campaign give up a run.", limits),
+        ("run_command", "What the controller plays at a sample.", command),
+        ("run_campaign", about, campaign),
     ];
-    let mut words: Vec<(&'static str, String)> = types.map(|(name, own)| (name, context.global(own))).into();
-    words.push(("PATTERN", context.global(&context.of_pattern(0, "pattern"))));
-    let states = [
-        ("SETTLING", "RUN_SETTLING"),
-        ("MEASURING", "RUN_MEASURING"),
-        ("DUE", "RUN_DUE"),
-        ("ENDED", "RUN_ENDED"),
-        ("END_NONE", "RUN_END_NONE"),
-        ("END_STAGES", "RUN_END_STAGES"),
-        ("END_RUNS", "RUN_END_RUNS"),
-        ("END_EFFORT", "RUN_END_EFFORT"),
-        ("END_LIMIT", "RUN_END_LIMIT"),
-        ("END_FAULT", "RUN_END_FAULT"),
-        ("END_STOPPED", "RUN_END_STOPPED"),
-    ];
-    words.extend(states.map(|(name, own)| (name, context.constant(own))));
-    let quarter = match scalar {
-        Scalar::Float => "1.5707964f",
-        Scalar::Double => "1.5707963267948966",
-    };
-    words.push(("QUARTER", quarter.to_owned()));
-    let numbers = [("SIX", 6.0), ("FIFTY", 50.0), ("HALF", 0.5), ("SCALE", 75.0 / 128.0)];
-    words.extend(numbers.map(|(name, value)| (name, scalar.literal(value))));
-    words.push(("SMALLER", scalar.literal(if quarter.ends_with('f') { f64::from(0.7_f32) } else { 0.7 })));
-    words.push(("BACK_OFFS", "4".to_owned()));
-    words.push(("MOVED", coordinates.to_string()));
-    words.push(("PLACES", places(context).to_string()));
-    words
+    for (name, about, fields) in all {
+        context.structure(name, about, &fields);
+    }
 }
 
 /// Entries of a whole motion: every coordinate with as many derivatives as any has.
@@ -114,10 +167,10 @@ fn motion(context: &mut Context<'_>) {
     let mut text = format!(
         "\n/* The motion of a pattern while it is played. */\nstatic void campaign_motion_of(const {campaign} *campaign, const {play} *play,\n        \
          {real} values[{places}]{constants})\n{{\n    {pattern} pattern = campaign->stages[play->stage].pattern;\n    {motion} motion;\n    \
-         size_t place;\n\n    pattern.{frequency} = ({real}){turn} / (({real})play->samples_per_period * campaign->rules.sampling.sample_time);\n",
+         size_t place;\n\n    pattern.{frequency} = ({real}){turn} / (({real})play->samples_per_period * campaign->sampling.sample_time);\n",
         campaign = context.global("run_campaign"),
         play = context.global("run_play"),
-        places = places(context),
+        places = context.constant("RUN_MOTION"),
         constants = constants(context),
         pattern = context.global(&context.of_pattern(0, "pattern")),
         motion = context.global("motion"),
@@ -132,7 +185,7 @@ fn motion(context: &mut Context<'_>) {
         "    {at}(&pattern{argument},\n            ({real})({turn} * (double)play->number / (double)play->samples_per_period), &motion);\n    \
          for (place = 0; place < {places}; ++place) {{\n        values[place] = {zero};\n    }}\n",
         at = context.global(&context.of_pattern(0, "reference_at")),
-        places = places(context),
+        places = context.constant("RUN_MOTION"),
         zero = scalar.literal(0.0),
     ));
     for (place, name) in entries(context) {
@@ -143,18 +196,28 @@ fn motion(context: &mut Context<'_>) {
 }
 
 /// Reference and feed-forward of the present sample.
-fn play(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>, campaign: &CampaignPlan<'_>) {
+fn play(
+    context: &mut Context<'_>,
+    plan: &RunPlan<'_>,
+    names: &Names<String>,
+    campaign: &CampaignPlan<'_>,
+    calls: &Calls,
+) {
     let (real, argument) = (context.scalar.name(), context.constants_argument());
-    let (pi, places) = ("3.141592653589793", places(context));
+    let places = context.constant("RUN_MOTION");
     let eliminated = !context.estimator.model.eliminations.is_empty();
     let physical = if eliminated { format!("    {} physical;\n", context.global("physical")) } else { String::new() };
     let mut text = format!(
         "\n/* Reference and feed-forward of the present sample. */\nstatic void campaign_play_now({campaign} *campaign{constants})\n{{\n    \
          const {parameters} *const parameters = &campaign->parameters;\n    {real} values[{places}];\n    {motion} motion;\n{physical}    \
-         {columns} columns;\n    {inputs} inputs;\n\n    campaign_motion_of(campaign, &campaign->now, values{argument});\n    \
-         if (campaign->passed < campaign->passage) {{\n        const {real} step = ({real}){pi} / ({real})campaign->passage;\n        \
-         {real} before[{places}];\n        campaign_motion_of(campaign, &campaign->before, before{argument});\n        \
-         campaign_passing(before, values, step * ({real})campaign->passed,\n                step / campaign->rules.sampling.sample_time);\n    }}\n",
+         {columns} columns;\n    {inputs} inputs;\n\n    campaign_motion_of(campaign, &campaign->order.now, values{argument});\n    \
+         if (campaign->order.passed < campaign->order.passage) {{\n        {real} before[{places}];\n        \
+         campaign_motion_of(campaign, &campaign->order.before, before{argument});\n        \
+         {passing}(before, values, {coordinates}, {at}(&campaign->order),\n                {step}(&campaign->order) / campaign->sampling.sample_time);\n    }}\n",
+        passing = calls.passing,
+        at = calls.at,
+        step = calls.step,
+        coordinates = context.names.coordinates.len(),
         campaign = context.global("run_campaign"),
         constants = constants(context),
         parameters = context.global("run_parameters"),

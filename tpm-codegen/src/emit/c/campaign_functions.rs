@@ -1,80 +1,81 @@
 //! The functions of a campaign in C that the caller names.
 
 use super::super::names::Names;
+use super::campaign::Calls;
 use super::context::{Context, Parameter};
-use super::expression::Scalar;
 use super::layout::statement;
 
+/// What the caller reads of the order of a campaign.
+const SHOW: &str = "    campaign->phase = campaign->order.state;
+    campaign->end = campaign->order.reason;
+    campaign->status = campaign->order.status;
+    campaign->runs = campaign->order.runs;
+";
+
 /// The functions that the caller names.
-pub(super) fn functions(context: &mut Context<'_>, names: &Names<String>) {
+pub(super) fn functions(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     let status = context.global("run_status");
     let phase = context.global("run_phase");
     let pointer = Parameter::new(format!("{} *campaign", context.global("run_campaign")));
-    begin(context, names, &status, pointer.clone());
-    push(context, names, &phase, pointer.clone());
-    update(context, names, &phase, pointer.clone());
-    let body = format!("    campaign_finish(campaign, {});\n", context.constant("RUN_END_STOPPED"));
+    begin(context, names, calls, [&status, &phase], pointer.clone());
+    push(context, names, calls, &phase, pointer.clone());
+    update(context, names, calls, &phase, pointer.clone());
+    let body = format!("    {}(&campaign->order);\n    campaign_show(campaign);\n", calls.stop);
     let about = "Ends the campaign: the machine passes to rest while further samples are pushed.";
     context.function(&context.global("run_campaign_stop"), about, "void", &[pointer], &body);
 }
 
-fn begin(context: &mut Context<'_>, names: &Names<String>, status: &str, pointer: Parameter) {
-    let (zero, one, size) = (context.zero(), context.scalar.literal(1.0), context.constant("RUN_PARAMETERS"));
+fn begin(
+    context: &mut Context<'_>,
+    names: &Names<String>,
+    calls: &Calls,
+    [status, phase]: [&str; 2],
+    pointer: Parameter,
+) {
     let argument = context.constants_argument();
     let run_begin = context.global("run_begin");
     let ok = context.constant("RUN_OK");
-    let mut body = format!(
-        "    {play} first;
-    size_t i, j;
+    let campaign = context.global("run_campaign");
+    context.source.push_str(&format!(
+        "\nstatic {phase} campaign_show({campaign} *campaign)\n{{\n{SHOW}    return campaign->phase;\n}}\n"
+    ));
+    let (real, size) = (context.scalar.name(), context.constant("RUN_PARAMETERS"));
+    let prior: Vec<String> = names.columns.iter().map(|name| format!("prior->{name}")).collect();
+    let mut body = statement(1, &format!("const {real} centre[{size}] = {{{}}};", prior.join(", ")));
+    body.push_str(&format!(
+        "    const {order_rules} order_rules = {{
+        rules->settle_periods, rules->periods, rules->runs_per_stage, rules->most_runs, rules->effort
+    }};
+    {status} status = stage_count > 0 ? {ok} : {samples};
 
-    campaign->phase = {settling};
-    campaign->end = {none};
-    campaign->status = {ok};
     campaign->parameters = *prior;
     campaign->estimated = 0;
     campaign->stages = stages;
-    campaign->stage_count = stage_count;
-    campaign->rules = *rules;
+    campaign->sampling = rules->sampling;
     campaign->limits = *limits;
-    campaign->runs = campaign->runs_of_stage = campaign->back_offs = campaign->number = 0;
-    campaign->passed = campaign->passage = 0;
-    for (i = 0; i < {size}; ++i) {{
-        for (j = 0; j < {size}; ++j) {{
-            campaign->pool.factor[i][j] = {zero};
-        }}
-        campaign->pool.right[i] = {zero};
+    campaign->number = 0;
+    {clear}(&campaign->pool, centre);
+    for (size_t i = stage_count; i-- > 0 && status == {ok};) {{
+        status = {run_begin}(&campaign->run, stages[i].samples_per_period, rules->periods, &rules->sampling, NULL);
     }}
-    campaign->pool.residual = campaign->pool.rows = {zero};
-    if (stage_count == 0) {{
-        campaign->status = {samples};
+    {start}(&campaign->order, &order_rules, stage_count, stage_count > 0 ? stages[0].samples_per_period : 0);
+    if (status != {ok}) {{
+        campaign->order.runs = 0;
+        campaign->order.state = {settling};
+        {fail}(&campaign->order, status);
+    }} else {{
+        campaign_play_now(campaign{argument});
     }}
-    for (i = stage_count; i-- > 0 && campaign->status == {ok};) {{
-        campaign->status = {run_begin}(&campaign->run, stages[i].samples_per_period, rules->periods, &rules->sampling, NULL);
-    }}
-    if (campaign->status != {ok}) {{
-        campaign->phase = {ended};
-        campaign->end = {fault};
-        return campaign->status;
-    }}
-    first.stage = 0;
-    first.share = {zero};
-    first.samples_per_period = stages[0].samples_per_period;
-    first.number = 0;
-    campaign->now = campaign->before = first;
-    first.share = {one};
-    campaign_next_run(campaign, first);
+    (void)campaign_show(campaign);
+    return status;
 ",
-        play = context.global("run_play"),
-        settling = context.constant("RUN_SETTLING"),
-        none = context.constant("RUN_END_NONE"),
         samples = context.constant("RUN_SAMPLES"),
-        ended = context.constant("RUN_ENDED"),
-        fault = context.constant("RUN_END_FAULT"),
-    );
-    for (index, name) in names.columns.iter().enumerate() {
-        body.push_str(&statement(1, &format!("campaign->centre[{index}] = prior->{name};")));
-    }
-    body.push_str(&format!("    campaign_play_now(campaign{argument});\n    return {ok};\n"));
+        settling = context.constant("RUN_SETTLING"),
+        clear = calls.clear,
+        order_rules = context.global("run_order_rules"),
+        start = calls.begin,
+        fail = calls.fail,
+    ));
     let mut parameters = vec![
         pointer,
         Parameter::new(format!("const {} *stages", context.global("run_stage"))),
@@ -89,14 +90,11 @@ fn begin(context: &mut Context<'_>, names: &Names<String>, status: &str, pointer
     context.function(&context.global("run_campaign_begin"), about, status, &parameters, &body);
 }
 
-fn push(context: &mut Context<'_>, names: &Names<String>, phase: &str, pointer: Parameter) {
+fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: &str, pointer: Parameter) {
     let (real, scalar, zero) = (context.scalar.name(), context.scalar, context.zero());
     let fabs = scalar.function("fabs");
     let mut body = format!("    {real} effort = {zero};\n    int within = 1;\n    int finite = 1;\n\n");
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
+    let max = scalar.max();
     for (_, name) in &names.inputs {
         body.push_str(&format!(
             "    {{\n        const {real} share = {fabs}(sample->applied.{name}) / campaign->limits.inputs.{name};\n        \
@@ -115,34 +113,36 @@ fn push(context: &mut Context<'_>, names: &Names<String>, phase: &str, pointer: 
     }
     body.push_str(&format!(
         "    if (!finite) {{
-        campaign_fail(campaign, {not_finite});
-    }} else if (campaign->phase == {measuring} && within) {{
+        {fail}(&campaign->order, {not_finite});
+    }} else if (campaign->order.state == {measuring} && within) {{
         const {status} status = {push}(&campaign->run, campaign->number, sample);
         ++campaign->number;
         if (status != {ok}) {{
-            campaign_fail(campaign, status);
+            {fail}(&campaign->order, status);
         }} else if ({whole}(&campaign->run)) {{
-            campaign->phase = {due};
+            {run_is_whole}(&campaign->order);
         }}
     }}
-    if (campaign_advance(campaign, effort, !within)) {{
-        const {status} status = {begin}(&campaign->run, campaign->now.samples_per_period,
-                campaign->rules.periods, &campaign->rules.sampling, NULL);
+    if ({advance}(&campaign->order, effort, !within)) {{
+        const {status} status = {begin}(&campaign->run, campaign->order.now.samples_per_period,
+                campaign->order.rules.periods, &campaign->sampling, NULL);
         campaign->number = 0;
         if (status != {ok}) {{
-            campaign_fail(campaign, status);
+            {fail}(&campaign->order, status);
         }}
     }}
     campaign_play_now(campaign{argument});
-    return campaign->phase;
+    return campaign_show(campaign);
 ",
+        fail = calls.fail,
+        run_is_whole = calls.run_is_whole,
+        advance = calls.advance,
         not_finite = context.constant("RUN_NOT_FINITE"),
         measuring = context.constant("RUN_MEASURING"),
         status = context.global("run_status"),
         push = context.global("run_push"),
         ok = context.constant("RUN_OK"),
         whole = context.global("run_is_whole"),
-        due = context.constant("RUN_DUE"),
         begin = context.global("run_begin"),
         argument = context.constants_argument(),
     ));
@@ -153,34 +153,46 @@ fn push(context: &mut Context<'_>, names: &Names<String>, phase: &str, pointer: 
     context.function(&context.global("run_campaign_push"), about, phase, &parameters, &body);
 }
 
-fn update(context: &mut Context<'_>, names: &Names<String>, phase: &str, pointer: Parameter) {
+fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: &str, pointer: Parameter) {
     let (ok, one) = (context.constant("RUN_OK"), context.scalar.literal(1.0));
     let mut body = format!(
-        "    {status} status;
+        "    const size_t next = campaign->order.now.stage + 1;
+    {status} status;
+    {real} chi_squared;
 
-    if (campaign->phase != {due}) {{
+    if (campaign->order.state != {due}) {{
         return campaign->phase;
     }}
     status = {identify}(&campaign->run, &campaign->workspace{argument}, &campaign->parameters, &campaign->estimate);
     if (status != {ok}) {{
-        campaign_fail(campaign, status);
-        return campaign->phase;
+        {fail}(&campaign->order, status);
+        return campaign_show(campaign);
     }}
-    campaign_take(campaign, campaign->estimate.chi_squared);
-    run_fill(&campaign->workspace, {one}, &campaign->estimate);
+    {add}(&campaign->pool, &campaign->workspace.factor, campaign->workspace.about, campaign->estimate.chi_squared);
+    {solve}(&campaign->pool.factor, &campaign->workspace.found);
+    chi_squared = campaign->estimate.chi_squared;
+    run_fill(&campaign->workspace.found, campaign->pool.centre, {one}, &campaign->estimate);
+    campaign->estimate.chi_squared = chi_squared;
     campaign->estimated = 1;
 ",
+        real = context.scalar.name(),
         status = context.global("run_status"),
         due = context.constant("RUN_DUE"),
         identify = context.global("run_identify"),
         argument = context.constants_argument(),
+        fail = calls.fail,
+        add = calls.add,
+        solve = calls.solve,
     );
     for (index, name) in names.columns.iter().enumerate() {
-        body.push_str(&format!(
-            "    if (campaign->estimate.shown[{index}]) {{\n        campaign->parameters.{name} = campaign->estimate.parameters.{name};\n    }}\n"
-        ));
+        let moved = format!("campaign->pool.centre[{index}] + campaign->workspace.found.steps[{index}]");
+        body.push_str(&statement(1, &format!("campaign->parameters.{name} = {moved};")));
     }
-    body.push_str("    campaign_updated(campaign);\n    return campaign->phase;\n");
+    body.push_str(&format!(
+        "    {}(&campaign->order, next < campaign->order.stages ? campaign->stages[next].samples_per_period : 0);\n    \
+         return campaign_show(campaign);\n",
+        calls.updated
+    ));
     let mut parameters = vec![pointer];
     parameters.extend(context.constants_parameter(true));
     let about = "Makes the update that is due, and goes on to the next run. It takes longer than a sample: the pattern goes on while samples are pushed\n\

@@ -3,6 +3,9 @@
 //! Invariant: every name that other translation units can see begins with the prefix; every field comes from the model through
 //! one namer.
 
+use std::collections::HashSet;
+use std::rc::Rc;
+
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::plan::leaf::Leaf;
 
@@ -14,6 +17,7 @@ use super::super::name::{Language, Namer, snake};
 use super::super::names::{Names, Style, derivative_name};
 use super::expression::{Scalar, Writer};
 use super::layout::{comment, doc, signature, statement};
+use super::translate::Library;
 
 /// Options of the C code.
 #[derive(Clone, Debug)]
@@ -36,142 +40,28 @@ pub struct Options<'a> {
 
 /// The names of the functions and types of the dynamics, without the prefix. They are reserved: no name of a model may
 /// equal one of them.
-const DYNAMICS: [&str; 107] = [
-    "accelerations",
-    "base",
-    "base_accumulate",
-    "base_estimate",
-    "base_estimator",
-    "base_estimator_clear",
-    "base_estimator_fade",
-    "base_jumps",
-    "base_parameter_labels",
-    "base_parameters",
-    "base_regressor",
-    "base_solve",
-    "base_workspace",
-    "common_feed_forward",
-    "common_feed_forward_settle",
-    "common_filters",
-    "constant_labels",
-    "constants",
-    "coordinate_labels",
-    "dependent_low_pass",
-    "equation_labels",
-    "estimate",
-    "feed_forward",
-    "feed_forward_dependent",
-    "feed_forward_independent",
-    "feed_forward_with_regressor",
-    "forces",
-    "forward_dynamics",
-    "gravity",
-    "identified",
-    "identified_spread",
-    "independent_low_pass",
-    "input_labels",
-    "input_map",
-    "inputs",
-    "inverse_dynamics",
-    "known",
-    "label",
-    "low_pass",
-    "low_pass_settle",
-    "lump",
-    "mass_matrix",
-    "monitor",
-    "monitor_again",
-    "monitor_begin",
-    "monitor_evidence",
-    "monitor_push",
-    "monitor_rest",
-    "monitor_rules",
-    "monitor_state",
-    "monitor_watched",
-    "motion",
-    "parameter_labels",
-    "parameters",
-    "physical",
-    "regressor",
-    "representative",
-    "run",
-    "run_applied",
-    "run_begin",
-    "run_campaign",
-    "run_campaign_begin",
-    "run_campaign_push",
-    "run_campaign_stop",
-    "run_campaign_update",
-    "run_command",
-    "run_end",
-    "run_estimate",
-    "run_factor",
-    "run_identify",
-    "run_identify_about",
-    "run_identify_physical",
-    "run_is_whole",
-    "run_limits",
-    "run_linearisation",
-    "run_measured",
-    "run_parameter_names",
-    "run_parameters",
-    "run_phase",
-    "run_phasor",
-    "run_numerical",
-    "run_numerical_begin",
-    "run_numerical_change",
-    "run_numerical_identify",
-    "run_physical",
-    "run_physical_estimate",
-    "run_physical_factor",
-    "run_physical_workspace",
-    "run_play",
-    "run_push",
-    "run_reference",
-    "run_reference_begin",
-    "run_reference_push",
-    "run_rules",
-    "run_sample",
-    "run_sampling",
-    "run_shown",
-    "run_solution",
-    "run_stage",
-    "run_status",
-    "run_stop",
-    "run_workspace",
-    "split_feed_forward",
-    "split_feed_forward_settle",
-    "split_filters",
-    "status",
-    "unlump",
-];
+const DYNAMICS: &str = "accelerations base base_accumulate base_estimate base_estimator base_estimator_clear base_estimator_fade \
+    base_jumps base_parameter_labels base_parameters base_regressor base_solve base_workspace common_feed_forward \
+    common_feed_forward_settle common_filters constant_labels constants coordinate_labels dependent_low_pass \
+    equation_labels estimate feed_forward feed_forward_dependent feed_forward_independent \
+    feed_forward_with_regressor forces forward_dynamics gravity identified identified_spread independent_low_pass \
+    input_labels input_map inputs inverse_dynamics known label least_squares low_pass low_pass_settle lump \
+    mass_matrix monitor monitor_again monitor_begin monitor_evidence monitor_fault monitor_order monitor_push \
+    monitor_rest monitor_rules monitor_state monitor_watched motion parameter_labels parameters physical regressor \
+    representative run run_applied run_begin run_campaign run_campaign_begin run_campaign_push run_campaign_stop \
+    run_campaign_update run_command run_end run_estimate run_factor run_identify run_identify_about \
+    run_identify_physical run_is_whole run_limits run_linearisation run_lines run_means run_measured run_numerical \
+    run_numerical_begin run_numerical_change run_numerical_identify run_order run_order_rules run_parameter_names \
+    run_parameters run_passed run_phase run_phasor run_physical run_physical_estimate run_physical_factor \
+    run_physical_solution run_physical_workspace run_play run_pool run_push run_reference run_reference_begin \
+    run_reference_push run_rules run_sample run_sampling run_shown run_solution run_stage run_status run_stop \
+    run_workspace split_feed_forward split_feed_forward_settle split_filters status unlump";
 
 /// The names of the functions and types of a pattern, without the prefix and the pattern's own name. They are reserved
 /// too.
-const PATTERN: [&str; 22] = [
-    "accumulate",
-    "accumulate_at",
-    "accumulate_hann",
-    "accumulated",
-    "accumulator",
-    "accumulator_clear",
-    "accumulator_fade",
-    "estimator_matrix",
-    "harmonics",
-    "identify",
-    "identify_direct",
-    "known_harmonics",
-    "pattern",
-    "period",
-    "reference",
-    "reference_at",
-    "reference_from",
-    "solve",
-    "status",
-    "stroke",
-    "transform",
-    "workspace",
-];
+const PATTERN: &str = "accumulate accumulate_at accumulate_hann accumulated accumulator accumulator_clear accumulator_fade \
+    estimator_matrix harmonics identify identify_direct known_harmonics pattern period reference reference_at \
+    reference_from solve status stroke transform workspace";
 
 /// State shared by the emitters of the parts: their options, and the text that they have written.
 pub(super) struct Context<'a> {
@@ -187,6 +77,10 @@ pub(super) struct Context<'a> {
     pub(super) header: String,
     /// Definitions.
     pub(super) source: String,
+    /// The types and functions of the controller's own code that are written.
+    pub(super) translated: HashSet<String>,
+    /// The controller's own code, once a part has asked for it.
+    pub(super) library: Option<Rc<Library>>,
 }
 
 /// A parameter of a function.
@@ -218,10 +112,10 @@ impl<'a> Context<'a> {
                 name.trim_end_matches('_').to_owned()
             }
         };
-        let mut reserved: Vec<String> = DYNAMICS.iter().map(|&name| name.to_owned()).collect();
+        let mut reserved: Vec<String> = DYNAMICS.split(' ').map(str::to_owned).collect();
         let patterns = estimator.plan.patterns.iter().filter_map(|pattern| pattern.name.as_deref());
         for part in std::iter::once(String::new()).chain(patterns.map(|name| format!("{}_", snake(name)))) {
-            reserved.extend(PATTERN.iter().map(|name| format!("{part}{name}")));
+            reserved.extend(PATTERN.split(' ').map(|name| format!("{part}{name}")));
         }
         let reserved: Vec<&str> = reserved.iter().map(String::as_str).collect();
         let mut types = Namer::new(Language::C, &reserved);
@@ -255,6 +149,8 @@ impl<'a> Context<'a> {
             strokes: options.strokes,
             header: String::new(),
             source: String::new(),
+            translated: HashSet::new(),
+            library: None,
         })
     }
 

@@ -38,6 +38,14 @@ impl Scalar {
         }
     }
 
+    /// The largest number in `float.h`.
+    pub(super) fn max(self) -> &'static str {
+        match self {
+            Self::Float => "FLT_MAX",
+            Self::Double => "DBL_MAX",
+        }
+    }
+
     /// A function of `math.h` for this scalar.
     pub(super) fn function(self, name: &str) -> String {
         match self {

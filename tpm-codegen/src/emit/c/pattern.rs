@@ -416,17 +416,18 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let estimate = format!("{} *estimate", context.global("estimate"));
     // The workspace and the least-squares solver.
     let fields = format!(
-        "{}    {real} matrix[{rows}][{columns}];\n{}    {real} right[{rows}];\n{}    {real} factor[{columns}][{columns}];\n",
+        "{}    {real} matrix[{rows}][{columns}];\n{}    {real} right[{rows}];\n{}    {} fit;\n",
         doc(1, "What takes parameters to harmonics; destroyed by a solution."),
         doc(1, "The harmonics; afterwards what is left of them."),
-        doc(1, "Scratch.")
+        doc(1, "Scratch."),
+        context.global("least_squares")
     );
     let about = "The memory of a solution: the caller's, so that nothing here is static.";
     context.structure(&context.of_pattern(index, "workspace"), about, &fields);
     let parameters = [Parameter::new(format!("{workspace} *workspace")), Parameter::new(estimate.clone())];
     let body = statement(
         1,
-        &format!("return least_squares({rows}, workspace->matrix, workspace->right, workspace->factor, estimate);"),
+        &format!("return least_squares({rows}, workspace->matrix, workspace->right, &workspace->fit, estimate);"),
     );
     let about = format!(
         "Least squares: the parameters, or parameter errors, that take the harmonics nearest to `right` through `matrix`, such as that of `{matrix}`. Divide a row of both by its deviation to weigh it."

@@ -1,7 +1,5 @@
 //! Functions that are emitted on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in
 //! base parameters.
-//!
-//! Invariant: the methods are those of `tpm_controller::support` (`accelerations`, `square_root`), in the caller's memory.
 
 use super::super::code::Expression;
 use super::super::function::{Body, Function};
@@ -9,280 +7,11 @@ use super::super::requested;
 use super::super::text;
 use super::context::{Context, Parameter, push_constants};
 use super::dynamics::{forces, inputs_record, matrix, size_macro};
-use super::expression::{Scalar, Writer};
+use super::expression::Writer;
 use super::layout::{doc, statement, string};
-use super::solve::{self, filled};
+use super::solve;
+use super::support;
 use tpm_symbolic::plan::leaf::Leaf;
-
-/// C code that solves M a = b by elimination with row pivoting.
-const ACCELERATIONS: &str = "
-/* The x with matrix x = right, by elimination with row pivoting; matrix and right are destroyed. */
-static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], REAL solution[COUNT])
-{
-    const REAL tiny = EPSILON * (REAL)COUNT;
-    REAL sizes[COUNT];
-    size_t i, j, k;
-
-    for (i = 0; i < COUNT; ++i) {
-        REAL largest = ZERO;
-        for (j = 0; j < COUNT; ++j) {
-            const REAL size = FABS(matrix[i][j]);
-            if (!(size <= MAX)) {
-                return NOT_FINITE;
-            }
-            if (size > largest) {
-                largest = size;
-            }
-        }
-        if (!(FABS(right[i]) <= MAX)) {
-            return NOT_FINITE;
-        }
-        if (largest > ZERO) {
-            for (j = 0; j < COUNT; ++j) {
-                matrix[i][j] /= largest;
-            }
-            right[i] /= largest;
-        }
-    }
-    for (j = 0; j < COUNT; ++j) {
-        sizes[j] = ZERO;
-        for (i = 0; i < COUNT; ++i) {
-            if (FABS(matrix[i][j]) > sizes[j]) {
-                sizes[j] = FABS(matrix[i][j]);
-            }
-        }
-    }
-    for (k = 0; k < COUNT; ++k) {
-        size_t best = k;
-        for (i = k + 1; i < COUNT; ++i) {
-            if (FABS(matrix[i][k]) > FABS(matrix[best][k])) {
-                best = i;
-            }
-        }
-        if (!(FABS(matrix[best][k]) > tiny * sizes[k])) {
-            return SINGULAR;
-        }
-        if (best != k) {
-            const REAL other = right[best];
-            right[best] = right[k];
-            right[k] = other;
-            for (j = k; j < COUNT; ++j) {
-                const REAL entry = matrix[best][j];
-                matrix[best][j] = matrix[k][j];
-                matrix[k][j] = entry;
-            }
-        }
-        for (i = k + 1; i < COUNT; ++i) {
-            const REAL factor = matrix[i][k] / matrix[k][k];
-            for (j = k; j < COUNT; ++j) {
-                matrix[i][j] -= factor * matrix[k][j];
-            }
-            right[i] -= factor * right[k];
-        }
-    }
-    for (k = COUNT; k-- > 0;) {
-        solution[k] = right[k];
-        for (j = k + 1; j < COUNT; ++j) {
-            solution[k] -= matrix[k][j] * solution[j];
-        }
-        solution[k] /= matrix[k][k];
-        if (!(FABS(solution[k]) <= MAX)) {
-            return NOT_FINITE;
-        }
-    }
-    return OK;
-}
-";
-
-/// C code that rotates rows into a triangular factor, and solves with it.
-pub(super) const SQUARE_ROOT: &str = "
-/* The root of the sum of two squares, which neither overflow nor vanish. */
-static REAL hypotenuse(REAL a, REAL b)
-{
-    const REAL large = FABS(a) > FABS(b) ? FABS(a) : FABS(b);
-    const REAL small = FABS(a) > FABS(b) ? FABS(b) : FABS(a);
-
-    if (large > ZERO) {
-        const REAL ratio = small / large;
-        return large * SQRT(ONE + ratio * ratio);
-    }
-    return large;
-}
-
-/* Rotates a row with its right-hand side into the triangular factor (Givens); the row is destroyed. */
-static void rotate_in(ESTIMATOR *estimator, REAL row[COLUMNS], REAL right)
-{
-    size_t j, k;
-
-    for (k = 0; k < COLUMNS; ++k) {
-        REAL *const kept = estimator->factor[k];
-        if (FABS(row[k]) > ZERO) {
-            const REAL length = hypotenuse(kept[k], row[k]);
-            const REAL cosine = kept[k] / length;
-            const REAL sine = row[k] / length;
-            REAL turned;
-            for (j = k; j < COLUMNS; ++j) {
-                turned = cosine * kept[j] + sine * row[j];
-                row[j] = cosine * row[j] - sine * kept[j];
-                kept[j] = turned;
-            }
-            turned = cosine * estimator->right[k] + sine * right;
-            right = cosine * right - sine * estimator->right[k];
-            estimator->right[k] = turned;
-        }
-    }
-    estimator->residual = hypotenuse(estimator->residual, right);
-    estimator->rows += ONE;
-}
-
-/* Euclidean length of a column, scaled by the largest entry so that squares neither overflow nor vanish. */
-static REAL column_length(const REAL *values, size_t stride)
-{
-    REAL largest = ZERO;
-    REAL sum = ZERO;
-    size_t i;
-
-    for (i = 0; i < COLUMNS; ++i) {
-        if (FABS(values[i * stride]) > largest) {
-            largest = FABS(values[i * stride]);
-        }
-    }
-    if (!(largest > ZERO)) {
-        return ZERO;
-    }
-    for (i = 0; i < COLUMNS; ++i) {
-        const REAL part = values[i * stride] / largest;
-        sum += part * part;
-    }
-    return largest * SQRT(sum);
-}
-
-/* Removes the part along a unit column and returns its size. */
-static REAL remove_part(const REAL *unit, REAL *values, size_t stride)
-{
-    REAL along = ZERO;
-    size_t i;
-
-    for (i = 0; i < COLUMNS; ++i) {
-        along += unit[i * COLUMNS] * values[i * stride];
-    }
-    for (i = 0; i < COLUMNS; ++i) {
-        values[i * stride] -= along * unit[i * COLUMNS];
-    }
-    return along;
-}
-
-/* Solves with the triangle of the first pivots, whose columns are in the order of the pivots, in place. */
-static void back_substitute(WORKSPACE *workspace, size_t rank, REAL *values)
-{
-    size_t j, k;
-
-    for (k = rank; k-- > 0;) {
-        for (j = k + 1; j < rank; ++j) {
-            values[k] -= workspace->triangle[k][workspace->order[j]] * values[j];
-        }
-        values[k] /= workspace->triangle[k][workspace->order[k]];
-    }
-}
-
-STATUS SOLVE(const ESTIMATOR *estimator, WORKSPACE *workspace, ESTIMATE *estimate)
-{
-    const REAL rounding = EPSILON * FOUR * ((REAL)COLUMNS + SQRT(estimator->rows));
-    const REAL tiny = rounding > LEAST ? rounding : LEAST;
-    const REAL leak = SQRT(tiny);
-    REAL *const first = &workspace->matrix[0][0];
-    size_t *const order = workspace->order;
-    REAL all = ZERO;
-    size_t rank = 0;
-    size_t i, j, k;
-
-    for (j = 0; j < COLUMNS; ++j) {
-        const REAL length = column_length(&estimator->factor[0][j], COLUMNS);
-        order[j] = j;
-        workspace->scale[j] = length > ZERO ? length : ONE;
-        workspace->right[j] = estimator->right[j];
-        for (i = 0; i < COLUMNS; ++i) {
-            workspace->matrix[i][j] = estimator->factor[i][j] / workspace->scale[j];
-        }
-    }
-    for (k = 0; k < COLUMNS; ++k) {
-        REAL diagonal = ZERO;
-        size_t best = k;
-        size_t column;
-
-        for (j = k; j < COLUMNS; ++j) {
-            const REAL length = column_length(first + order[j], COLUMNS);
-            if (length > diagonal) {
-                diagonal = length;
-                best = j;
-            }
-        }
-        if (!(diagonal > tiny)) {
-            break;
-        }
-        column = order[best];
-        order[best] = order[k];
-        order[k] = column;
-        for (i = 0; i < COLUMNS; ++i) {
-            workspace->matrix[i][column] /= diagonal;
-        }
-        workspace->triangle[k][column] = diagonal;
-        for (j = k + 1; j < COLUMNS; ++j) {
-            workspace->triangle[k][order[j]] = remove_part(first + column, first + order[j], COLUMNS);
-        }
-        workspace->solution[k] = remove_part(first + column, workspace->right, 1);
-        ++rank;
-    }
-    estimate->rank = (int)rank;
-    estimate->residual = hypotenuse(estimator->residual, column_length(workspace->right, 1));
-    /* What a free column may take from the pivots is not shown. */
-    for (j = 0; j < COLUMNS; ++j) {
-        estimate->shown[order[j]] = j < rank;
-    }
-    for (j = rank; j < COLUMNS; ++j) {
-        for (k = 0; k < rank; ++k) {
-            workspace->column[k] = workspace->triangle[k][order[j]];
-        }
-        back_substitute(workspace, rank, workspace->column);
-        for (k = 0; k < rank; ++k) {
-            if (!(FABS(workspace->column[k]) <= leak)) {
-                estimate->shown[order[k]] = 0;
-            }
-        }
-    }
-    back_substitute(workspace, rank, workspace->solution);
-    /* The squares of the inverse of the triangle, row by row, in the place of what was left of the right-hand side. */
-    for (k = 0; k < COLUMNS; ++k) {
-        workspace->right[k] = ZERO;
-    }
-    for (j = 0; j < rank; ++j) {
-        for (k = 0; k < rank; ++k) {
-            workspace->column[k] = k == j ? ONE : ZERO;
-        }
-        back_substitute(workspace, j + 1, workspace->column);
-        for (k = 0; k <= j; ++k) {
-            workspace->right[k] += workspace->column[k] * workspace->column[k];
-            all += workspace->column[k] * workspace->column[k];
-        }
-    }
-    estimate->condition = SQRT((REAL)rank * all);
-    for (j = 0; j < COLUMNS; ++j) {
-        workspace->column[j] = (REAL)NAN;
-    }
-    for (k = 0; k < rank; ++k) {
-        if (estimate->shown[order[k]]) {
-            workspace->column[order[k]] = workspace->solution[k] / workspace->scale[order[k]];
-        }
-    }
-";
-
-/// C code of the standard deviations, after the parameters have been read from the column.
-const DEVIATIONS: &str = "    for (k = 0; k < rank; ++k) {
-        if (estimate->shown[order[k]]) {
-            workspace->column[order[k]] = SQRT(workspace->right[k]) / workspace->scale[order[k]];
-        }
-    }
-";
 
 /// Writes the functions of all requested parts.
 pub(super) fn write(context: &mut Context<'_>) {
@@ -301,34 +30,6 @@ pub(super) fn write(context: &mut Context<'_>) {
     estimator(context);
 }
 
-fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
-    let scalar = context.scalar;
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
-    let mut words = vec![
-        ("REAL", scalar.name().to_owned()),
-        ("STATUS", context.global("status")),
-        ("COUNT", context.constant("COORDINATES")),
-        ("COLUMNS", context.constant("BASE_PARAMETERS")),
-        ("ESTIMATOR", context.global("base_estimator")),
-        ("WORKSPACE", context.global("base_workspace")),
-        ("ESTIMATE", context.global("base_estimate")),
-        ("SOLVE", context.global("base_solve")),
-        ("EPSILON", scalar.epsilon().to_owned()),
-        ("MAX", max.to_owned()),
-        ("ZERO", scalar.literal(0.0)),
-        ("ONE", scalar.literal(1.0)),
-        ("FOUR", scalar.literal(4.0)),
-        ("LEAST", scalar.literal(1e-8)),
-        ("FABS", scalar.function("fabs")),
-        ("SQRT", scalar.function("sqrt")),
-    ];
-    words.extend(["OK", "NOT_FINITE", "SINGULAR", "UNDETERMINED"].map(|name| (name, context.constant(name))));
-    words
-}
-
 fn forward_dynamics(context: &mut Context<'_>) {
     let Some(Function { about, reads, body: Body::Values(statements, values) }) =
         requested::forward_dynamics(context.estimator)
@@ -345,8 +46,9 @@ fn forward_dynamics(context: &mut Context<'_>) {
     if context.estimator.plan.feed_forward.is_none() {
         inputs_record(context);
     }
-    let solver = filled(ACCELERATIONS, &words(context));
-    context.source.push_str(&solver);
+    let eliminate = support::write(context, &[("N", "COORDINATES")], |translator| {
+        translator.function("accelerations", "eliminate")
+    });
     let pointer = |name: &str| format!("const {} *{name}", context.global(name));
     let mut parameters = vec![
         Parameter::read(pointer("motion"), "motion", reads.motion),
@@ -357,10 +59,7 @@ fn forward_dynamics(context: &mut Context<'_>) {
     parameters.push(Parameter::new(format!("{} *accelerations", context.global("accelerations"))));
     let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "inputs->", &context.names.inputs, "motion->"));
     let (real, size) = (context.scalar.name(), context.constant("COORDINATES"));
-    let mut body = format!(
-        "    {real} matrix[{size}][{size}];\n    {real} right[{size}];\n    {real} solution[{size}];\n    {} status;\n",
-        context.global("status")
-    );
+    let mut body = format!("    {real} matrix[{size}][{size}];\n    {real} right[{size}];\n    size_t first;\n");
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let count = fields.len();
     let (rows, rest) = values.split_at(count * count);
@@ -376,11 +75,19 @@ fn forward_dynamics(context: &mut Context<'_>) {
     for (row, value) in right.iter().enumerate() {
         body.push_str(&statement(1, &format!("right[{row}] = {};", writer.expression(value))));
     }
-    body.push_str(&format!("    status = solve_accelerations(matrix, right, solution);\n    if (status == {ok}) {{\n"));
+    body.push_str(&format!(
+        "    first = {eliminate}(matrix, right);
+    if (first != {size}) {{
+        return first < {size} ? {} : {};
+    }}
+",
+        context.constant("SINGULAR"),
+        context.constant("NOT_FINITE")
+    ));
     for (index, (field, _)) in fields.iter().enumerate() {
-        body.push_str(&statement(2, &format!("accelerations->{field} = solution[{index}];")));
+        body.push_str(&statement(1, &format!("accelerations->{field} = right[{index}];")));
     }
-    body.push_str("    }\n    return status;\n");
+    body.push_str(&format!("    return {ok};\n"));
     let about = format!(
         "{about}\n\nGives `{}` when the mass matrix is singular with these parameters, and `{}` when a number is not finite.",
         context.constant("SINGULAR"),
@@ -399,9 +106,8 @@ fn by_factors<L: Fn(&Leaf) -> String>(
     fields: &[(String, String)],
 ) -> String {
     let count = fields.len();
-    let (real, fabs, words) = (context.scalar.name(), context.scalar.function("fabs"), words(context));
-    let word = |name: &str| words.iter().find(|(own, _)| *own == name).map_or("", |(_, word)| word.as_str());
-    let (epsilon, max) = (word("EPSILON"), word("MAX"));
+    let (real, fabs, epsilon) = (context.scalar.name(), context.scalar.function("fabs"), context.scalar.epsilon());
+    let max = context.scalar.max();
     let mut body =
         statement(1, &format!("const {real} tiny = {epsilon} * ({real}){};", context.constant("COORDINATES")));
     let (pivots, accelerations) = solved.split_at(count);
@@ -494,25 +200,20 @@ fn estimator(context: &mut Context<'_>) {
     }
     let names = base_fields(context);
     let (real, size) = (context.scalar.name(), context.constant("BASE_PARAMETERS"));
-    // Structures: the estimator, its workspace and its result.
+    let context_forgetting = context.forgetting;
+    let of_size = [size.clone()];
+    let written = support::write(context, &support::BASE, |translator| {
+        translator.structure("SquareRoot", &of_size)?;
+        translator.structure("Solution", &of_size)?;
+        let mut of_rows = |name| translator.method("SquareRoot", &of_size, name);
+        let take = [of_rows("take")?, of_rows("stands_out")?, of_rows("leaves_out")?];
+        let clear = translator.method("SquareRoot", &of_size, "clear")?;
+        let fade = context_forgetting.then(|| translator.method("SquareRoot", &of_size, "fade")).transpose()?;
+        Ok((take, clear, fade, translator.method("SquareRoot", &of_size, "solve")?))
+    });
+    let (take, clear, fade, solve) = written;
+    // Structures of the result.
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
-    let fields = [
-        field(
-            "The triangular factor of all equations so far; zeros below its diagonal.",
-            format!("{real} factor[{size}][{size}]"),
-        ),
-        field("The forces, rotated with the factor, as far as it reaches.", format!("{real} right[{size}]")),
-        field("Euclidean length of what it does not reach.", format!("{real} residual")),
-        field("The number of equations so far; past ones count less after a fading.", format!("{real} rows")),
-    ]
-    .concat();
-    context.structure("base_estimator", requested::ESTIMATOR, &fields);
-    let fields = format!(
-        "    {real} matrix[{size}][{size}];\n    {real} triangle[{size}][{size}];\n    {real} right[{size}];\n    {real} scale[{size}];\n    \
-         {real} solution[{size}];\n    {real} column[{size}];\n    size_t order[{size}];\n"
-    );
-    let about = "The memory of a solution: the caller's, so that nothing here is static.";
-    context.structure("base_workspace", about, &fields);
     let base = context.global("base_parameters");
     let fields = [
         field("The base parameters; not a number where the samples do not show them.", format!("{base} parameters")),
@@ -535,90 +236,64 @@ fn estimator(context: &mut Context<'_>) {
 
     // Clear and, where requested, fade the estimator.
     let pointer = Parameter::new(format!("{} *estimator", context.global("base_estimator")));
-    let zero = context.zero();
-    let body = format!(
-        "    size_t i, j;
-
-    for (i = 0; i < {size}; ++i) {{
-        for (j = 0; j < {size}; ++j) {{
-            estimator->factor[i][j] = {zero};
-        }}
-        estimator->right[i] = {zero};
-    }}
-    estimator->residual = {zero};
-    estimator->rows = {zero};
-"
-    );
-    context.function(
-        &context.global("base_estimator_clear"),
-        "No sample yet.",
-        "void",
-        std::slice::from_ref(&pointer),
-        &body,
-    );
-    if context.forgetting {
-        let body = format!(
-            "    const {real} root = {}(share);
-    size_t i, j;
-
-    for (i = 0; i < {size}; ++i) {{
-        for (j = i; j < {size}; ++j) {{
-            estimator->factor[i][j] *= root;
-        }}
-        estimator->right[i] *= root;
-    }}
-    estimator->residual *= root;
-    estimator->rows *= share;
-",
-            context.scalar.function("sqrt")
-        );
+    let name = context.global("base_estimator_clear");
+    let body = format!("    {clear}(estimator);\n");
+    context.function(&name, requested::ESTIMATOR, "void", std::slice::from_ref(&pointer), &body);
+    if let Some(fade) = fade {
         let parameters = [pointer.clone(), Parameter::new(format!("{real} share"))];
-        context.function(&context.global("base_estimator_fade"), requested::FADE, "void", &parameters, &body);
+        let name = context.global("base_estimator_fade");
+        context.function(&name, requested::FADE, "void", &parameters, &format!("    {fade}(estimator, share);\n"));
     }
-    // The solver without its last function, then the function that processes a sample.
-    let words = words(context);
-    let mut solver = filled(SQUARE_ROOT, &words);
-    let at = solver.rfind(&format!("\n{} {}(", context.global("status"), context.global("base_solve")));
-    let solution = solver.split_off(at.unwrap_or(solver.len()));
-    context.source.push_str(&solver);
-    accumulate(context, pointer);
+    accumulate(context, pointer, &take);
 
-    // The declaration goes to the header; the definition is part of the solver's text.
+    let (ok, undetermined) = (context.constant("OK"), context.constant("UNDETERMINED"));
     let about = format!(
-        "What the samples so far show; `{}` when they do not show every base parameter. Modified Gram-Schmidt with column pivoting on\n\
+        "What the samples so far show; `{undetermined}` when they do not show every base parameter. Modified Gram-Schmidt with column pivoting on\n\
          the factor, its columns scaled to unit length; a direction counts as not shown when what is left of its column is within the\n\
-         rounding errors of all equations.",
-        context.constant("UNDETERMINED")
+         rounding errors of all equations."
     );
     let parameters = [
         Parameter::new(format!("const {} *estimator", context.global("base_estimator"))),
         Parameter::new(format!("{} *workspace", context.global("base_workspace"))),
         Parameter::new(format!("{} *estimate", context.global("base_estimate"))),
     ];
-    let mut body = solution.split_once("\n{\n").map_or("", |(_, body)| body).to_owned();
-    for (index, name) in names.iter().enumerate() {
-        body.push_str(&statement(1, &format!("estimate->parameters.{name} = workspace->column[{index}];")));
-    }
-    body.push_str(&filled(DEVIATIONS, &words));
-    for (index, name) in names.iter().enumerate() {
-        body.push_str(&statement(1, &format!("estimate->deviations.{name} = workspace->column[{index}];")));
-    }
-    body.push_str(&statement(
-        1,
-        &format!("return rank == {size} ? {} : {};", context.constant("OK"), context.constant("UNDETERMINED")),
-    ));
+    let mut body = format!(
+        "    const {workspace} *const found = workspace;
+
+    {solve}(estimator, workspace);
+    estimate->rank = (int)found->rank;
+    estimate->residual = found->residual;
+    estimate->condition = found->condition;
+",
+        workspace = context.global("base_workspace")
+    );
+    body.push_str(&shown(context, &names, &|index| format!("found->values[{index}]"), ""));
+    body.push_str(&statement(1, &format!("return found->rank == {size} ? {ok} : {undetermined};")));
     context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
 }
 
+/// Gives the fields of an estimate what a solution shows; deviations are multiplied by a factor.
+pub(super) fn shown(context: &Context<'_>, names: &[String], value: &dyn Fn(usize) -> String, factor: &str) -> String {
+    let real = context.scalar.name();
+    let one = |(index, name): (usize, &String)| {
+        let where_shown = |of: &str| format!("found->shown[{index}] ? {of} : ({real})NAN;");
+        let deviation = format!("found->deviations[{index}]{factor}");
+        [
+            statement(1, &format!("estimate->shown[{index}] = found->shown[{index}];")),
+            statement(1, &format!("estimate->parameters.{name} = {}", where_shown(&value(index)))),
+            statement(1, &format!("estimate->deviations.{name} = {}", where_shown(&deviation))),
+        ]
+        .concat()
+    };
+    names.iter().enumerate().map(one).collect()
+}
+
 /// The function that processes a sample.
-fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
+fn accumulate(context: &mut Context<'_>, pointer: Parameter, [take, gate, leaves_out]: &[String; 3]) {
     let (real, scalar) = (context.scalar.name(), context.scalar);
     let (rows, size) = (context.constant("EQUATIONS"), context.constant("BASE_PARAMETERS"));
     let forces = context.global("forces");
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
+    let max = scalar.max();
     let argument = context.constants_argument();
     let known = requested::has_known(context.estimator);
     // Evaluate the regressor and the right-hand side.
@@ -626,7 +301,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
     if known {
         body.push_str(&format!("    {forces} known;\n"));
     }
-    body.push_str("    size_t i, j;\n\n");
+    body.push_str("    size_t i, j;\n    int stands_out = 0;\n\n");
     body.push_str(&statement(1, &format!("{}(motion{argument}, matrix);", context.global("base_regressor"))));
     if known {
         body.push_str(&statement(1, &format!("{}(motion{argument}, &known);", context.global("known"))));
@@ -660,11 +335,22 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
         }}
     }}
     for (i = 0; i < {rows}; ++i) {{
-        rotate_in(estimator, matrix[i], right[i]);
+        {real} row[{size}];
+        for (j = 0; j < {size}; ++j) {{
+            row[j] = matrix[i][j];
+        }}
+        stands_out = stands_out || {gate}(estimator, row, right[i]);
+    }}
+    if (stands_out && {leaves_out}(estimator)) {{
+        return {odd};
+    }}
+    for (i = 0; i < {rows}; ++i) {{
+        (void){take}(estimator, matrix[i], right[i]);
     }}
     return {ok};
 ",
         not_finite = context.constant("NOT_FINITE"),
+        odd = context.constant("STANDS_OUT"),
         ok = context.constant("OK"),
     ));
     let mut parameters = vec![pointer, Parameter::new(format!("const {} *motion", context.global("motion")))];
@@ -673,9 +359,11 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
     parameters.push(Parameter::new(format!("const {forces} *deviations")));
     let about = format!(
         "Takes in the motion and the applied forces B u of one instant, every equation with the standard deviation of its error, or all\n\
-         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero; the sample is left out then. An\n\
-         equation whose deviation is infinite says nothing.",
-        context.constant("NOT_FINITE")
+         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero, `{}` when an equation leaves 50\n\
+         times what those before it leave on the average; the sample is left out then, in the latter case at most one of a hundred, so\n\
+         that a machine that changes is followed. An equation whose deviation is infinite says nothing.",
+        context.constant("NOT_FINITE"),
+        context.constant("STANDS_OUT")
     );
     let (name, status) = (context.global("base_accumulate"), context.global("status"));
     context.function(&name, &about, &status, &parameters, &body);

@@ -10,20 +10,25 @@ use super::super::run::{ESTIMATOR, PARAMETERS, RunPlan, SAMPLE};
 use super::super::text;
 use super::campaign;
 use super::context::{Context, Parameter};
-use super::dynamics::{size_macro, stored};
-use super::expression::{Scalar, Writer};
+use super::dynamics::size_macro;
+use super::expression::Writer;
 use super::layout::{doc, statement, string};
-use super::requested::SQUARE_ROOT;
-use super::run_along::ALONG;
-use super::run_equations::EQUATIONS;
 use super::run_estimate::estimate;
-use super::run_linearised;
-use super::run_means::{MEANS, PASSED};
-use super::run_noise::NOISE;
-use super::run_numerical;
-use super::run_physical;
-use super::run_source::{HEADER, LINES};
-use super::solve::filled;
+use super::{run_numerical, run_physical, run_reference, support};
+
+/// The functions of the controller's code that the estimator calls.
+pub(super) struct Calls {
+    begin: String,
+    passed_begin: String,
+    push: String,
+    passed_push: String,
+    fail: String,
+    whole: String,
+    finished: String,
+    pub(super) behind: String,
+    pub(super) update: String,
+    pub(super) chi_squared: String,
+}
 
 /// Writes the estimator, where it was requested.
 pub(super) fn write(context: &mut Context<'_>) {
@@ -31,42 +36,37 @@ pub(super) fn write(context: &mut Context<'_>) {
     let names = names(&plan);
     sizes(context, &plan);
     records(context, &plan, &names);
-    let words = words(context);
-    let linearised = context.estimator.parts.linearised;
-    let arguments = |text: &str| {
-        let text = run_linearised::with_additions(text, linearised);
-        let constants = match context.has_constants() {
-            true => format!(", const {} *constants", context.global("constants")),
-            false => String::new(),
-        };
-        filled(&text.replace("CONSTANTS", &constants).replace("ARGUMENT", context.constants_argument()), &words)
-    };
-    let mut header = arguments(HEADER);
-    let takes_reference = plan.takes_reference(context.estimator);
-    let (mut reference, mut about_reference) = (String::new(), String::new());
-    if takes_reference {
-        header.push_str(&arguments(run_linearised::REFERENCE_HEADER));
-        reference = arguments(run_linearised::REFERENCE_SOURCE);
-    }
-    if linearised {
-        header.push_str(&arguments(run_linearised::HEADER));
-        about_reference = arguments(run_linearised::SOURCE);
-    }
-    let with_passed = LINES.replace("PASSED_SOURCE\n", PASSED.trim_start());
-    let [lines, along, noise, means, equations] = [with_passed.as_str(), ALONG, NOISE, MEANS, EQUATIONS].map(arguments);
-    // The solver of base parameters is the same; its last function ends where parameters are given their names.
-    let solver = SQUARE_ROOT.replace("\nSTATUS SOLVE", "\nstatic void SOLVE").replace("WORKSPACE", "SOLUTION");
-    let solver = format!("{}}}\n", filled(&solver, &words));
-    context.header.push_str(&header);
-    context.source.push_str(&lines);
     rows(context, &plan);
-    for text in [along, noise, means, reference, about_reference, solver, equations] {
-        context.source.push_str(&text);
+    let (channels, inputs) =
+        (support::sizes(context, &["RUN_CHANNELS", "RUN_LINES"]), support::sizes(context, &["RUN_INPUTS"]));
+    let workspace = support::workspace(context);
+    let calls = support::write(context, &support::RUN, |translator| {
+        translator.structure("RunWorkspace", &workspace)?;
+        let mut of_lines = |name| translator.method("RunLines", &channels, name);
+        let (begin, push, fail) = (of_lines("begin")?, of_lines("push")?, of_lines("fail")?);
+        let (whole, finished, behind) =
+            (of_lines("is_whole")?, of_lines("finished")?, of_lines("samples_behind_line")?);
+        Ok(Calls {
+            begin,
+            push,
+            fail,
+            whole,
+            finished,
+            behind,
+            passed_begin: translator.method("RunPassed", &inputs, "begin")?,
+            passed_push: translator.method("RunPassed", &inputs, "push")?,
+            update: translator.method("RunWorkspace", &workspace, "update")?,
+            chi_squared: translator.method("RunWorkspace", &workspace, "chi_squared")?,
+        })
+    });
+    functions(context, &names, &calls);
+    if plan.takes_reference(context.estimator) {
+        run_reference::write(context, &names);
     }
-    functions(context, &plan, &names);
-    run_numerical::write(context, &names, &words);
-    run_physical::write(context, &plan, &names, &words);
-    campaign::write(context, &plan, &names, &words);
+    estimate(context, &names, &calls);
+    run_numerical::write(context, &names);
+    run_physical::write(context, &plan, &names);
+    campaign::write(context, &plan, &names);
 }
 
 /// The names of the declared equations.
@@ -127,94 +127,6 @@ fn records(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>)
     context.source.push_str(&format!("\n{declaration} = {{{}}};\n", list.join(", ")));
 }
 
-/// What the names in capitals of the shared code stand for.
-fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
-    let scalar = context.scalar;
-    let (max, turn) = match scalar {
-        Scalar::Float => ("FLT_MAX", "6.2831855f"),
-        Scalar::Double => ("DBL_MAX", "6.283185307179586"),
-    };
-    let mut words = vec![
-        ("REAL", scalar.name().to_owned()),
-        ("MAX", max.to_owned()),
-        ("EPSILON", scalar.epsilon().to_owned()),
-        ("TURN", "6.283185307179586".to_owned()),
-        ("TURN_REAL", turn.to_owned()),
-        ("NOISE_STEPS", "30".to_owned()),
-        ("NO_MEANS", "RUN_NO_MEANS".to_owned()),
-        ("MEANS_OF_TERMS", "RUN_MEANS_OF_TERMS".to_owned()),
-        ("ALL_MEANS", "RUN_ALL_MEANS".to_owned()),
-        ("PASSES", "3".to_owned()),
-        ("ESTIMATOR", context.global("run_factor")),
-        ("ESTIMATE", context.global("run_shown")),
-        ("SOLVE", "run_solution_of".to_owned()),
-    ];
-    let numbers = [
-        ("ZERO", 0.0),
-        ("ONE", 1.0),
-        ("TWO", 2.0),
-        ("FOUR", 4.0),
-        ("THREE", 3.0),
-        ("NINE", 9.0),
-        ("LEAST", 1e-8),
-        ("BEGINNING", 0.6),
-        ("FLAT", 1.847_759_065_022_573_5),
-        ("SHARP", 0.765_366_864_730_179_6),
-        ("KNOWN", 4e-4),
-        ("FORCE", 1e-7),
-        ("STEP", 1e-2),
-        ("MIXING", 1e-6),
-        ("VISIBLE", 16.0),
-        ("ROUNDINGS", 256.0),
-    ];
-    words.extend(numbers.map(|(name, value)| (name, scalar.literal(value))));
-    let functions = [("FABS", "fabs"), ("SQRT", "sqrt"), ("SIN", "sin"), ("COS", "cos"), ("LOG", "log")];
-    words.extend(functions.map(|(name, function)| (name, scalar.function(function))));
-    let sizes = [
-        ("COORDINATES", "RUN_COORDINATES"),
-        ("INPUTS", "RUN_INPUTS"),
-        ("CHANNELS", "RUN_CHANNELS"),
-        ("ROWS", "RUN_EQUATIONS"),
-        ("COLUMNS", "RUN_PARAMETERS"),
-        ("ENTRIES", "RUN_ENTRIES"),
-        ("LINES", "RUN_LINES"),
-        ("ALL", "RUN_ALL_EQUATIONS"),
-        ("COVARIANCES", "RUN_COVARIANCES"),
-        ("POINTS", "RUN_POINTS"),
-        ("OK", "RUN_OK"),
-        ("SAMPLES", "RUN_SAMPLES"),
-        ("PERIODS", "RUN_PERIODS"),
-        ("MISSED", "RUN_MISSED"),
-        ("NOT_FINITE", "RUN_NOT_FINITE"),
-        ("SATURATED", "RUN_SATURATED"),
-        ("UNFINISHED", "RUN_UNFINISHED"),
-        ("NOT_EVALUATED", "RUN_NOT_EVALUATED"),
-        ("STILL", "RUN_STILL"),
-        ("APART", "RUN_APART"),
-        ("PERTURBATION", "RUN_PERTURBATION"),
-    ];
-    words.extend(sizes.map(|(name, size)| (name, context.constant(size))));
-    let types = [
-        ("STATUS", "run_status"),
-        ("SAMPLING", "run_sampling"),
-        ("PHASOR", "run_phasor"),
-        ("RUN", "run"),
-        ("APPLIED", "run_applied"),
-        ("FACTOR", "run_factor"),
-        ("SOLUTION", "run_solution"),
-        ("SHOWN", "run_shown"),
-        ("WORKSPACE", "run_workspace"),
-        ("BEGIN", "run_begin"),
-        ("WHOLE", "run_is_whole"),
-        ("STOP", "run_stop"),
-    ];
-    words.extend(types.map(|(name, own)| (name, context.global(own))));
-    let own = ["hypotenuse", "rotate_in", "column_length", "remove_part", "back_substitute"];
-    words.extend(own.map(|name| (name, format!("run_{name}"))));
-    words.extend(run_linearised::words(context));
-    words
-}
-
 /// The rows along a motion, and what its entries are.
 fn rows(context: &mut Context<'_>, plan: &RunPlan<'_>) {
     let real = context.scalar.name();
@@ -223,7 +135,7 @@ fn rows(context: &mut Context<'_>, plan: &RunPlan<'_>) {
     let (coordinates, orders) = (list(&|(place, _)| place.to_string()), list(&|(_, order)| order.to_string()));
     let mut text = format!(
         "\n/* Coordinate and derivative of every entry of a motion. */\nstatic const size_t run_coordinate[{entries}] = {{{coordinates}}};\n\
-         static const int run_order[{entries}] = {{{orders}}};\n"
+         static const uint32_t run_order[{entries}] = {{{orders}}};\n"
     );
     let (steps, reads) = plan.rows();
     let writer = Writer::new(context.scalar, |leaf: &Leaf| match plan.place(leaf) {
@@ -245,55 +157,74 @@ fn rows(context: &mut Context<'_>, plan: &RunPlan<'_>) {
     if context.has_constants() && !reads.constants {
         text.push_str("    (void)constants;\n");
     }
-    let evaluation = &plan.source.plan.evaluation;
-    let widths = [Some(plan.source.form.columns.len()), None, Some(evaluation.inputs.len())];
-    for ((name, steps), width) in steps.iter().zip(widths) {
+    // What is zero at every motion is zero before the call.
+    for (name, steps) in &steps {
+        if steps.is_empty() {
+            text.push_str(&format!("    (void){name};\n"));
+            continue;
+        }
         let place = |place: Place| match place {
             Place::Entry(row, column) => format!("{name}[{row}][{column}]"),
             Place::Value(row) => format!("{name}[{row}]"),
         };
         // Each matrix has intermediate results of its own.
         text.push_str("    {\n");
-        let zeros = context.zeros(plan.source.form.rows.len(), width, &stored(steps), place);
-        let own = format!("{zeros}{}", context.statements(steps, &writer, place));
-        own.lines().for_each(|line| text.push_str(&format!("    {line}\n")));
+        context.statements(steps, &writer, place).lines().for_each(|line| text.push_str(&format!("    {line}\n")));
         text.push_str("    }\n");
     }
     text.push_str("}\n");
     context.source.push_str(&text);
 }
 
-/// The functions that the caller names by the model's own names, and their declarations.
-fn functions(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names<String>) {
+/// The functions that the caller names by the model's own names.
+fn functions(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     let (run, status) = (context.global("run"), context.global("run_status"));
-    let declare = |context: &mut Context<'_>, about: &str, signature: &str| {
-        context.header.push_str(&format!("\n{}{signature};\n", doc(0, about)));
-    };
-    let begin = format!(
-        "{status} {}({run} *run, uint32_t samples_per_period, uint32_t periods,\n        const {} *sampling, const {} *limits)",
-        context.global("run_begin"),
-        context.global("run_sampling"),
-        context.global("run_applied")
+    let types = ["run_sampling", "run_applied", "run_lines", "run_passed"].map(|name| context.global(name));
+    let [sampling, applied, lines, passed] = &types;
+    let fields = format!(
+        "    {sampling} sampling;\n    {applied} limits;\n    int limited;\n    {lines} lines;\n    {passed} passed;\n"
     );
+    let about = "The samples of a run: how they are taken, the limits of the inputs where they are known, the lines of every channel, and what \
+                 the inputs hold above them.";
+    context.structure("run", about, &fields);
+    let pointer = Parameter::new(format!("{run} *run"));
     let about = format!(
         "Before the first sample of a run of so many periods. {ESTIMATOR}\n\nSamples of a period divide it evenly. Inputs whose size reaches \
          their limit end the run; `limits` may be null."
     );
-    declare(context, &about, &begin);
-    let whole = format!("int {}(const {run} *run)", context.global("run_is_whole"));
-    declare(context, "1 when all samples of the run were taken in, otherwise 0.", &whole);
-    let stop = format!("void {}({run} *run)", context.global("run_stop"));
-    declare(context, "Ends the run, which then gives no parameter: the machine stopped, or did something else.", &stop);
-    push(context, names);
-    if plan.takes_reference(context.estimator) {
-        let fields: Vec<String> = names.coordinates.iter().map(|names| names.field.clone()).collect();
-        run_linearised::functions(context, &fields);
-    }
-    estimate(context, names);
+    let list = [
+        pointer.clone(),
+        Parameter::new("uint32_t samples_per_period"),
+        Parameter::new("uint32_t periods"),
+        Parameter::new(format!("const {sampling} *sampling")),
+        Parameter::new(format!("const {applied} *limits")),
+    ];
+    let body = format!(
+        "    run->sampling = *sampling;
+    run->limited = limits != NULL;
+    if (limits != NULL) {{
+        run->limits = *limits;
+    }}
+    {passed}(&run->passed, samples_per_period, {lines});
+    return {begin}(&run->lines, samples_per_period, periods);
+",
+        passed = calls.passed_begin,
+        lines = context.constant("RUN_LINES"),
+        begin = calls.begin,
+    );
+    context.function(&context.global("run_begin"), &about, &status, &list, &body);
+    let whole = format!("    return {}(&run->lines) == {};\n", calls.finished, context.constant("RUN_OK"));
+    let about = "1 when all samples of the run were taken in, otherwise 0.";
+    let read = [Parameter::new(format!("const {run} *run"))];
+    context.function(&context.global("run_is_whole"), about, "int", &read, &whole);
+    let stop = format!("    {}(&run->lines, {});\n", calls.fail, context.constant("RUN_UNFINISHED"));
+    let about = "Ends the run, which then gives no parameter: the machine stopped, or did something else.";
+    context.function(&context.global("run_stop"), about, "void", &[pointer], &stop);
+    push(context, names, calls);
 }
 
 /// The function that processes a sample.
-fn push(context: &mut Context<'_>, names: &Names<String>) {
+fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     let (real, scalar) = (context.scalar.name(), context.scalar);
     let measured = names.coordinates.iter().map(|names| format!("sample->measured.{}", names.field));
     let channels = measured.chain(names.inputs.iter().map(|(_, name)| format!("sample->applied.{name}")));
@@ -302,16 +233,28 @@ fn push(context: &mut Context<'_>, names: &Names<String>) {
         1,
         &format!("const {real} channels[{}] = {{{}}};", context.constant("RUN_CHANNELS"), channels.join(", ")),
     );
-    let limits = names
-        .inputs
-        .iter()
-        .map(|(_, name)| format!("{}(sample->applied.{name}) >= run->limits.{name}", scalar.function("fabs")));
+    let fabs = scalar.function("fabs");
+    let limits = names.inputs.iter().map(|(_, name)| format!("{fabs}(sample->applied.{name}) >= run->limits.{name}"));
     let limits: Vec<String> = limits.collect();
-    let (ok, saturated) = (context.constant("RUN_OK"), context.constant("RUN_SATURATED"));
+    let (whole, status, ok) = (&calls.whole, context.global("run_status"), context.constant("RUN_OK"));
+    body.push_str(&statement(1, &format!("const int belongs = !{whole}(&run->lines);")));
+    body.push_str(&statement(1, &format!("{status} status;")));
     body.push('\n');
-    body.push_str(&statement(1, &format!("if (run->limited && run->status == {ok} && ({})) {{", limits.join(" || "))));
+    body.push_str(&statement(1, &format!("if (run->limited && ({})) {{", limits.join(" || "))));
     body.push_str(&format!(
-        "        run->status = {saturated};\n    }}\n    return run_take(run, number, channels);\n"
+        "        {fail}(&run->lines, {saturated});
+    }}
+    status = {push}(&run->lines, number, channels);
+    if (status == {ok} && belongs) {{
+        {passed}(&run->passed, channels + {coordinates});
+    }}
+    return status;
+",
+        fail = calls.fail,
+        saturated = context.constant("RUN_SATURATED"),
+        push = calls.push,
+        passed = calls.passed_push,
+        coordinates = context.constant("RUN_COORDINATES"),
     ));
     let parameters = [
         Parameter::new(format!("{} *run", context.global("run"))),
@@ -321,6 +264,5 @@ fn push(context: &mut Context<'_>, names: &Names<String>) {
     let about = "Takes in sample `number`, counted from 0 at the beginning of a period of a motion that has settled. A sample that cannot be\n\
                  used ends the run: its status stays until the next run begins, and no parameter is given. Samples behind the end of the run\n\
                  are not used.";
-    let (name, status) = (context.global("run_push"), context.global("run_status"));
-    context.function(&name, about, &status, &parameters, &body);
+    context.function(&context.global("run_push"), about, &status, &parameters, &body);
 }

@@ -1,12 +1,15 @@
 //! The estimate of a run in C: its structure, and the function that gives it by the model's own names.
 
 use super::super::names::Names;
+use super::super::run::ABOUT;
 use super::context::{Context, Parameter};
 use super::layout::{doc, statement};
-use super::run_linearised;
+use super::requested;
+use super::run::Calls;
+use super::support;
 
 /// The structure of an estimate, and the function that gives it.
-pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
+pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     let (real, size) = (context.scalar.name(), context.constant("RUN_PARAMETERS"));
     let (parameters, measured) = (context.global("run_parameters"), context.global("run_measured"));
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
@@ -18,6 +21,15 @@ pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
             format!("{real} covariance[{size}][{size}]"),
         ),
         field("For each parameter 1 when the run shows it, otherwise 0.", format!("int shown[{size}]")),
+        field(
+            "A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own. \
+             A shown parameter is a combination of itself alone; the others lead none.",
+            format!("{real} combinations[{size}][{size}]"),
+        ),
+        field(
+            "The values of the combinations and their standard deviations; not a number where there is none.",
+            format!("{real} combined[{size}][2]"),
+        ),
         field("The number of directions that the run shows.", "int rank".to_owned()),
         field("At least the condition number of what is shown, and at most the rank times that.", format!("{real} condition")),
         field(
@@ -33,24 +45,18 @@ pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
     let about = "What the run says of the parameters; `prior` has the present estimates, at which weights begin. Only with the first status is\n\
                  anything written to `estimate`.";
     let (name, status) = (context.global("run_identify"), context.global("run_status"));
-    let body = match context.estimator.parts.linearised {
-        true => {
-            let own = context.global("run_identify_about");
-            let list = parameter_list(context, true);
-            context.function(
-                &own,
-                &run_linearised::about(),
-                &status,
-                &list,
-                &solution(context, names, ", reference, which"),
-            );
-            let constants = context.constants_argument();
-            let which = context.constant("RUN_ERROR");
-            statement(1, &format!("return {own}(run, workspace{constants}, NULL, {which}, prior, estimate);"))
-        }
-        false => solution(context, names, ""),
-    };
+    let body = solution(context, names, calls, [&calls.update, ""]);
     context.function(&name, about, &status, &parameter_list(context, false), &body);
+    if context.estimator.parts.linearised {
+        let workspace = support::workspace(context);
+        let update = support::write(context, &support::RUN, |translator| {
+            translator.method("RunWorkspace", &workspace, "update_about")
+        });
+        let about = format!("{ABOUT} Only with the first status is anything written to `estimate`.");
+        let body = solution(context, names, calls, [&update, ", reference, which"]);
+        let name = context.global("run_identify_about");
+        context.function(&name, &about, &status, &parameter_list(context, true), &body);
+    }
 }
 
 /// The parameters of the function that gives the estimate, about a reference or along the measured motion.
@@ -69,94 +75,87 @@ fn parameter_list(context: &Context<'_>, about: bool) -> Vec<Parameter> {
     list
 }
 
-/// The steps from a solved run to an estimate; `about` has the further arguments of the update.
-fn solution(context: &Context<'_>, names: &Names<String>, about: &str) -> String {
-    let scalar = context.scalar;
-    let (real, zero, one, ok) = (scalar.name(), context.zero(), scalar.literal(1.0), context.constant("RUN_OK"));
-    let mut body =
-        format!("    {} status;\n    {real} freedom, factor;\n    size_t rank;\n\n", context.global("run_status"));
+/// The steps from a run to an estimate, by an update with further arguments.
+fn solution(context: &Context<'_>, names: &Names<String>, calls: &Calls, [update, arguments]: [&str; 2]) -> String {
+    let (ok, sqrt) = (context.constant("RUN_OK"), context.scalar.function("sqrt"));
+    let mut body = format!("    {} status;\n\n", context.global("run_status"));
     for (index, name) in names.columns.iter().enumerate() {
         body.push_str(&statement(1, &format!("workspace->prior[{index}] = prior->{name};")));
     }
+    let constants = context.constants_argument();
+    let call = format!("{update}(workspace{constants}, &run->lines, &run->passed, &run->sampling{arguments});");
+    body.push_str(&statement(1, &format!("status = {call}")));
     body.push_str(&format!(
-        "    status = run_update(run, workspace{about}{});
-    if (status != {ok}) {{
+        "    if (status != {ok}) {{
         return status;
     }}
-    rank = (size_t)workspace->shown.rank;
-    freedom = workspace->factor.rows - ({real})rank;
-    estimate->rank = workspace->shown.rank;
-    estimate->condition = workspace->shown.condition;
-    estimate->chi_squared = freedom > {zero} ? workspace->shown.residual * workspace->shown.residual / freedom : {zero};
-    factor = estimate->chi_squared > {one} ? estimate->chi_squared : {one};
-    run_fill(workspace, factor, estimate);
+    run_fill(&workspace->found, workspace->about, {chi_squared}(workspace), estimate);
 ",
-        context.constants_argument()
+        chi_squared = calls.chi_squared
     ));
-    let sqrt = scalar.function("sqrt");
     for (index, names) in names.coordinates.iter().enumerate() {
-        let level = format!("workspace->sensors[{index}] * run_samples_behind_line(run)");
+        let level = format!("workspace->sensors[{index}] * {}(&run->lines)", calls.behind);
         body.push_str(&statement(1, &format!("estimate->noise.{} = {sqrt}({level});", names.field)));
     }
     body.push_str(&format!("    return {ok};\n"));
     body
 }
 
-/// The function that gives parameters, deviations and covariance of a solution their names; `factor` is that of the covariance.
+/// The function that gives what a solution shows, for the step from some parameters, their names.
 fn fill(context: &mut Context<'_>, names: &Names<String>) {
-    let scalar = context.scalar;
-    let (real, size, zero, one) =
-        (scalar.name(), context.constant("RUN_PARAMETERS"), context.zero(), scalar.literal(1.0));
-    let sqrt = scalar.function("sqrt");
-    let mut text = format!(
-        "\n/* Parameters, deviations and covariance of the solution in the workspace. */\nstatic void run_fill({workspace} *workspace, {real} factor, {estimate} *estimate)
-{{
-    {solved} *const solution = &workspace->solution;
-    const size_t rank = (size_t)workspace->shown.rank;
-    size_t i, j, k;
+    let parts = ["run_solution", "run_estimate", "RUN_PARAMETERS"];
+    let of_size = support::sizes(context, &["RUN_PARAMETERS"]);
+    let combined =
+        support::write(context, &support::RUN, |translator| translator.method("Solution", &of_size, "combined"));
+    let value = |index: usize| format!("about[{index}] + found->values[{index}]");
+    let text = filling(context, "run_fill", parts, &names.columns, value, Some(&combined));
+    context.source.push_str(&text);
+}
 
-    for (i = 0; i < {size}; ++i) {{
-        estimate->shown[i] = workspace->shown.shown[i];
-        solution->solution[i] = solution->column[i];
-        for (j = 0; j < {size}; ++j) {{
-            estimate->covariance[i][j] = {zero};
+/// A function that gives what a solution shows, for the step from some parameters, to an estimate of so many. Deviations are those of the
+/// noise times the root of chi^2 where that is above one.
+pub(super) fn filling(
+    context: &Context<'_>,
+    function: &str,
+    [found, estimate, size]: [&str; 3],
+    names: &[String],
+    value: impl Fn(usize) -> String,
+    combined: Option<&str>,
+) -> String {
+    let (real, size, one) = (context.scalar.name(), context.constant(size), context.scalar.literal(1.0));
+    let mut text = format!(
+        "\n/* What a solution shows, for the step from some parameters. */\nstatic void {function}(const {found} *found, const {real} about[{size}], {real} chi_squared, {estimate} *estimate)
+{{
+    const {real} factor = chi_squared > {one} ? chi_squared : {one};
+
+    estimate->rank = (int)found->rank;
+    estimate->condition = found->condition;
+    estimate->chi_squared = chi_squared;
+    for (size_t i = 0; i < {size}; ++i) {{
+        for (size_t j = 0; j < {size}; ++j) {{
+            estimate->covariance[i][j] = found->covariance[i][j] * factor;
         }}
     }}
 ",
-        workspace = context.global("run_workspace"),
-        estimate = context.global("run_estimate"),
-        solved = context.global("run_solution"),
+        found = context.global(found),
+        estimate = context.global(estimate),
     );
-    for (index, name) in names.columns.iter().enumerate() {
-        let value = format!("workspace->about[{index}] + solution->solution[{index}]");
-        text.push_str(&statement(1, &format!("estimate->parameters.{name} = {value};")));
-    }
-    text.push_str(&format!(
-        "    /* The columns of the inverse of the triangle. */
-    for (k = 0; k < rank; ++k) {{
-        for (i = 0; i < rank; ++i) {{
-            solution->column[i] = i == k ? {one} : {zero};
+    let sqrt = context.scalar.function("sqrt");
+    if let Some(combined) = combined {
+        let zero = context.zero();
+        text.push_str(&format!(
+            "    for (size_t i = 0; i < {size}; ++i) {{
+        const int is = found->combinations[i][i] > {zero};
+        for (size_t j = 0; j < {size}; ++j) {{
+            estimate->combinations[i][j] = found->combinations[i][j];
         }}
-        run_back_substitute(solution, rank, solution->column);
-        for (i = 0; i < rank; ++i) {{
-            for (j = 0; j < rank; ++j) {{
-                const size_t row = solution->order[i];
-                const size_t column = solution->order[j];
-                if (estimate->shown[row] && estimate->shown[column]) {{
-                    estimate->covariance[row][column] += factor * solution->column[i] * solution->column[j]
-                            / solution->scale[row] / solution->scale[column];
-                }}
-            }}
-        }}
-    }}
-    for (i = 0; i < {size}; ++i) {{
-        solution->column[i] = estimate->shown[i] ? {sqrt}(estimate->covariance[i][i]) : ({real})NAN;
+        estimate->combined[i][0] = is ? {combined}(found, about, i) : ({real})NAN;
+        estimate->combined[i][1] = is ? found->deviations[i] * {sqrt}(factor) : ({real})NAN;
     }}
 "
-    ));
-    for (index, name) in names.columns.iter().enumerate() {
-        text.push_str(&statement(1, &format!("estimate->deviations.{name} = solution->column[{index}];")));
+        ));
     }
+    text.push_str(&requested::shown(context, names, &value, &format!(" * {sqrt}(factor)")));
     text.push_str("}\n");
-    context.source.push_str(&text);
+    text
 }

@@ -1,149 +1,8 @@
 //! Least squares of fixed size, as C.
-//!
-//! Invariant: the method is that of `tpm_runtime::least_squares` (modified Gram-Schmidt with column pivoting, the right-hand
-//! side carried along; Björck, 1967), in the caller's memory.
 
 use super::context::Context;
-use super::expression::Scalar;
 use super::layout::doc;
-
-const SOURCE: &str = "
-/* Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish. */
-static REAL length_of(const REAL *values, size_t stride, size_t count)
-{
-    REAL largest = ZERO;
-    REAL sum = ZERO;
-    size_t i;
-
-    for (i = 0; i < count; ++i) {
-        const REAL size = FABS(values[i * stride]);
-        if (!(size <= MAX)) {
-            return size;
-        }
-        if (size > largest) {
-            largest = size;
-        }
-    }
-    if (!(largest > ZERO)) {
-        return ZERO;
-    }
-    for (i = 0; i < count; ++i) {
-        const REAL part = values[i * stride] / largest;
-        sum += part * part;
-    }
-    return largest * SQRT(sum);
-}
-
-/* Removes the part along a unit vector and returns its size. */
-static REAL project(const REAL *unit, REAL *values, size_t stride, size_t count)
-{
-    REAL along = ZERO;
-    size_t i;
-
-    for (i = 0; i < count; ++i) {
-        along += unit[i * COLUMNS] * values[i * stride];
-    }
-    for (i = 0; i < count; ++i) {
-        values[i * stride] -= along * unit[i * COLUMNS];
-    }
-    return along;
-}
-
-/* The x that minimises |A x - b|; A becomes orthonormal, b what is left of it. */
-static STATUS least_squares(size_t rows, REAL matrix[][COLUMNS], REAL *right, REAL factor[COLUMNS][COLUMNS],
-                            ESTIMATE *estimate)
-{
-    const REAL tiny = EPSILON * FOUR * (REAL)(rows + COLUMNS);
-    REAL *const first = &matrix[0][0];
-    REAL scale[COLUMNS];
-    REAL solution[COLUMNS];
-    REAL square = ZERO;
-    size_t order[COLUMNS];
-    size_t i, j, k;
-
-    estimate->rank = 0;
-    estimate->undetermined = -1;
-    for (j = 0; j < COLUMNS; ++j) {
-        const REAL length = length_of(first + j, COLUMNS, rows);
-        if (!(length <= MAX)) {
-            return NOT_FINITE;
-        }
-        order[j] = j;
-        scale[j] = length > ZERO ? length : ONE;
-        for (i = 0; i < rows; ++i) {
-            matrix[i][j] /= scale[j];
-        }
-    }
-    if (!(length_of(right, 1, rows) <= MAX)) {
-        return NOT_FINITE;
-    }
-    for (k = 0; k < COLUMNS; ++k) {
-        REAL diagonal = ZERO;
-        REAL *unit;
-        size_t best = k;
-        size_t column;
-
-        for (j = k; j < COLUMNS; ++j) {
-            const REAL length = length_of(first + order[j], COLUMNS, rows);
-            if (length > diagonal) {
-                diagonal = length;
-                best = j;
-            }
-        }
-        column = order[best];
-        order[best] = order[k];
-        order[k] = column;
-        if (!(diagonal > tiny)) {
-            estimate->undetermined = (int)column;
-            return UNDETERMINED;
-        }
-        unit = first + column;
-        for (i = 0; i < rows; ++i) {
-            matrix[i][column] /= diagonal;
-        }
-        factor[k][column] = diagonal;
-        for (j = k + 1; j < COLUMNS; ++j) {
-            factor[k][order[j]] = project(unit, first + order[j], COLUMNS, rows);
-        }
-        solution[k] = project(unit, right, 1, rows);
-        estimate->rank = (int)k + 1;
-    }
-    estimate->residual = length_of(right, 1, rows);
-    /* Back substitution, in the order of the pivots. */
-    for (k = COLUMNS; k-- > 0;) {
-        for (j = k + 1; j < COLUMNS; ++j) {
-            solution[k] -= factor[k][order[j]] * solution[j];
-        }
-        solution[k] /= factor[k][order[k]];
-    }
-    /* The inverse of the triangular factor in its place, column by column. */
-    for (j = 0; j < COLUMNS; ++j) {
-        const size_t column = order[j];
-        factor[j][column] = ONE / factor[j][column];
-        for (i = 0; i < j; ++i) {
-            REAL sum = ZERO;
-            for (k = i; k < j; ++k) {
-                sum += factor[i][order[k]] * factor[k][column];
-            }
-            factor[i][column] = -(sum * factor[j][column]);
-        }
-    }
-    for (i = 0; i < COLUMNS; ++i) {
-        for (j = 0; j <= i; ++j) {
-            REAL sum = ZERO;
-            for (k = i; k < COLUMNS; ++k) {
-                sum += factor[i][order[k]] * factor[j][order[k]];
-            }
-            if (i == j) {
-                square += sum;
-            }
-            sum = sum / scale[order[i]] / scale[order[j]];
-            estimate->covariance[order[i]][order[j]] = sum;
-            estimate->covariance[order[j]][order[i]] = sum;
-        }
-    }
-    estimate->condition = SQRT((REAL)COLUMNS * square);
-";
+use super::support;
 
 /// The status codes that functions return.
 pub(super) fn status(context: &mut Context<'_>) {
@@ -155,6 +14,10 @@ pub(super) fn status(context: &mut Context<'_>) {
         "The data do not determine a parameter: its column is zero, or a combination of others.",
         "An entry of the matrix or of the data is infinite or not a number.",
     ];
+    if context.estimator.parts.estimator {
+        names.push(context.constant("STANDS_OUT"));
+        about.push("A sample stands out of those before it, and is left out.");
+    }
     if context.estimator.parts.forward_dynamics.is_some() {
         names.push(context.constant("SINGULAR"));
         about.push("The mass matrix is singular: no equation determines the acceleration of a coordinate.");
@@ -196,53 +59,33 @@ pub(super) fn write(context: &mut Context<'_>) {
     ];
     let fields: String = fields.iter().map(|(about, field)| format!("{}    {field};\n", doc(1, about))).collect();
     context.structure("estimate", "What the harmonics say about the parameters.", &fields);
-    let max = match scalar {
-        Scalar::Float => "FLT_MAX",
-        Scalar::Double => "DBL_MAX",
-    };
-    let replaced = [
-        ("REAL", scalar.name().to_owned()),
-        ("STATUS", status),
-        ("ESTIMATE", context.global("estimate")),
-        ("COLUMNS", count),
-        ("UNDETERMINED", names[2].clone()),
-        ("NOT_FINITE", names[3].clone()),
-        ("EPSILON", scalar.epsilon().to_owned()),
-        ("MAX", max.to_owned()),
-        ("ZERO", scalar.literal(0.0)),
-        ("ONE", scalar.literal(1.0)),
-        ("FOUR", scalar.literal(4.0)),
-        ("FABS", scalar.function("fabs")),
-        ("SQRT", scalar.function("sqrt")),
-    ];
-    context.source.push_str(&filled(SOURCE, &replaced));
-    let mut rest = filled(
-        "    for (j = 0; j < COLUMNS; ++j) {\n        scale[order[j]] = solution[j] / scale[order[j]];\n    }\n",
-        &replaced,
+    let sizes = [count.clone()];
+    let solve = support::write(context, &[("C", "PARAMETERS")], |translator| translator.method("Fit", &sizes, "solve"));
+    let (real, fit, estimate) = (scalar.name(), context.global("least_squares"), context.global("estimate"));
+    let [ok, _, undetermined, not_finite] = names;
+    let mut text = format!(
+        "
+/* The x that minimises |A x - b|; A becomes orthonormal, b what is left of it. */
+static {status} least_squares(size_t rows, {real} matrix[][{count}], {real} *right, {fit} *fit, {estimate} *estimate)
+{{
+    const size_t first = {solve}(fit, matrix, rows, right, rows);
+
+    estimate->rank = (int)fit->rank;
+    estimate->undetermined = first < {count} ? (int)first : -1;
+    if (first != {count}) {{
+        return first < {count} ? {undetermined} : {not_finite};
+    }}
+    for (size_t i = 0; i < {count}; ++i) {{
+        for (size_t j = 0; j < {count}; ++j) {{
+            estimate->covariance[i][j] = fit->covariance[i][j];
+        }}
+    }}
+    estimate->residual = fit->residual;
+    estimate->condition = fit->condition;
+"
     );
     for (index, name) in context.names.columns.iter().enumerate() {
-        rest.push_str(&format!("    estimate->parameters.{name} = scale[{index}];\n"));
+        text.push_str(&format!("    estimate->parameters.{name} = fit->solution[{index}];\n"));
     }
-    context.source.push_str(&format!("{rest}    return {};\n}}\n", names[0]));
-}
-
-/// Replaces every whole word of a text that equals one of `words`, which are in capitals.
-pub(super) fn filled(text: &str, words: &[(&str, String)]) -> String {
-    let mut out = String::with_capacity(text.len());
-    let mut word = String::new();
-    for letter in text.chars().chain(['\0']) {
-        if letter.is_ascii_alphanumeric() || letter == '_' {
-            word.push(letter);
-            continue;
-        }
-        match words.iter().find(|(name, _)| *name == word) {
-            Some((_, replacement)) => out.push_str(replacement),
-            None => out.push_str(&word),
-        }
-        word.clear();
-        if letter != '\0' {
-            out.push(letter);
-        }
-    }
-    out
+    context.source.push_str(&format!("{text}    return {ok};\n}}\n"));
 }

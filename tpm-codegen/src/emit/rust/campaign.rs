@@ -18,7 +18,7 @@ use super::record::count;
 pub(super) fn items(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStream {
     let Some(campaign) = CampaignPlan::of(context.estimator) else { return TokenStream::new() };
     let command = command(context, plan, names, &campaign);
-    let machine = machine(context, plan, names);
+    let machine = machine(context, plan);
     let about = super::record::doc(CAMPAIGN);
     let pattern = pattern(context);
     quote! {
@@ -78,10 +78,9 @@ fn pattern(context: &Context<'_>) -> TokenStream {
 }
 
 /// The methods that do not depend on the motion.
-fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStream {
+fn machine(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
     let handed = context.constants_handed_on();
     let argument = context.constants_argument();
-    let columns = &names.columns;
     let lines = count(plan.lines());
     let evaluation = &plan.source.plan.evaluation;
     let channels = count(evaluation.coordinates.len() + evaluation.inputs.len());
@@ -169,12 +168,12 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                 #(within &= (#measured - #reference).abs() <= #tracking;)*
                 let numbers = [#(#measured,)* #(#applied),*];
                 if !numbers.iter().all(|value| value.is_finite()) {
-                    self.order.end(CampaignEnd::Fault(RunFault::NotFinite { sample: self.number }));
+                    self.order.fail(RunFault::NotFinite { sample: self.number });
                 } else if self.order.phase() == CampaignPhase::Measuring && within {
                     match self.estimator.push(self.number, sample) {
                         Ok(true) => self.order.run_is_whole(),
                         Ok(false) => self.number = self.number.saturating_add(1),
-                        Err(fault) => self.order.end(CampaignEnd::Fault(fault)),
+                        Err(fault) => self.order.fail(fault),
                     }
                 }
                 if self.order.advance(effort, !within) {
@@ -182,7 +181,7 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                     let samples = self.stages.get(stage).map_or(0, |stage| stage.samples_per_period);
                     self.number = 0;
                     if let Err(fault) = self.estimator.begin(samples, self.rules.periods) {
-                        self.order.end(CampaignEnd::Fault(fault));
+                        self.order.fail(fault);
                     }
                 }
                 self.command = self.play(#argument);
@@ -197,24 +196,22 @@ fn machine(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names) -> TokenStr
                 }
                 match self.estimator.estimate(#argument &self.parameters) {
                     Ok(mut estimate) => {
-                        let pooled = self.pool.take(&estimate.equations, &estimate.about, estimate.chi_squared);
-                        estimate.parameters = Parameters::from_array(pooled.values);
-                        estimate.deviations = Parameters::from_array(pooled.deviations);
-                        estimate.covariance = pooled.covariance;
-                        #(self.parameters.#columns = estimate.parameters.#columns.unwrap_or(self.parameters.#columns);)*
+                        self.pool.add(&mut estimate.equations, &estimate.about, estimate.chi_squared);
+                        let pooled = Estimate::of(self.pool.shown(estimate.noise.into_array()));
+                        estimate = Estimate { chi_squared: estimate.chi_squared, ..pooled };
+                        self.parameters = Parameters::from_array(self.pool.moved());
                         self.estimate = Some(estimate);
-                        self.order.updated(|index| {
-                            self.stages.get(index).map_or(0, |stage| stage.samples_per_period)
-                        });
+                        let next = self.stages.get(self.order.plays().0.stage + 1);
+                        self.order.updated(next.map_or(0, |stage| stage.samples_per_period));
                     }
-                    Err(fault) => self.order.end(CampaignEnd::Fault(fault)),
+                    Err(fault) => self.order.fail(fault),
                 }
                 self.order.phase()
             }
 
             /// Ends the campaign: the machine passes to rest while further samples are pushed.
             pub fn stop(&mut self) {
-                self.order.end(CampaignEnd::Stopped);
+                self.order.stop();
             }
         }
     }
@@ -273,15 +270,10 @@ fn command(context: &Context<'_>, plan: &RunPlan<'_>, names: &Names, campaign: &
 
             /// Reference and feed-forward of the present sample.
             fn play(&self, #handed) -> Command<T> {
-                let (now, before, at) = self.order.plays();
+                let (now, before) = self.order.plays();
                 let step = self.order.passage_step() / self.estimator.sampling.sample_time;
-                let motion = passing(
-                    &self.motion(#argument &before),
-                    &self.motion(#argument &now),
-                    #coordinates,
-                    at,
-                    step,
-                );
+                let mut motion = self.motion(#argument &now);
+                passing(&self.motion(#argument &before), &mut motion, #coordinates, self.order.passage_at(), step);
                 let motion = super::Motion::from_array(&motion);
                 let parameters = &self.parameters;
                 let inputs = super::feed_forward(&motion, &#lumped, #argument);

@@ -8,44 +8,9 @@ use super::super::name::{Language, Namer};
 use super::super::names::{self, Style, derivative_name, harmonic_name};
 
 /// Types of emitted modules, and the names that they import. They are reserved: no name of a model may shadow them.
-const TYPES: [&str; 36] = [
-    "Accelerations",
-    "Accumulator",
-    "AccumulatorError",
-    "BaseEstimate",
-    "BaseEstimator",
-    "BaseParameters",
-    "Buffer",
-    "Clone",
-    "Constants",
-    "Copy",
-    "Debug",
-    "Default",
-    "Dims",
-    "Err",
-    "Estimate",
-    "EvalError",
-    "Forces",
-    "Harmonics",
-    "Inputs",
-    "Label",
-    "Model",
-    "Motion",
-    "NotFinite",
-    "Ok",
-    "Option",
-    "Parameters",
-    "PartialEq",
-    "Pattern",
-    "Physical",
-    "Real",
-    "Result",
-    "Shown",
-    "SingularMass",
-    "SolveError",
-    "SquareRoot",
-    "T",
-];
+const TYPES: &str = "Accelerations Accumulator AccumulatorError BaseEstimate BaseEstimator BaseParameters Buffer Clone Constants Copy \
+    Debug Default Dims Err Estimate EvalError Forces Harmonics Inputs Label Model Motion Ok Option Parameters \
+    PartialEq Pattern Physical Real Result SampleFault Shown SingularMass SolveError SquareRoot T";
 
 /// The names of an emitted module.
 pub(super) type Names = names::Names<Ident>;
@@ -55,7 +20,7 @@ pub(super) type PatternNames = names::PatternNames<Ident>;
 
 /// Every name of the module.
 pub(super) fn names(estimator: &EstimatorSource) -> Names {
-    let mut types = Namer::new(Language::Rust, &TYPES);
+    let mut types = Namer::new(Language::Rust, &TYPES.split(' ').collect::<Vec<_>>());
     let mut style = Style {
         language: Language::Rust,
         type_name: &mut |wanted, suffix| types.type_name(wanted, suffix),

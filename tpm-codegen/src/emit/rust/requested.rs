@@ -22,10 +22,10 @@ pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
         names.extend(forward.factored.then_some("factors_hold"));
     }
     if parts.estimator {
-        names.extend(["NotFinite", "SquareRoot"]);
+        names.extend(["SampleFault", "SquareRoot"]);
     }
     if parts.monitor {
-        names.extend(["MonitorFault", "MonitorJumps", "MonitorState", "Monitoring"]);
+        names.extend(["MonitorFault", "MonitorPhase", "MonitorState", "Monitoring"]);
     }
     names
 }
@@ -244,32 +244,17 @@ fn estimator(context: &Context<'_>) -> TokenStream {
             /// error, or all alike when `deviations` is nothing.
             ///
             /// # Errors
-            /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then. An equation whose deviation is
-            /// infinite says nothing.
+            /// [`SampleFault::NotFinite`] when a number is not finite or a deviation is zero, [`SampleFault::StandsOut`] when an equation leaves
+            /// 50 times what those before it leave on the average. The sample is left out then, in the latter case at most one of a hundred,
+            /// so that a machine that changes is followed. An equation whose deviation is infinite says nothing.
             pub fn push(
                 &mut self,
                 motion: &Motion<T>,
                 forces: &Forces<T>,
                 deviations: Option<&Forces<T>>,
                 #constants
-            ) -> Result<(), NotFinite> {
-                let mut matrix = base_regressor(motion, #argument);
-                let mut right = forces.into_array();
-                let known = #known;
-                let deviations = deviations.map_or([T::ONE; #rows], |deviations| deviations.into_array());
-                for (((row, right), known), deviation) in
-                    matrix.iter_mut().zip(&mut right).zip(known).zip(deviations)
-                {
-                    *right = (*right - known) / deviation;
-                    row.iter_mut().for_each(|entry| *entry /= deviation);
-                }
-                if !matrix.as_flattened().iter().chain(&right).all(|value| value.is_finite()) {
-                    return Err(NotFinite);
-                }
-                for (row, right) in matrix.into_iter().zip(right) {
-                    self.rows.push(row, right)?;
-                }
-                Ok(())
+            ) -> Result<(), SampleFault> {
+                take_rows(&mut self.rows, motion, forces, deviations, #argument)
             }
 
             #fade
@@ -287,6 +272,40 @@ fn estimator(context: &Context<'_>) -> TokenStream {
                     rows: self.rows.rows(),
                 }
             }
+        }
+
+        /// Takes the equations of one instant into a factor.
+        fn take_rows<T: Real>(
+            rows: &mut SquareRoot<T, #columns>,
+            motion: &Motion<T>,
+            forces: &Forces<T>,
+            deviations: Option<&Forces<T>>,
+            #constants
+        ) -> Result<(), SampleFault> {
+            let mut matrix = base_regressor(motion, #argument);
+            let mut right = forces.into_array();
+            let known = #known;
+            let deviations = deviations.map_or([T::ONE; #rows], |deviations| deviations.into_array());
+            for (((row, right), known), deviation) in
+                matrix.iter_mut().zip(&mut right).zip(known).zip(deviations)
+            {
+                *right = (*right - known) / deviation;
+                row.iter_mut().for_each(|entry| *entry /= deviation);
+            }
+            if !matrix.as_flattened().iter().chain(&right).all(|value| value.is_finite()) {
+                return Err(SampleFault::NotFinite);
+            }
+            let mut stands_out = false;
+            for (mut row, right) in matrix.into_iter().zip(right) {
+                stands_out |= rows.stands_out(&mut row, right);
+            }
+            if stands_out && rows.leaves_out() {
+                return Err(SampleFault::StandsOut);
+            }
+            for (row, right) in matrix.iter_mut().zip(right) {
+                let _ = rows.take(row, right);
+            }
+            Ok(())
         }
 
         /// What samples show of the base parameters.
@@ -334,7 +353,7 @@ fn monitor(context: &Context<'_>) -> TokenStream {
         }
     };
     let jumps = requested::jumps(context.estimator);
-    let signs = count(jumps.as_ref().map_or(0, |jumps| jumps.count));
+    let signs = count(jumps.as_ref().map_or(1, |jumps| jumps.count));
     let flags: Vec<bool> = jumps.as_ref().map_or_else(Vec::new, |jumps| jumps.entries.clone());
     let size = base_fields(context).len();
     let flag_rows = (0..context.names.rows.len()).map(|row| {
@@ -347,9 +366,8 @@ fn monitor(context: &Context<'_>) -> TokenStream {
             let list = arguments(context, function.reads, false);
             (matrix(context, "base_jumps", &function, list, jumps.count), quote!(base_jumps(motion, #argument)))
         }
-        None => (TokenStream::new(), quote!([[]; #rows])),
+        None => (TokenStream::new(), quote!([[T::ONE]; #rows])),
     };
-    let jumps = quote!(MonitorJumps { arguments: #arguments_of, entries: &JUMPING });
     let spread = requested::spread(context.estimator, context.options.identified).map(|spread| {
         let about = doc(requested::SPREAD);
         let rows = spread.iter().map(|row| {
@@ -374,27 +392,25 @@ fn monitor(context: &Context<'_>) -> TokenStream {
 
         #about
         #[derive(Clone, Copy, Debug, PartialEq)]
-        pub struct Monitor<'a, T> {
-            rules: &'a MonitorRules<T>,
-            block: BaseEstimator<T>,
+        pub struct Monitor<T> {
             watch: Monitoring<T, #rows, #columns, #signs>,
         }
 
-        impl<'a, T: Real> Monitor<'a, T> {
+        impl<T: Real> Monitor<T> {
             /// Begins with the run-in.
             ///
             /// # Errors
             /// [`MonitorFault`] when the rules cannot be followed.
-            pub fn new(rules: &'a MonitorRules<T>) -> Result<Self, MonitorFault> {
+            pub fn new(rules: &MonitorRules<T>) -> Result<Self, MonitorFault> {
                 rules.check()?;
-                Ok(Self { rules, block: BaseEstimator::new(), watch: Monitoring::default() })
+                Ok(Self { watch: Monitoring::new(rules) })
             }
 
             /// Takes in the motion, as it is measured, of one instant while the machine stands still, before the run-in: what varies
             /// then is noise, which looks like a change of parameters where the machine moves little. Without any, the motion
             /// counts as exact.
             pub fn rest(&mut self, motion: &Motion<T>, #constants) {
-                self.watch.rest(self.rules, base_regressor(motion, #argument), &#jumps);
+                self.watch.rest(&mut base_regressor(motion, #argument), &#arguments_of, &JUMPING);
             }
 
             /// Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is false where
@@ -406,16 +422,19 @@ fn monitor(context: &Context<'_>) -> TokenStream {
                 whole: bool,
                 #constants
             ) -> MonitorState<T> {
-                let deviations = self.watch.deviations(self.rules, &#jumps);
-                let given = Forces::from_array(deviations);
-                let taken = whole && self.block.push(motion, forces, Some(&given), #argument).is_ok();
-                if self.watch.counts(self.rules, taken.then_some(&deviations)) {
-                    self.watch.judge(self.rules, &self.block.rows);
-                    self.block = BaseEstimator::new();
+                let mut deviations = self.watch.rules.deviations;
+                let (arguments, mut equations) = (#arguments_of, #rows);
+                for (row, deviation) in deviations.iter_mut().enumerate() {
+                    if self.watch.is_still(row, &arguments) {
+                        *deviation = T::from_f64(f64::INFINITY);
+                        equations -= 1;
+                    }
                 }
-                match self.watch.state() {
-                    MonitorState::RunIn | MonitorState::Watching(_) if !taken => MonitorState::LeftOut,
-                    state => state,
+                let given = Forces::from_array(deviations);
+                let taken = whole && take_rows(&mut self.watch.block, motion, forces, Some(&given), #argument).is_ok();
+                match self.watch.count(taken, equations) {
+                    MonitorPhase::LeftOut => MonitorState::LeftOut,
+                    _ => self.watch.state(),
                 }
             }
 

@@ -1,6 +1,6 @@
 //! The module of the estimator of a run: its sample, its parameters, its rows, and the estimator over the runtime's.
 
-use proc_macro2::{Ident, TokenStream};
+use proc_macro2::{Ident, Literal, TokenStream};
 use quote::quote;
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::plan::leaf::Leaf;
@@ -126,10 +126,8 @@ fn types(context: &Context<'_>, plan: &RunPlan<'_>, names: &names::Names) -> Tok
 fn rows(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
     let sizes = Sizes::of(plan);
     let Sizes { inputs, rows, parameters, motion, .. } = &sizes;
-    let slots = plan.motion.iter().map(|&(coordinate, derivative)| {
-        let (coordinate, derivative) = (count(coordinate), count(derivative as usize));
-        quote!((#coordinate, #derivative))
-    });
+    let of: Vec<Literal> = plan.motion.iter().map(|&(coordinate, _)| count(coordinate)).collect();
+    let orders: Vec<Literal> = plan.motion.iter().map(|&(_, derivative)| count(derivative as usize)).collect();
     let (steps, reads) = plan.rows();
     let owner = ident("self");
     let writer = Writer::new(|leaf: &Leaf| match plan.place(leaf) {
@@ -174,13 +172,14 @@ fn rows(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
         ),
     };
     let constants = if reads.constants { constants } else { quote!() };
-    let of = if context.has_constants() { quote!(Rows<'_, T>) } else { quote!(Rows) };
+    let name = if context.has_constants() { quote!(Rows<'_, T>) } else { quote!(Rows) };
     quote! {
         /// The equations along a motion.
         #structure
 
-        impl<T: Real> RunModel<T, #inputs, #rows, #parameters, #motion> for #of {
-            const MOTION: [(usize, u32); #motion] = [#(#slots),*];
+        impl<T: Real> RunModel<T, #inputs, #rows, #parameters, #motion> for #name {
+            const COORDINATES: [usize; #motion] = [#(#of),*];
+            const ORDERS: [u32; #motion] = [#(#orders),*];
             const POINTS: usize = #points;
 
             fn rows(
@@ -218,7 +217,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
         pub struct Estimator<T> {
             lines: RunLines<T, #channels, #lines>,
             passed: RunPassed<T, #inputs>,
-            workspace: RunWorkspace<T, #coordinates, #rows, #parameters, #motion, #lines, #equations, #covariances>,
+            workspace: RunWorkspace<T, #inputs, #coordinates, #rows, #parameters, #motion, #lines, #equations, #covariances>,
             sampling: RunSampling<T>,
             limits: Option<Applied<T>>,
         }
@@ -246,9 +245,8 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             /// # Errors
             /// Those of [`Self::new`].
             pub fn begin(&mut self, samples_per_period: u32, periods: u32) -> Result<(), RunFault> {
-                self.lines = RunLines::new(samples_per_period, periods)?;
-                self.passed = RunPassed::new(samples_per_period, #lines);
-                Ok(())
+                self.passed.begin(samples_per_period, #lines);
+                self.lines.begin(samples_per_period, periods)
             }
 
             /// Takes in sample `number`, counted from 0 at the beginning of a period of a motion that has settled; says whether the run
@@ -283,7 +281,7 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             /// What ended the run, [`RunFault::Unfinished`] before its last sample, [`RunFault::Equations`] when the equations are not
             /// finite along the motion, [`RunFault::Still`] when nothing stands out of the noise.
             pub fn estimate(&mut self, #constants prior: &Parameters<T>) -> Result<Estimate<T>, RunFault> {
-                let found: RunEstimate<T, #coordinates, #parameters> = self.workspace.estimate::<_, #inputs, #channels>(
+                let found: RunEstimate<T, #coordinates, #parameters> = self.workspace.estimate(
                     #model,
                     (&self.lines, &self.passed),
                     self.sampling,
@@ -300,6 +298,8 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                     parameters: Parameters::from_array(found.values),
                     deviations: Parameters::from_array(found.deviations),
                     covariance: found.covariance,
+                    combinations: found.combinations,
+                    combined: found.combined,
                     equations: found.equations,
                     about: found.about,
                     rank: found.rank,
@@ -319,6 +319,11 @@ fn estimator(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             pub deviations: Parameters<Option<T>>,
             /// Their covariance in the order of the fields; zero for those that the run does not show.
             pub covariance: [[T; #parameters]; #parameters],
+            /// A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own.
+            /// A shown parameter is a combination of itself alone; the others lead none.
+            pub combinations: [[T; #parameters]; #parameters],
+            /// The values of the combinations and their standard deviations; nothing where there is none.
+            pub combined: [Option<[T; 2]>; #parameters],
             /// The weighted equations of the run, for the step from `about`.
             pub equations: SquareRoot<T, #parameters>,
             /// The parameters from which the steps of the equations count.

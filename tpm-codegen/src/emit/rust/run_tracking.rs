@@ -15,7 +15,7 @@ pub(super) fn items(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
     }
     let Sizes { coordinates, lines, .. } = Sizes::of(plan);
     let reference = doc(REFERENCE);
-    let (linearised, numerical) = (linearised(context, plan), numerical(context, plan));
+    let (linearised, numerical) = (linearised(context), numerical(context, plan));
     quote! {
         #reference
         #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,8 @@ pub(super) fn items(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
             /// # Errors
             /// [`RunFault::Missed`], [`RunFault::NotFinite`]; they stay until a new reference is begun.
             pub fn push(&mut self, number: u32, reference: &Measured<T>) -> Result<bool, RunFault> {
-                self.0.push(number, &reference.into_array())
+                self.0.push(number, &reference.into_array())?;
+                Ok(self.0.is_whole())
             }
         }
 
@@ -46,11 +47,10 @@ pub(super) fn items(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
 }
 
 /// The estimators that are linearised about the reference, where they were requested.
-fn linearised(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
+fn linearised(context: &Context<'_>) -> TokenStream {
     if !context.estimator.parts.linearised {
         return TokenStream::new();
     }
-    let Sizes { inputs, channels, .. } = Sizes::of(plan);
     let constants = context.constants_handed_on();
     let model = if context.has_constants() { quote!(&Rows(constants)) } else { quote!(&Rows) };
     let about = doc(ABOUT);
@@ -67,7 +67,7 @@ fn linearised(context: &Context<'_>, plan: &RunPlan<'_>) -> TokenStream {
                 reference: &Reference<T>,
                 prior: &Parameters<T>,
             ) -> Result<Estimate<T>, RunFault> {
-                let found = self.workspace.estimate::<_, #inputs, #channels>(
+                let found = self.workspace.estimate(
                     #model,
                     (&self.lines, &self.passed),
                     self.sampling,

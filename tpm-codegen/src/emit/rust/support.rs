@@ -29,7 +29,7 @@ pub(super) fn text(needs: Needs) -> String {
     let Needs { solves, hyperbolic, accelerations, square_root, monitor, run, campaign } = needs;
     let square_root = square_root || run;
     let mut text = String::from(
-        "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, reason = \"no model needs all of it\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
+        "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, clippy::needless_range_loop, reason = \"no model needs all of it; an index reads as in the mathematics\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
     );
     if solves {
         text.push_str(
@@ -40,21 +40,21 @@ pub(super) fn text(needs: Needs) -> String {
         text.push_str("    pub use self::accelerations::{SingularMass, accelerations, factors_hold};\n");
     }
     if square_root {
-        text.push_str("    pub use self::square_root::{NotFinite, Shown, SquareRoot};\n");
+        text.push_str("    pub use self::square_root::{SampleFault, Shown, Solution, SquareRoot};\n");
     }
     if monitor {
         text.push_str(
-            "    pub use self::monitor::{MonitorFault, MonitorJumps, MonitorRules, MonitorState, Monitoring, Moved};\n",
+            "    pub use self::monitor::{MonitorFault, MonitorPhase, MonitorRules, MonitorState, Monitoring, Moved};\n",
         );
     }
     if campaign {
         text.push_str(
-            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignRules, Play, Pooled, RunPool, passing};\n",
+            "    pub use self::campaign::{CampaignEnd, CampaignOrder, CampaignPhase, CampaignReason, CampaignRules, CampaignState, Play, RunPool, passing};\n",
         );
     }
     if run {
         text.push_str(
-            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines};\n    pub use self::run_means::RunPassed;\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunLumping, RunPhysical};\n    pub use self::run_weigh::RunMeans;\n    pub use self::run_workspace::{RunModel, RunSampling, RunWorkspace};\n",
+            "    pub use self::phasor::Phasor;\n    pub use self::run_estimate::RunEstimate;\n    pub use self::run_linearised::{RunLinearisation, RunReference};\n    pub use self::run_lines::{RunFault, RunLines, RunSampling};\n    pub use self::run_means::RunPassed;\n    pub use self::run_numerical::RunNumerical;\n    pub use self::run_physical::{RunIteration, RunLumping, RunPhysical};\n    pub use self::run_weigh::RunMeans;\n    pub use self::run_workspace::{RunModel, RunWorkspace};\n",
         );
     }
     if hyperbolic {
