@@ -120,7 +120,7 @@ static void record(int seed, const estimator_run_sample *sample)
     }
     open = run;
     if (file != NULL) {
-        fprintf(file, "%.9g", STEP * (double)campaign.run.count);
+        fprintf(file, "%.9g", STEP * (double)campaign.run.lines.count);
         for (i = 0; i < COORDINATES; ++i) {
             fprintf(file, ",%.9g", (double)((const float *)&sample->measured)[i]);
         }
