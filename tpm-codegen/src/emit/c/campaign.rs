@@ -15,20 +15,11 @@ use super::expression::Writer;
 use super::layout::{doc, statement};
 use super::support;
 
-/// The functions of the controller's code that a campaign calls.
-pub(super) struct Calls {
-    pub(super) begin: String,
-    pub(super) advance: String,
-    pub(super) run_is_whole: String,
-    pub(super) updated: String,
-    pub(super) stop: String,
-    pub(super) fail: String,
+/// The functions of the controller's code that lead from motion to motion.
+struct Calls {
     at: String,
     step: String,
     passing: String,
-    pub(super) clear: String,
-    pub(super) add: String,
-    pub(super) solve: String,
 }
 
 /// Writes the campaign, where it was requested.
@@ -41,29 +32,20 @@ pub(super) fn write(context: &mut Context<'_>, plan: &RunPlan<'_>, names: &Names
         "Entries of a whole motion: every coordinate with as many derivatives as any has.",
     );
     context.header.push_str(&format!("\n{size}"));
-    let (pool, factor) = (support::sizes(context, &["RUN_PARAMETERS"]), support::sizes(context, &["RUN_PARAMETERS"]));
-    let sizes: Vec<(&str, &str)> = support::RUN.into_iter().chain([("M", "RUN_MOTION")]).collect();
-    let calls = support::write(context, &sizes, |translator| {
+    let parameters = support::sizes(context, &["RUN_PARAMETERS"]);
+    let calls = support::write(context, &support::CAMPAIGN, |translator| {
+        translator.structure("RunPool", &parameters)?;
         let mut order = |name| translator.method("CampaignOrder", &[], name);
         Ok(Calls {
-            begin: order("start")?,
-            advance: order("advance")?,
-            run_is_whole: order("run_is_whole")?,
-            updated: order("updated")?,
-            stop: order("stop")?,
-            fail: order("fail")?,
             at: order("passage_at")?,
             step: order("passage_step")?,
             passing: translator.function("campaign", "passing")?,
-            clear: translator.method("RunPool", &pool, "clear")?,
-            add: translator.method("RunPool", &pool, "add")?,
-            solve: translator.method("SquareRoot", &factor, "solve")?,
         })
     });
     structures(context);
     motion(context);
     play(context, plan, names, &campaign, &calls);
-    functions(context, names, &calls);
+    functions(context, names);
 }
 
 /// The structures that hold the model's own.

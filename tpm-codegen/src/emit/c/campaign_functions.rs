@@ -1,9 +1,22 @@
 //! The functions of a campaign in C that the caller names.
 
 use super::super::names::Names;
-use super::campaign::Calls;
 use super::context::{Context, Parameter};
 use super::layout::statement;
+use super::support;
+
+/// The functions of the controller's code that a campaign calls.
+struct Calls {
+    begin: String,
+    advance: String,
+    run_is_whole: String,
+    updated: String,
+    stop: String,
+    fail: String,
+    clear: String,
+    add: String,
+    solve: String,
+}
 
 /// What the caller reads of the order of a campaign.
 const SHOW: &str = "    campaign->phase = campaign->order.state;
@@ -13,13 +26,28 @@ const SHOW: &str = "    campaign->phase = campaign->order.state;
 ";
 
 /// The functions that the caller names.
-pub(super) fn functions(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
+pub(super) fn functions(context: &mut Context<'_>, names: &Names<String>) {
+    let parameters = support::sizes(context, &["RUN_PARAMETERS"]);
+    let calls = support::write(context, &support::CAMPAIGN, |translator| {
+        let mut order = |name| translator.method("CampaignOrder", &[], name);
+        Ok(Calls {
+            begin: order("start")?,
+            advance: order("advance")?,
+            run_is_whole: order("run_is_whole")?,
+            updated: order("updated")?,
+            stop: order("stop")?,
+            fail: order("fail")?,
+            clear: translator.method("RunPool", &parameters, "clear")?,
+            add: translator.method("RunPool", &parameters, "add")?,
+            solve: translator.method("SquareRoot", &parameters, "solve")?,
+        })
+    });
     let status = context.global("run_status");
     let phase = context.global("run_phase");
     let pointer = Parameter::new(format!("{} *campaign", context.global("run_campaign")));
-    begin(context, names, calls, [&status, &phase], pointer.clone());
-    push(context, names, calls, &phase, pointer.clone());
-    update(context, names, calls, &phase, pointer.clone());
+    begin(context, names, &calls, [&status, &phase], pointer.clone());
+    push(context, names, &calls, &phase, pointer.clone());
+    update(context, names, &calls, &phase, pointer.clone());
     let body = format!("    {}(&campaign->order);\n    campaign_show(campaign);\n", calls.stop);
     let about = "Ends the campaign: the machine passes to rest while further samples are pushed.";
     context.function(&context.global("run_campaign_stop"), about, "void", &[pointer], &body);

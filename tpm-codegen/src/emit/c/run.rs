@@ -16,8 +16,8 @@ use super::layout::{doc, statement, string};
 use super::run_estimate::estimate;
 use super::{run_numerical, run_physical, run_reference, support};
 
-/// The functions of the controller's code that the estimator calls.
-pub(super) struct Calls {
+/// The functions of the controller's code that take in samples.
+struct Calls {
     begin: String,
     passed_begin: String,
     push: String,
@@ -25,9 +25,6 @@ pub(super) struct Calls {
     fail: String,
     whole: String,
     finished: String,
-    pub(super) behind: String,
-    pub(super) update: String,
-    pub(super) chi_squared: String,
 }
 
 /// Writes the estimator, where it was requested.
@@ -42,28 +39,25 @@ pub(super) fn write(context: &mut Context<'_>) {
     let workspace = support::workspace(context);
     let calls = support::write(context, &support::RUN, |translator| {
         translator.structure("RunWorkspace", &workspace)?;
+        translator.structure("RunSampling", &[])?;
         let mut of_lines = |name| translator.method("RunLines", &channels, name);
         let (begin, push, fail) = (of_lines("begin")?, of_lines("push")?, of_lines("fail")?);
-        let (whole, finished, behind) =
-            (of_lines("is_whole")?, of_lines("finished")?, of_lines("samples_behind_line")?);
+        let (whole, finished) = (of_lines("is_whole")?, of_lines("finished")?);
         Ok(Calls {
             begin,
             push,
             fail,
             whole,
             finished,
-            behind,
             passed_begin: translator.method("RunPassed", &inputs, "begin")?,
             passed_push: translator.method("RunPassed", &inputs, "push")?,
-            update: translator.method("RunWorkspace", &workspace, "update")?,
-            chi_squared: translator.method("RunWorkspace", &workspace, "chi_squared")?,
         })
     });
     functions(context, &names, &calls);
     if plan.takes_reference(context.estimator) {
         run_reference::write(context, &names);
     }
-    estimate(context, &names, &calls);
+    estimate(context, &names);
     run_numerical::write(context, &names);
     run_physical::write(context, &plan, &names);
     campaign::write(context, &plan, &names);

@@ -5,11 +5,17 @@ use super::super::run::ABOUT;
 use super::context::{Context, Parameter};
 use super::layout::{doc, statement};
 use super::requested;
-use super::run::Calls;
 use super::support;
 
+/// The functions of the controller's code that the estimate calls.
+struct Calls {
+    update: String,
+    chi_squared: String,
+    behind: String,
+}
+
 /// The structure of an estimate, and the function that gives it.
-pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
+pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
     let (real, size) = (context.scalar.name(), context.constant("RUN_PARAMETERS"));
     let (parameters, measured) = (context.global("run_parameters"), context.global("run_measured"));
     let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
@@ -42,18 +48,25 @@ pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>, calls: 
     .concat();
     context.structure("run_estimate", "What a run says of the parameters.", &fields);
     fill(context, names);
+    let (workspace, lines) = (support::workspace(context), support::sizes(context, &["RUN_CHANNELS", "RUN_LINES"]));
+    let calls = support::write(context, &support::RUN, |translator| {
+        Ok(Calls {
+            update: translator.method("RunWorkspace", &workspace, "update")?,
+            chi_squared: translator.method("RunWorkspace", &workspace, "chi_squared")?,
+            behind: translator.method("RunLines", &lines, "samples_behind_line")?,
+        })
+    });
     let about = "What the run says of the parameters; `prior` has the present estimates, at which weights begin. Only with the first status is\n\
                  anything written to `estimate`.";
     let (name, status) = (context.global("run_identify"), context.global("run_status"));
-    let body = solution(context, names, calls, [&calls.update, ""]);
+    let body = solution(context, names, &calls, [&calls.update, ""]);
     context.function(&name, about, &status, &parameter_list(context, false), &body);
     if context.estimator.parts.linearised {
-        let workspace = support::workspace(context);
         let update = support::write(context, &support::RUN, |translator| {
             translator.method("RunWorkspace", &workspace, "update_about")
         });
         let about = format!("{ABOUT} Only with the first status is anything written to `estimate`.");
-        let body = solution(context, names, calls, [&update, ", reference, which"]);
+        let body = solution(context, names, &calls, [&update, ", reference, which"]);
         let name = context.global("run_identify_about");
         context.function(&name, &about, &status, &parameter_list(context, true), &body);
     }

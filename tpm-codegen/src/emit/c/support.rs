@@ -24,6 +24,12 @@ pub(super) const RUN: [(&str, &str); 10] = [
     ("U", "RUN_INPUTS"),
 ];
 
+/// The sizes of a campaign: those of its runs, and of the motion that it plays.
+pub(super) const CAMPAIGN: [(&str, &str); 11] = {
+    let [c, e, k, l, n, p, q, r, s, u] = RUN;
+    [c, e, k, l, n, p, q, r, s, u, ("M", "RUN_MOTION")]
+};
+
 /// Writes what is asked for of the controller's code, with all that it needs and that is not there yet.
 ///
 /// # Panics

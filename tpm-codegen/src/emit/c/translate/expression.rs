@@ -3,8 +3,10 @@
 //! Invariant: operators bind in the text as they do in the source; what is constant is computed here, in double precision, and rounded once.
 
 use super::super::super::number::digits;
+use super::frame::Frame;
+use super::library::{self, Untranslated};
+use super::translator::{Callee, Translator};
 use super::types::Type;
-use super::{Callee, Frame, Translator, Untranslated, library};
 
 /// How tightly operators bind in C.
 const POSTFIX: u8 = 15;

@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use quote::ToTokens;
 use tpm_controller::source::SUPPORT;
 
-use super::Untranslated;
+/// Why something is not of the subset.
+pub(in crate::emit::c) type Untranslated = String;
 
 /// All items of `tpm_controller::support`.
 pub(in crate::emit::c) struct Library {

@@ -1,8 +1,12 @@
 //! Statements of the subset in C.
 
+use std::collections::HashMap;
+
 use super::expression::RELATION;
+use super::frame::Frame;
+use super::library::{self, Untranslated};
+use super::translator::Translator;
 use super::types::Type;
-use super::{Frame, Translator, Untranslated, library};
 
 impl Translator<'_> {
     /// The statements of a block; the last expression of a function is its result.
@@ -22,7 +26,7 @@ impl Translator<'_> {
 
     /// The statements of an inner block.
     fn inner(&mut self, block: &syn::Block, frame: &mut Frame, last: bool) -> Result<(), Untranslated> {
-        frame.scopes.push(std::collections::HashMap::new());
+        frame.scopes.push(HashMap::new());
         frame.depth += 1;
         self.block(block, frame, last)?;
         frame.depth -= 1;
@@ -382,7 +386,7 @@ impl Translator<'_> {
         } else {
             format!("for ({kind} {name} = {start}; {name} {relation} {end}; {forward}) {{")
         });
-        frame.scopes.push(std::collections::HashMap::new());
+        frame.scopes.push(HashMap::new());
         frame.declare(&name, ty)?;
         self.inner(&over.body, frame, false)?;
         frame.scopes.pop();
