@@ -2472,8 +2472,9 @@ pub mod support {
         //! Every row is rotated into the factor R of A = Q R (Givens), so that no square of the matrix is ever formed and single precision
         //! keeps its digits. Rotations round every column by itself; columns are scaled to unit length when the solution is asked for.
         //!
-        //! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic. All
-        //! but what Rust alone is given is of the subset that is printed as C too.
+        //! Invariants: nothing allocates, and indices are below the lengths of the arrays that they index, so that no input can make it panic. Where
+        //! an index or the end of a loop is itself a value in memory, `min` bounds it by the size although it never is above, so that a compiler sees
+        //! that no path to a panic remains. All but what Rust alone is given is of the subset that is printed as C too.
 
         use super::Real;
         use core::fmt;
@@ -2679,8 +2680,8 @@ pub mod support {
                     found.column[k] = if k < found.rank { found.projected[k] } else { T::ZERO };
                 }
                 found.substitute();
-                for k in 0..found.rank {
-                    let place = found.order[k];
+                for k in 0..found.rank.min(C) {
+                    let place = found.order[k].min(C - 1);
                     found.steps[place] = found.column[k];
                     found.values[place] = found.column[k] / found.scales[place];
                 }
@@ -2801,7 +2802,7 @@ pub mod support {
                     let mut diagonal = T::ZERO;
                     let mut best = k;
                     for j in k..C {
-                        let size = length(&self.columns[self.order[j]]);
+                        let size = length(&self.columns[self.order[j].min(C - 1)]);
                         if size > diagonal {
                             diagonal = size;
                             best = j;
@@ -2810,24 +2811,18 @@ pub mod support {
                     if diagonal <= tiny {
                         break;
                     }
-                    self.order.swap(k, best);
-                    let pivot = self.order[k];
+                    self.order.swap(k, best.min(C - 1));
+                    let pivot = self.order[k].min(C - 1);
                     for r in 0..C {
                         self.columns[pivot][r] /= diagonal;
                     }
                     self.triangle[k][pivot] = diagonal;
+                    let unit = self.columns[pivot];
                     for j in k + 1..C {
-                        let other = self.order[j];
-                        self.triangle[k][other] = self.take_off(pivot, other);
+                        let other = self.order[j].min(C - 1);
+                        self.triangle[k][other] = Self::take_off(&unit, &mut self.columns[other]);
                     }
-                    let mut of_right = T::ZERO;
-                    for r in 0..C {
-                        of_right += self.columns[pivot][r] * self.right[r];
-                    }
-                    for r in 0..C {
-                        self.right[r] -= of_right * self.columns[pivot][r];
-                    }
-                    self.projected[k] = of_right;
+                    self.projected[k] = Self::take_off(&unit, &mut self.right);
                     self.rank += 1;
                 }
             }
@@ -2844,33 +2839,37 @@ pub mod support {
 
             /// Solves with the triangle in the place of `column`, which is in the order of the pivots.
             fn substitute(&mut self) {
-                for k in (0..self.rank).rev() {
+                let rank = self.rank.min(C);
+                for k in (0..rank).rev() {
                     let mut sum = self.column[k];
-                    for j in k + 1..self.rank {
-                        sum -= self.triangle[k][self.order[j]] * self.column[j];
+                    for j in k + 1..rank {
+                        sum -= self.triangle[k][self.order[j].min(C - 1)] * self.column[j];
                     }
-                    self.column[k] = sum / self.triangle[k][self.order[k]];
+                    self.column[k] = sum / self.triangle[k][self.order[k].min(C - 1)];
                 }
             }
 
             /// Says what is shown: pivots of which no free column takes more than a leak. Of the others combinations are shown, with as much of the
             /// free unknowns, in the size of their columns, as their columns take.
             fn judge(&mut self, leak: T) {
+                let rank = self.rank.min(C);
                 self.combinations = [[T::ZERO; C]; C];
                 for j in 0..C {
-                    let place = self.order[j];
-                    self.shown[place] = j < self.rank;
-                    self.combinations[place][place] = if j < self.rank { T::ONE } else { T::ZERO };
+                    let place = self.order[j].min(C - 1);
+                    self.shown[place] = j < rank;
+                    self.combinations[place][place] = if j < rank { T::ONE } else { T::ZERO };
                 }
-                for j in self.rank..C {
-                    for k in 0..self.rank {
-                        self.column[k] = self.triangle[k][self.order[j]];
+                for j in rank..C {
+                    let free = self.order[j].min(C - 1);
+                    for k in 0..rank {
+                        self.column[k] = self.triangle[k][free];
                     }
                     self.substitute();
-                    for k in 0..self.rank {
+                    for k in 0..rank {
                         if self.column[k].abs() > leak || !self.column[k].is_finite() {
-                            self.shown[self.order[k]] = false;
-                            self.combinations[self.order[k]][self.order[j]] = self.column[k];
+                            let pivot = self.order[k].min(C - 1);
+                            self.shown[pivot] = false;
+                            self.combinations[pivot][free] = self.column[k];
                         }
                     }
                 }
@@ -2879,14 +2878,16 @@ pub mod support {
             /// Takes the part along the free directions off the steps, and gives steps and combinations the sizes of the unknowns. A free direction
             /// has one of its own unknown, and less of the pivots by what their columns take; those before it are taken off it first.
             fn spread(&mut self) {
-                for j in self.rank..C {
-                    let free = self.order[j];
+                let rank = self.rank.min(C);
+                for j in rank..C {
+                    let free = self.order[j].min(C - 1);
                     for place in 0..C {
                         self.columns[free][place] = -self.combinations[place][free];
                     }
                     self.columns[free][free] = T::ONE;
-                    for i in self.rank..j {
-                        let _ = self.take_off(self.order[i], free);
+                    for i in rank..j {
+                        let unit = self.columns[self.order[i].min(C - 1)];
+                        let _ = Self::take_off(&unit, &mut self.columns[free]);
                     }
                     let size = length(&self.columns[free]);
                     let mut along = T::ZERO;
@@ -2907,13 +2908,13 @@ pub mod support {
             }
 
             /// Takes the part along a column of unit length off another; gives its size.
-            fn take_off(&mut self, unit: usize, other: usize) -> T {
+            fn take_off(unit: &[T; C], other: &mut [T; C]) -> T {
                 let mut along = T::ZERO;
                 for r in 0..C {
-                    along += self.columns[unit][r] * self.columns[other][r];
+                    along += unit[r] * other[r];
                 }
                 for r in 0..C {
-                    self.columns[other][r] -= along * self.columns[unit][r];
+                    other[r] -= along * unit[r];
                 }
                 along
             }
@@ -2922,14 +2923,16 @@ pub mod support {
             fn invert(&mut self) {
                 let mut all = T::ZERO;
                 self.covariance = [[T::ZERO; C]; C];
-                for k in 0..self.rank {
-                    for j in 0..self.rank {
+                let rank = self.rank.min(C);
+                for k in 0..rank {
+                    for j in 0..rank {
                         self.column[j] = if j == k { T::ONE } else { T::ZERO };
                     }
                     self.substitute();
-                    for j in 0..self.rank {
-                        for i in 0..self.rank {
-                            self.covariance[self.order[j]][self.order[i]] += self.column[j] * self.column[i];
+                    for j in 0..rank {
+                        let row = self.order[j].min(C - 1);
+                        for i in 0..rank {
+                            self.covariance[row][self.order[i].min(C - 1)] += self.column[j] * self.column[i];
                         }
                         all += self.column[j] * self.column[j];
                     }
