@@ -100,7 +100,7 @@ static double least_squares_column_length(double (*matrix)[MASS_SPRING_DRAG_PARA
 {
     double largest = 0.0;
     double sum = 0.0;
-    if (column >= MASS_SPRING_DRAG_PARAMETERS) {
+    if (column >= (size_t)MASS_SPRING_DRAG_PARAMETERS) {
         return sum;
     }
     for (size_t i = 0; i < matrix_length; ++i) {
@@ -123,7 +123,7 @@ static double least_squares_column_length(double (*matrix)[MASS_SPRING_DRAG_PARA
 static void least_squares_exchange(mass_spring_drag_least_squares *self,
         double (*matrix)[MASS_SPRING_DRAG_PARAMETERS], size_t matrix_length, size_t k, size_t j)
 {
-    if (k >= MASS_SPRING_DRAG_PARAMETERS || j >= MASS_SPRING_DRAG_PARAMETERS) {
+    if (k >= (size_t)MASS_SPRING_DRAG_PARAMETERS || j >= (size_t)MASS_SPRING_DRAG_PARAMETERS) {
         return;
     }
     for (size_t i = 0; i < matrix_length; ++i) {
@@ -131,7 +131,7 @@ static void least_squares_exchange(mass_spring_drag_least_squares *self,
         matrix[i][k] = matrix[i][j];
         matrix[i][j] = held1;
     }
-    for (size_t i = 0; i < MASS_SPRING_DRAG_PARAMETERS; ++i) {
+    for (size_t i = 0; i < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++i) {
         const double held2 = self->factor[i][k];
         self->factor[i][k] = self->factor[i][j];
         self->factor[i][j] = held2;
@@ -152,14 +152,14 @@ static void least_squares_eliminate(mass_spring_drag_least_squares *self,
         double (*matrix)[MASS_SPRING_DRAG_PARAMETERS], size_t matrix_length, double *right,
         size_t right_length, size_t k, double diagonal)
 {
-    if (k >= MASS_SPRING_DRAG_PARAMETERS) {
+    if (k >= (size_t)MASS_SPRING_DRAG_PARAMETERS) {
         return;
     }
     self->factor[k][k] = diagonal;
     for (size_t i = 0; i < matrix_length; ++i) {
         matrix[i][k] /= diagonal;
     }
-    for (size_t j = k + 1; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+    for (size_t j = k + 1u; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
         double along = 0.0;
         for (size_t i = 0; i < matrix_length; ++i) {
             along += matrix[i][k] * matrix[i][j];
@@ -201,13 +201,14 @@ static double least_squares_length(const double *values, size_t values_length)
 /* Solves with the triangular factor, and gives every unknown its place. */
 static void least_squares_substitute(mass_spring_drag_least_squares *self)
 {
-    for (size_t k = MASS_SPRING_DRAG_PARAMETERS; k-- > 0;) {
+    for (size_t i1 = 0; i1 < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++i1) {
+        const size_t k = (size_t)MASS_SPRING_DRAG_PARAMETERS - 1u - i1;
         double sum = self->projected[k];
-        for (size_t j = k + 1; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+        for (size_t j = k + 1u; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
             sum -= self->factor[k][j] * self->projected[j];
         }
         self->projected[k] = sum / self->factor[k][k];
-        for (size_t place = 0; place < MASS_SPRING_DRAG_PARAMETERS; ++place) {
+        for (size_t place = 0; place < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++place) {
             if (self->order[k] == place) {
                 self->solution[place] = self->projected[k] / self->scales[k];
             }
@@ -218,12 +219,12 @@ static void least_squares_substitute(mass_spring_drag_least_squares *self)
 /* Gives the covariance of two columns its two places. */
 static void least_squares_place(mass_spring_drag_least_squares *self, size_t i, size_t j, double value)
 {
-    if (i >= MASS_SPRING_DRAG_PARAMETERS || j >= MASS_SPRING_DRAG_PARAMETERS) {
+    if (i >= (size_t)MASS_SPRING_DRAG_PARAMETERS || j >= (size_t)MASS_SPRING_DRAG_PARAMETERS) {
         return;
     }
-    for (size_t row = 0; row < MASS_SPRING_DRAG_PARAMETERS; ++row) {
-        for (size_t column = 0; column < MASS_SPRING_DRAG_PARAMETERS; ++column) {
-            const int own = row == self->order[i] && column == self->order[j];
+    for (size_t row = 0; row < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++row) {
+        for (size_t column = 0; column < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++column) {
+            const bool own = row == self->order[i] && column == self->order[j];
             if (own || (row == self->order[j] && column == self->order[i])) {
                 self->covariance[row][column] = value;
             }
@@ -236,7 +237,7 @@ static void least_squares_place(mass_spring_drag_least_squares *self, size_t i, 
  */
 static void least_squares_invert(mass_spring_drag_least_squares *self)
 {
-    for (size_t j = 0; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+    for (size_t j = 0; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
         self->factor[j][j] = 1.0 / self->factor[j][j];
         for (size_t i = 0; i < j; ++i) {
             double sum = 0.0;
@@ -247,10 +248,10 @@ static void least_squares_invert(mass_spring_drag_least_squares *self)
         }
     }
     double square = 0.0;
-    for (size_t i = 0; i < MASS_SPRING_DRAG_PARAMETERS; ++i) {
+    for (size_t i = 0; i < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++i) {
         for (size_t j = 0; j <= i; ++j) {
             double sum = 0.0;
-            for (size_t k = i; k < MASS_SPRING_DRAG_PARAMETERS; ++k) {
+            for (size_t k = i; k < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++k) {
                 sum += self->factor[i][k] * self->factor[j][k];
             }
             if (i == j) {
@@ -273,19 +274,19 @@ static size_t least_squares_solve(mass_spring_drag_least_squares *self,
 {
     self->rank = 0;
     for (size_t i = 0; i < (matrix_length < right_length ? matrix_length : right_length); ++i) {
-        for (size_t j = 0; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+        for (size_t j = 0; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
             if (!(fabs(matrix[i][j]) <= DBL_MAX)) {
-                return MASS_SPRING_DRAG_PARAMETERS + 1;
+                return (size_t)MASS_SPRING_DRAG_PARAMETERS + 1u;
             }
         }
         if (!(fabs(right[i]) <= DBL_MAX)) {
-            return MASS_SPRING_DRAG_PARAMETERS + 1;
+            return (size_t)MASS_SPRING_DRAG_PARAMETERS + 1u;
         }
     }
-    for (size_t j = 0; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+    for (size_t j = 0; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
         const double size = least_squares_column_length(matrix, matrix_length, j);
         if (!(fabs(size) <= DBL_MAX)) {
-            return MASS_SPRING_DRAG_PARAMETERS + 1;
+            return (size_t)MASS_SPRING_DRAG_PARAMETERS + 1u;
         }
         self->order[j] = j;
         self->scales[j] = size > 0.0 ? size : 1.0;
@@ -293,10 +294,11 @@ static size_t least_squares_solve(mass_spring_drag_least_squares *self,
             matrix[i][j] /= self->scales[j];
         }
     }
-    const double tiny = DBL_EPSILON * 4.0 * (double)(matrix_length + MASS_SPRING_DRAG_PARAMETERS);
-    for (size_t k = 0; k < MASS_SPRING_DRAG_PARAMETERS; ++k) {
+    const size_t sides = matrix_length + (size_t)MASS_SPRING_DRAG_PARAMETERS;
+    const double tiny = DBL_EPSILON * 4.0 * (double)sides;
+    for (size_t k = 0; k < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++k) {
         double diagonal = least_squares_column_length(matrix, matrix_length, k);
-        for (size_t j = k + 1; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+        for (size_t j = k + 1u; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
             const double size = least_squares_column_length(matrix, matrix_length, j);
             if (size > diagonal) {
                 diagonal = size;
@@ -307,7 +309,7 @@ static size_t least_squares_solve(mass_spring_drag_least_squares *self,
             return self->order[k];
         }
         least_squares_eliminate(self, matrix, matrix_length, right, right_length, k, diagonal);
-        self->rank += 1;
+        self->rank += 1u;
     }
     self->residual = least_squares_length(right, right_length);
     least_squares_substitute(self);
@@ -321,12 +323,12 @@ static mass_spring_drag_status least_squares(size_t rows, double matrix[][MASS_S
     const size_t first = least_squares_solve(fit, matrix, rows, right, rows);
 
     estimate->rank = (int)fit->rank;
-    estimate->undetermined = first < MASS_SPRING_DRAG_PARAMETERS ? (int)first : -1;
-    if (first != MASS_SPRING_DRAG_PARAMETERS) {
-        return first < MASS_SPRING_DRAG_PARAMETERS ? MASS_SPRING_DRAG_UNDETERMINED : MASS_SPRING_DRAG_NOT_FINITE;
+    estimate->undetermined = first < (size_t)MASS_SPRING_DRAG_PARAMETERS ? (int)first : -1;
+    if (first != (size_t)MASS_SPRING_DRAG_PARAMETERS) {
+        return first < (size_t)MASS_SPRING_DRAG_PARAMETERS ? MASS_SPRING_DRAG_UNDETERMINED : MASS_SPRING_DRAG_NOT_FINITE;
     }
-    for (size_t i = 0; i < MASS_SPRING_DRAG_PARAMETERS; ++i) {
-        for (size_t j = 0; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+    for (size_t i = 0; i < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++i) {
+        for (size_t j = 0; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
             estimate->covariance[i][j] = fit->covariance[i][j];
         }
     }
@@ -404,7 +406,7 @@ void mass_spring_drag_accumulator_clear(mass_spring_drag_accumulator *accumulato
 {
     size_t i;
 
-    for (i = 0; i < MASS_SPRING_DRAG_HARMONICS; ++i) {
+    for (i = 0; i < (size_t)MASS_SPRING_DRAG_HARMONICS; ++i) {
         accumulator->sums[i] = 0.0;
     }
     accumulator->samples = 0;
@@ -426,7 +428,7 @@ void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, d
     accumulator->sums[4] += now.u * t4;
     accumulator->sums[5] += now.u * (t1 * t4 - t2 * (t3 + t3));
     if (accumulator->samples < UINT64_MAX) {
-        accumulator->samples += 1;
+        accumulator->samples += 1u;
     }
 }
 
@@ -450,7 +452,7 @@ mass_spring_drag_status
         mass_spring_drag_accumulated(const mass_spring_drag_accumulator *accumulator,
         mass_spring_drag_harmonics *harmonics)
 {
-    if (accumulator->samples == 0) {
+    if (accumulator->samples == 0u) {
         return MASS_SPRING_DRAG_TOO_FEW;
     }
     const double mean = 1.0 / (double)accumulator->samples;
@@ -470,13 +472,15 @@ mass_spring_drag_status mass_spring_drag_transform(const mass_spring_drag_forces
     mass_spring_drag_accumulator accumulator;
     size_t i;
 
-    if (count <= 2 * MASS_SPRING_DRAG_HIGHEST_HARMONIC) {
+    /* Twice the highest harmonic. */
+    if (count <= 12u) {
         return MASS_SPRING_DRAG_TOO_FEW;
     }
     mass_spring_drag_accumulator_clear(&accumulator);
     for (i = 0; i < count; ++i) {
         /* Measured from the nearer end of the period, so that the phase keeps its digits. */
-        const double turns = i <= count / 2 ? (double)i / (double)count : -((double)(count - i) / (double)count);
+        const size_t left = count - i;
+        const double turns = i <= left ? (double)i / (double)count : -((double)left / (double)count);
         mass_spring_drag_accumulate(&accumulator, 6.283185307179586 * turns, &samples[i]);
     }
     return mass_spring_drag_accumulated(&accumulator, harmonics);
@@ -493,7 +497,8 @@ mass_spring_drag_status mass_spring_drag_identify(const mass_spring_drag_pattern
         const mass_spring_drag_harmonics *effort, const mass_spring_drag_harmonics *deviations,
         mass_spring_drag_workspace *workspace, mass_spring_drag_estimate *estimate)
 {
-    size_t i, j;
+    size_t i;
+    size_t j;
 
     mass_spring_drag_estimator_matrix(pattern, workspace->matrix);
     workspace->right[0] = effort->u.cos0;
@@ -506,9 +511,9 @@ mass_spring_drag_status mass_spring_drag_identify(const mass_spring_drag_pattern
         const double deviation[MASS_SPRING_DRAG_HARMONICS] = {deviations->u.cos0,
                 deviations->u.cos1, deviations->u.cos2, deviations->u.cos3, deviations->u.cos4,
                 deviations->u.cos6};
-        for (i = 0; i < MASS_SPRING_DRAG_HARMONICS; ++i) {
+        for (i = 0; i < (size_t)MASS_SPRING_DRAG_HARMONICS; ++i) {
             workspace->right[i] /= deviation[i];
-            for (j = 0; j < MASS_SPRING_DRAG_PARAMETERS; ++j) {
+            for (j = 0; j < (size_t)MASS_SPRING_DRAG_PARAMETERS; ++j) {
                 workspace->matrix[i][j] /= deviation[i];
             }
         }

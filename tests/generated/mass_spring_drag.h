@@ -24,6 +24,7 @@
 #ifndef MASS_SPRING_DRAG_H_INCLUDED
 #define MASS_SPRING_DRAG_H_INCLUDED
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 

@@ -935,7 +935,8 @@ pub mod support {
                         matrix[i][j] /= self.scales[j];
                     }
                 }
-                let tiny = T::EPSILON * T::from_f64(4.0) * T::from_f64((matrix.len() + C) as f64);
+                let sides = matrix.len() + C;
+                let tiny = T::EPSILON * T::from_f64(4.0) * T::from_f64(sides as f64);
                 for k in 0..C {
                     let mut diagonal = column_length(matrix, k);
                     for j in k + 1..C {

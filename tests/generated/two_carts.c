@@ -164,7 +164,7 @@ static double least_squares_column_length(double (*matrix)[TWO_CARTS_PARAMETERS]
 {
     double largest = 0.0;
     double sum = 0.0;
-    if (column >= TWO_CARTS_PARAMETERS) {
+    if (column >= (size_t)TWO_CARTS_PARAMETERS) {
         return sum;
     }
     for (size_t i = 0; i < matrix_length; ++i) {
@@ -187,7 +187,7 @@ static double least_squares_column_length(double (*matrix)[TWO_CARTS_PARAMETERS]
 static void least_squares_exchange(two_carts_least_squares *self, double (*matrix)[TWO_CARTS_PARAMETERS],
         size_t matrix_length, size_t k, size_t j)
 {
-    if (k >= TWO_CARTS_PARAMETERS || j >= TWO_CARTS_PARAMETERS) {
+    if (k >= (size_t)TWO_CARTS_PARAMETERS || j >= (size_t)TWO_CARTS_PARAMETERS) {
         return;
     }
     for (size_t i = 0; i < matrix_length; ++i) {
@@ -195,7 +195,7 @@ static void least_squares_exchange(two_carts_least_squares *self, double (*matri
         matrix[i][k] = matrix[i][j];
         matrix[i][j] = held1;
     }
-    for (size_t i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
+    for (size_t i = 0; i < (size_t)TWO_CARTS_PARAMETERS; ++i) {
         const double held2 = self->factor[i][k];
         self->factor[i][k] = self->factor[i][j];
         self->factor[i][j] = held2;
@@ -215,14 +215,14 @@ static void least_squares_exchange(two_carts_least_squares *self, double (*matri
 static void least_squares_eliminate(two_carts_least_squares *self, double (*matrix)[TWO_CARTS_PARAMETERS],
         size_t matrix_length, double *right, size_t right_length, size_t k, double diagonal)
 {
-    if (k >= TWO_CARTS_PARAMETERS) {
+    if (k >= (size_t)TWO_CARTS_PARAMETERS) {
         return;
     }
     self->factor[k][k] = diagonal;
     for (size_t i = 0; i < matrix_length; ++i) {
         matrix[i][k] /= diagonal;
     }
-    for (size_t j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
+    for (size_t j = k + 1u; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
         double along = 0.0;
         for (size_t i = 0; i < matrix_length; ++i) {
             along += matrix[i][k] * matrix[i][j];
@@ -264,13 +264,14 @@ static double least_squares_length(const double *values, size_t values_length)
 /* Solves with the triangular factor, and gives every unknown its place. */
 static void least_squares_substitute(two_carts_least_squares *self)
 {
-    for (size_t k = TWO_CARTS_PARAMETERS; k-- > 0;) {
+    for (size_t i1 = 0; i1 < (size_t)TWO_CARTS_PARAMETERS; ++i1) {
+        const size_t k = (size_t)TWO_CARTS_PARAMETERS - 1u - i1;
         double sum = self->projected[k];
-        for (size_t j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
+        for (size_t j = k + 1u; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
             sum -= self->factor[k][j] * self->projected[j];
         }
         self->projected[k] = sum / self->factor[k][k];
-        for (size_t place = 0; place < TWO_CARTS_PARAMETERS; ++place) {
+        for (size_t place = 0; place < (size_t)TWO_CARTS_PARAMETERS; ++place) {
             if (self->order[k] == place) {
                 self->solution[place] = self->projected[k] / self->scales[k];
             }
@@ -281,12 +282,12 @@ static void least_squares_substitute(two_carts_least_squares *self)
 /* Gives the covariance of two columns its two places. */
 static void least_squares_place(two_carts_least_squares *self, size_t i, size_t j, double value)
 {
-    if (i >= TWO_CARTS_PARAMETERS || j >= TWO_CARTS_PARAMETERS) {
+    if (i >= (size_t)TWO_CARTS_PARAMETERS || j >= (size_t)TWO_CARTS_PARAMETERS) {
         return;
     }
-    for (size_t row = 0; row < TWO_CARTS_PARAMETERS; ++row) {
-        for (size_t column = 0; column < TWO_CARTS_PARAMETERS; ++column) {
-            const int own = row == self->order[i] && column == self->order[j];
+    for (size_t row = 0; row < (size_t)TWO_CARTS_PARAMETERS; ++row) {
+        for (size_t column = 0; column < (size_t)TWO_CARTS_PARAMETERS; ++column) {
+            const bool own = row == self->order[i] && column == self->order[j];
             if (own || (row == self->order[j] && column == self->order[i])) {
                 self->covariance[row][column] = value;
             }
@@ -299,7 +300,7 @@ static void least_squares_place(two_carts_least_squares *self, size_t i, size_t 
  */
 static void least_squares_invert(two_carts_least_squares *self)
 {
-    for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+    for (size_t j = 0; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
         self->factor[j][j] = 1.0 / self->factor[j][j];
         for (size_t i = 0; i < j; ++i) {
             double sum = 0.0;
@@ -310,10 +311,10 @@ static void least_squares_invert(two_carts_least_squares *self)
         }
     }
     double square = 0.0;
-    for (size_t i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
+    for (size_t i = 0; i < (size_t)TWO_CARTS_PARAMETERS; ++i) {
         for (size_t j = 0; j <= i; ++j) {
             double sum = 0.0;
-            for (size_t k = i; k < TWO_CARTS_PARAMETERS; ++k) {
+            for (size_t k = i; k < (size_t)TWO_CARTS_PARAMETERS; ++k) {
                 sum += self->factor[i][k] * self->factor[j][k];
             }
             if (i == j) {
@@ -335,19 +336,19 @@ static size_t least_squares_solve(two_carts_least_squares *self, double (*matrix
 {
     self->rank = 0;
     for (size_t i = 0; i < (matrix_length < right_length ? matrix_length : right_length); ++i) {
-        for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+        for (size_t j = 0; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
             if (!(fabs(matrix[i][j]) <= DBL_MAX)) {
-                return TWO_CARTS_PARAMETERS + 1;
+                return (size_t)TWO_CARTS_PARAMETERS + 1u;
             }
         }
         if (!(fabs(right[i]) <= DBL_MAX)) {
-            return TWO_CARTS_PARAMETERS + 1;
+            return (size_t)TWO_CARTS_PARAMETERS + 1u;
         }
     }
-    for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+    for (size_t j = 0; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
         const double size = least_squares_column_length(matrix, matrix_length, j);
         if (!(fabs(size) <= DBL_MAX)) {
-            return TWO_CARTS_PARAMETERS + 1;
+            return (size_t)TWO_CARTS_PARAMETERS + 1u;
         }
         self->order[j] = j;
         self->scales[j] = size > 0.0 ? size : 1.0;
@@ -355,10 +356,11 @@ static size_t least_squares_solve(two_carts_least_squares *self, double (*matrix
             matrix[i][j] /= self->scales[j];
         }
     }
-    const double tiny = DBL_EPSILON * 4.0 * (double)(matrix_length + TWO_CARTS_PARAMETERS);
-    for (size_t k = 0; k < TWO_CARTS_PARAMETERS; ++k) {
+    const size_t sides = matrix_length + (size_t)TWO_CARTS_PARAMETERS;
+    const double tiny = DBL_EPSILON * 4.0 * (double)sides;
+    for (size_t k = 0; k < (size_t)TWO_CARTS_PARAMETERS; ++k) {
         double diagonal = least_squares_column_length(matrix, matrix_length, k);
-        for (size_t j = k + 1; j < TWO_CARTS_PARAMETERS; ++j) {
+        for (size_t j = k + 1u; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
             const double size = least_squares_column_length(matrix, matrix_length, j);
             if (size > diagonal) {
                 diagonal = size;
@@ -369,7 +371,7 @@ static size_t least_squares_solve(two_carts_least_squares *self, double (*matrix
             return self->order[k];
         }
         least_squares_eliminate(self, matrix, matrix_length, right, right_length, k, diagonal);
-        self->rank += 1;
+        self->rank += 1u;
     }
     self->residual = least_squares_length(right, right_length);
     least_squares_substitute(self);
@@ -383,12 +385,12 @@ static two_carts_status least_squares(size_t rows, double matrix[][TWO_CARTS_PAR
     const size_t first = least_squares_solve(fit, matrix, rows, right, rows);
 
     estimate->rank = (int)fit->rank;
-    estimate->undetermined = first < TWO_CARTS_PARAMETERS ? (int)first : -1;
-    if (first != TWO_CARTS_PARAMETERS) {
-        return first < TWO_CARTS_PARAMETERS ? TWO_CARTS_UNDETERMINED : TWO_CARTS_NOT_FINITE;
+    estimate->undetermined = first < (size_t)TWO_CARTS_PARAMETERS ? (int)first : -1;
+    if (first != (size_t)TWO_CARTS_PARAMETERS) {
+        return first < (size_t)TWO_CARTS_PARAMETERS ? TWO_CARTS_UNDETERMINED : TWO_CARTS_NOT_FINITE;
     }
-    for (size_t i = 0; i < TWO_CARTS_PARAMETERS; ++i) {
-        for (size_t j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+    for (size_t i = 0; i < (size_t)TWO_CARTS_PARAMETERS; ++i) {
+        for (size_t j = 0; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
             estimate->covariance[i][j] = fit->covariance[i][j];
         }
     }
@@ -544,7 +546,7 @@ void two_carts_accumulator_clear(two_carts_accumulator *accumulator)
 {
     size_t i;
 
-    for (i = 0; i < TWO_CARTS_HARMONICS; ++i) {
+    for (i = 0; i < (size_t)TWO_CARTS_HARMONICS; ++i) {
         accumulator->sums[i] = 0.0;
     }
     accumulator->samples = 0;
@@ -577,7 +579,7 @@ void two_carts_accumulate_at(two_carts_accumulator *accumulator, double cosine, 
     accumulator->sums[6] += t11 * t12 - t7;
     accumulator->sums[7] += t11 * t13 - t10;
     if (accumulator->samples < UINT64_MAX) {
-        accumulator->samples += 1;
+        accumulator->samples += 1u;
     }
 }
 
@@ -600,7 +602,7 @@ void two_carts_accumulate_hann(two_carts_accumulator *accumulator, double phase,
 two_carts_status two_carts_accumulated(const two_carts_accumulator *accumulator,
         two_carts_harmonics *harmonics)
 {
-    if (accumulator->samples == 0) {
+    if (accumulator->samples == 0u) {
         return TWO_CARTS_TOO_FEW;
     }
     const double mean = 1.0 / (double)accumulator->samples;
@@ -622,13 +624,15 @@ two_carts_status two_carts_transform(const two_carts_forces *samples, size_t cou
     two_carts_accumulator accumulator;
     size_t i;
 
-    if (count <= 2 * TWO_CARTS_HIGHEST_HARMONIC) {
+    /* Twice the highest harmonic. */
+    if (count <= 30u) {
         return TWO_CARTS_TOO_FEW;
     }
     two_carts_accumulator_clear(&accumulator);
     for (i = 0; i < count; ++i) {
         /* Measured from the nearer end of the period, so that the phase keeps its digits. */
-        const double turns = i <= count / 2 ? (double)i / (double)count : -((double)(count - i) / (double)count);
+        const size_t left = count - i;
+        const double turns = i <= left ? (double)i / (double)count : -((double)left / (double)count);
         two_carts_accumulate(&accumulator, 6.283185307179586 * turns, &samples[i]);
     }
     return two_carts_accumulated(&accumulator, harmonics);
@@ -644,7 +648,8 @@ two_carts_status two_carts_identify(const two_carts_pattern *pattern,
         const two_carts_harmonics *effort, const two_carts_harmonics *deviations,
         two_carts_workspace *workspace, two_carts_estimate *estimate)
 {
-    size_t i, j;
+    size_t i;
+    size_t j;
 
     two_carts_estimator_matrix(pattern, workspace->matrix);
     workspace->right[0] = effort->F.cos1;
@@ -659,9 +664,9 @@ two_carts_status two_carts_identify(const two_carts_pattern *pattern,
         const double deviation[TWO_CARTS_HARMONICS] = {deviations->F.cos1, deviations->F.cos3,
                 deviations->F.cos5, deviations->F.cos7, deviations->F.cos9, deviations->F.cos11,
                 deviations->F.cos13, deviations->F.cos15};
-        for (i = 0; i < TWO_CARTS_HARMONICS; ++i) {
+        for (i = 0; i < (size_t)TWO_CARTS_HARMONICS; ++i) {
             workspace->right[i] /= deviation[i];
-            for (j = 0; j < TWO_CARTS_PARAMETERS; ++j) {
+            for (j = 0; j < (size_t)TWO_CARTS_PARAMETERS; ++j) {
                 workspace->matrix[i][j] /= deviation[i];
             }
         }

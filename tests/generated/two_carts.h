@@ -29,6 +29,7 @@
 #ifndef TWO_CARTS_H_INCLUDED
 #define TWO_CARTS_H_INCLUDED
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 

@@ -77,7 +77,7 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
     let guard = context.constant("H_INCLUDED");
     let sizes = dynamics::sizes(&context);
     let header = format!(
-        "{}#ifndef {guard}\n#define {guard}\n\n#include <stddef.h>\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n{sizes}{}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n",
+        "{}#ifndef {guard}\n#define {guard}\n\n#include <stdbool.h>\n#include <stddef.h>\n#include <stdint.h>\n\n#ifdef __cplusplus\nextern \"C\" {{\n#endif\n\n{sizes}{}\n#ifdef __cplusplus\n}}\n#endif\n\n#endif\n",
         doc(0, &about),
         context.header,
     );

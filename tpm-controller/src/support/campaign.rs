@@ -371,7 +371,8 @@ impl<T: Real> CampaignOrder<T> {
 fn way<T: Real>(at: T, step: T, order: usize) -> T {
     let mut sum = if order == 0 { T::from_f64(0.5) } else { T::ZERO };
     for term in 0..3 {
-        let harmonic = T::from_f64((2 * term + 1) as f64);
+        let number = 2 * term + 1;
+        let harmonic = T::from_f64(number as f64);
         let mut size = T::from_f64(75.0 / 128.0);
         if term == 1 {
             size = T::from_f64(-75.0 / 128.0 / 6.0);
@@ -402,9 +403,10 @@ pub fn passing<T: Real, const M: usize>(before: &[T; M], now: &mut [T; M], entri
         let mut binomial = T::ONE;
         now[place] = before[place];
         for k in 0..=order {
-            let at_order = (order - k) * entries + place % entries;
+            let (left, next) = (order - k, k + 1);
+            let at_order = left * entries + place % entries;
             now[place] += binomial * way(at, step, k) * apart[at_order];
-            binomial = binomial * T::from_f64((order - k) as f64) / T::from_f64((k + 1) as f64);
+            binomial = binomial * T::from_f64(left as f64) / T::from_f64(next as f64);
         }
     }
 }

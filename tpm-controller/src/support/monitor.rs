@@ -94,7 +94,8 @@ impl<T: Real, const R: usize, const C: usize> MonitorRules<T, R, C> {
         if !is_positive(self.sample_time) || !is_positive(self.false_alarms) {
             return Err(MonitorFault::Times);
         }
-        if T::from_f64(f64::from(self.block)) * T::from_f64(R as f64) <= T::from_f64((2 * C) as f64)
+        let fewest = 2 * C;
+        if T::from_f64(f64::from(self.block)) * T::from_f64(R as f64) <= T::from_f64(fewest as f64)
             || self.run_in < FEWEST
         {
             return Err(MonitorFault::Blocks);
@@ -105,7 +106,8 @@ impl<T: Real, const R: usize, const C: usize> MonitorRules<T, R, C> {
     /// The threshold of every sum: all tests together give the allowed false alarms. At least one.
     fn threshold(&self) -> T {
         let blocks = T::from_f64(3600.0) / (self.sample_time * T::from_f64(f64::from(self.block)));
-        let tests = T::from_f64((2 * C + 1) as f64);
+        let sums = 2 * C + 1;
+        let tests = T::from_f64(sums as f64);
         (tests * blocks / self.false_alarms).ln().max(T::ONE)
     }
 }
@@ -550,7 +552,8 @@ impl<T: Real, const R: usize, const C: usize, const S: usize> Monitoring<T, R, C
 
     /// The variance of the score of a parameter over its information, at the upper limit of the run-in's, without the run-in's mean.
     fn variance(&self, j: usize) -> T {
-        let freedom = T::from_f64(f64::from(self.parameters[j].blocks - 1));
+        let others = self.parameters[j].blocks - 1;
+        let freedom = T::from_f64(f64::from(others));
         let mean = self.parameters[j].score * self.parameters[j].score / self.parameters[j].information;
         (self.parameters[j].squares - mean) / freedom * upper(freedom)
     }
@@ -626,7 +629,8 @@ impl<T: Real, const R: usize, const C: usize, const S: usize> Monitoring<T, R, C
         }
         self.noisy = lost / self.information;
         // The tail of a normal deviate beyond d is at most exp(-d^2/2), for all parameters together.
-        let bound = T::from_f64(2.0) * (T::from_f64((2 * C) as f64) / T::from_f64(BEYOND)).ln();
+        let sides = 2 * C;
+        let bound = T::from_f64(2.0) * (T::from_f64(sides as f64) / T::from_f64(BEYOND)).ln();
         self.blind = (bound * variance).sqrt() + self.noisy;
         true
     }

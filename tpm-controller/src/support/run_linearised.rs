@@ -143,7 +143,8 @@ impl<
                             continue;
                         }
                         let through = self.through(model, row, coordinate, 2 * harmonic, harmonic - source);
-                        let line = 2 * source.unsigned_abs() as usize;
+                        let distance = source.unsigned_abs();
+                        let line = 2 * distance as usize;
                         let apart = self.motion[coordinate][line] - self.path[coordinate][line];
                         let error = if source == 0 { apart + apart } else { apart };
                         sum += through * if source < 0 { error.conj() } else { error };

@@ -264,7 +264,8 @@ impl<T: Real, const C: usize, const L: usize> RunLines<T, C, L> {
 
     /// Periods of the whole run without the two at its ends, where the window is not flat.
     fn flat_periods(&self) -> T {
-        T::from_f64(f64::from(self.samples / self.samples_per_period - 2))
+        let flat = self.samples / self.samples_per_period - 2;
+        T::from_f64(f64::from(flat))
     }
 
     /// The variance of white noise in the samples of a channel over that of its lines.

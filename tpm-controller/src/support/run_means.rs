@@ -99,7 +99,8 @@ impl<T: Real, const U: usize> RunPassed<T, U> {
 
     /// A mean product of what has passed, of an input and one that is not behind it.
     pub(super) fn mean(&self, input: usize, other: usize) -> T {
-        self.products[input][other] / T::from_f64(f64::from(self.count - self.samples_per_period))
+        let passed = self.count - self.samples_per_period;
+        self.products[input][other] / T::from_f64(f64::from(passed))
     }
 }
 
@@ -285,7 +286,8 @@ impl<
             }
         }
         // The band above the lines is at least as wide as that below.
-        let periods = T::from_f64(f64::from(run.samples / run.samples_per_period));
+        let number = run.samples / run.samples_per_period;
+        let periods = T::from_f64(f64::from(number));
         let inexact = T::ONE / (periods * T::from_f64(L as f64) / two) + T::from_f64(LEAST_DOUBT) + apart / whole;
         self.doubt = T::ZERO;
         for entry in 0..S {

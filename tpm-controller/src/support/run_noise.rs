@@ -43,8 +43,9 @@ impl<
         shift: i32,
     ) -> Phasor<T> {
         let _ = model;
-        let source = T::from_f64((line - 2 * shift) as f64) / T::from_f64(2.0) * self.w;
-        let harmonic = shift.unsigned_abs() as usize;
+        let (half_lines, distance) = (line - 2 * shift, shift.unsigned_abs());
+        let source = T::from_f64(half_lines as f64) / T::from_f64(2.0) * self.w;
+        let harmonic = distance as usize;
         let mut sum = Phasor::zero();
         if harmonic >= L {
             return sum;
@@ -71,7 +72,8 @@ impl<
                         let through = self.through(model, row, coordinate, line as i32, shift);
                         felt += through.square();
                         let source = line as i32 - 2 * shift;
-                        let place = source.unsigned_abs() as usize;
+                        let distance = source.unsigned_abs();
+                        let place = distance as usize;
                         if place < L {
                             let measured = self.motion[coordinate][place];
                             residual -= through * if source < 0 { measured.conj() } else { measured };

@@ -153,7 +153,8 @@ impl<T: Real, const Q: usize, const P: usize, const L: usize> RunNumerical<T, Q,
                 let square = run.line(coordinate, line).square();
                 self.peak[coordinate] = self.peak[coordinate].max(square);
                 if line % 2 != 0 {
-                    self.noise[coordinate] += square / T::from_f64((L / 2) as f64);
+                    let between = L / 2;
+                    self.noise[coordinate] += square / T::from_f64(between as f64);
                 }
             }
         }

@@ -326,7 +326,8 @@ impl<
         for entry in 0..S {
             let mut square = T::ZERO;
             for line in (0..L).step_by(2) {
-                let derivative = Phasor::derivative(self.w * T::from_f64((line / 2) as f64), M::ORDERS[entry]);
+                let harmonic = line / 2;
+                let derivative = Phasor::derivative(self.w * T::from_f64(harmonic as f64), M::ORDERS[entry]);
                 square += (self.path[M::COORDINATES[entry]][line] * derivative).square();
             }
             let share = T::from_f64(DIFFERENCE_STEP);

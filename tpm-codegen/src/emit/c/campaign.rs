@@ -88,7 +88,7 @@ fn structures(context: &mut Context<'_>) {
             "The present estimates: the prior where no run has shown a parameter.",
             format!("{} parameters", own("run_parameters")),
         ),
-        format!("    int estimated;\n    {} estimate;\n    uint32_t runs;\n", own("run_estimate")),
+        format!("    bool estimated;\n    {} estimate;\n    uint32_t runs;\n", own("run_estimate")),
         format!("    const {} *stages;\n    {} sampling;\n", own("run_stage"), own("run_sampling")),
         format!("    {} limits;\n    {} order;\n", own("run_limits"), own("run_order")),
         format!("    {} pool;\n    uint32_t number;\n", own("run_pool")),
@@ -97,7 +97,7 @@ fn structures(context: &mut Context<'_>) {
     .concat();
     let about = "A whole campaign on the controller: the machine identifies itself. At every sample `command` has reference and feed-forward, the \
                  controller adds its feedback and applies the sum, and the sample is pushed. When a run is whole, an update is due; all runs are \
-                 pooled by what they show. Read `phase`, `end`, `status`, `runs`, `command`, `parameters` and, once `estimated` is 1, `estimate`.";
+                 pooled by what they show. Read `phase`, `end`, `status`, `runs`, `command`, `parameters` and, once `estimated` holds, `estimate`.";
     let all = [
         (
             "run_stage",
@@ -165,7 +165,7 @@ fn motion(context: &mut Context<'_>) {
     let argument = context.constants_argument();
     text.push_str(&format!(
         "    {at}(&pattern{argument},\n            ({real})({turn} * (double)play->number / (double)play->samples_per_period), &motion);\n    \
-         for (place = 0; place < {places}; ++place) {{\n        values[place] = {zero};\n    }}\n",
+         for (place = 0; place < (size_t){places}; ++place) {{\n        values[place] = {zero};\n    }}\n",
         at = context.global(&context.of_pattern(0, "reference_at")),
         places = context.constant("RUN_MOTION"),
         zero = scalar.literal(0.0),

@@ -48,7 +48,7 @@ pub(super) fn functions(context: &mut Context<'_>, names: &Names<String>) {
     begin(context, names, &calls, [&status, &phase], pointer.clone());
     push(context, names, &calls, &phase, pointer.clone());
     update(context, names, &calls, &phase, pointer.clone());
-    let body = format!("    {}(&campaign->order);\n    campaign_show(campaign);\n", calls.stop);
+    let body = format!("    {}(&campaign->order);\n    (void)campaign_show(campaign);\n", calls.stop);
     let about = "Ends the campaign: the machine passes to rest while further samples are pushed.";
     context.function(&context.global("run_campaign_stop"), about, "void", &[pointer], &body);
 }
@@ -74,19 +74,23 @@ fn begin(
         "    const {order_rules} order_rules = {{
         rules->settle_periods, rules->periods, rules->runs_per_stage, rules->most_runs, rules->effort
     }};
-    {status} status = stage_count > 0 ? {ok} : {samples};
+    {status} status = stage_count > 0u ? {ok} : {samples};
 
     campaign->parameters = *prior;
-    campaign->estimated = 0;
+    campaign->estimated = false;
     campaign->stages = stages;
     campaign->sampling = rules->sampling;
     campaign->limits = *limits;
     campaign->number = 0;
     {clear}(&campaign->pool, centre);
-    for (size_t i = stage_count; i-- > 0 && status == {ok};) {{
-        status = {run_begin}(&campaign->run, stages[i].samples_per_period, rules->periods, &rules->sampling, NULL);
+    /* The first stage comes last, so that its run is the one that is begun. */
+    for (size_t passed = 0; passed < stage_count; ++passed) {{
+        if (status == {ok}) {{
+            const uint32_t samples = stages[stage_count - 1u - passed].samples_per_period;
+            status = {run_begin}(&campaign->run, samples, rules->periods, &rules->sampling, NULL);
+        }}
     }}
-    {start}(&campaign->order, &order_rules, stage_count, stage_count > 0 ? stages[0].samples_per_period : 0);
+    {start}(&campaign->order, &order_rules, stage_count, stage_count > 0u ? stages[0].samples_per_period : 0u);
     if (status != {ok}) {{
         campaign->order.runs = 0;
         campaign->order.state = {settling};
@@ -121,7 +125,7 @@ fn begin(
 fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: &str, pointer: Parameter) {
     let (real, scalar, zero) = (context.scalar.name(), context.scalar, context.zero());
     let fabs = scalar.function("fabs");
-    let mut body = format!("    {real} effort = {zero};\n    int within = 1;\n    int finite = 1;\n\n");
+    let mut body = format!("    {real} effort = {zero};\n    bool within = true;\n    bool finite = true;\n\n");
     let max = scalar.max();
     for (_, name) in &names.inputs {
         body.push_str(&format!(
@@ -149,7 +153,11 @@ fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: 
             {fail}(&campaign->order, status);
         }} else if ({whole}(&campaign->run)) {{
             {run_is_whole}(&campaign->order);
+        }} else {{
+            /* The run goes on. */
         }}
+    }} else {{
+        /* The sample settles the machine. */
     }}
     if ({advance}(&campaign->order, effort, !within)) {{
         const {status} status = {begin}(&campaign->run, campaign->order.now.samples_per_period,
@@ -184,7 +192,7 @@ fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: 
 fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase: &str, pointer: Parameter) {
     let (ok, one) = (context.constant("RUN_OK"), context.scalar.literal(1.0));
     let mut body = format!(
-        "    const size_t next = campaign->order.now.stage + 1;
+        "    const size_t next = campaign->order.now.stage + 1u;
     {status} status;
     {real} chi_squared;
 
@@ -201,7 +209,7 @@ fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase
     chi_squared = campaign->estimate.chi_squared;
     run_fill(&campaign->workspace.found, campaign->pool.centre, {one}, &campaign->estimate);
     campaign->estimate.chi_squared = chi_squared;
-    campaign->estimated = 1;
+    campaign->estimated = true;
 ",
         real = context.scalar.name(),
         status = context.global("run_status"),
@@ -217,7 +225,7 @@ fn update(context: &mut Context<'_>, names: &Names<String>, calls: &Calls, phase
         body.push_str(&statement(1, &format!("campaign->parameters.{name} = {moved};")));
     }
     body.push_str(&format!(
-        "    {}(&campaign->order, next < campaign->order.stages ? campaign->stages[next].samples_per_period : 0);\n    \
+        "    {}(&campaign->order, next < campaign->order.stages ? campaign->stages[next].samples_per_period : 0u);\n    \
          return campaign_show(campaign);\n",
         calls.updated
     ));

@@ -362,14 +362,14 @@ impl<'a> Context<'a> {
         let bases: Vec<String> = bases.collect();
         let bases = if bases.is_empty() { one.clone() } else { bases.join(", ") };
         text.push_str(&statement(1, &format!("const {scalar} bases[{width}] = {{{bases}}};")));
-        text.push_str("    size_t i, j;\n\n");
+        text.push_str("    size_t i;\n    size_t j;\n\n");
         // All entries are zero before the terms are added.
         let zero = self.zero();
         match columns {
             Some(columns) => text.push_str(&format!(
-                "    for (i = 0; i < {rows}; ++i) {{\n        for (j = 0; j < {columns}; ++j) {{\n            {matrix}[i][j] = {zero};\n        }}\n    }}\n"
+                "    for (i = 0; i < (size_t){rows}; ++i) {{\n        for (j = 0; j < (size_t){columns}; ++j) {{\n            {matrix}[i][j] = {zero};\n        }}\n    }}\n"
             )),
-            None => text.push_str(&format!("    for (i = 0; i < {rows}; ++i) {{\n        {matrix}[i] = {zero};\n    }}\n")),
+            None => text.push_str(&format!("    for (i = 0; i < (size_t){rows}; ++i) {{\n        {matrix}[i] = {zero};\n    }}\n")),
         }
         let target = match columns {
             Some(_) => format!("{matrix}[terms[i].row][terms[i].column]"),
@@ -379,7 +379,7 @@ impl<'a> Context<'a> {
             "    for (i = 0; i < sizeof terms / sizeof terms[0]; ++i) {{
         {scalar} above = terms[i].coefficient;
         {scalar} below = {one};
-        for (j = 0; j < {width}; ++j) {{
+        for (j = 0; j < {width}u; ++j) {{
             const int power = terms[i].powers[j];
             if (power < 0) {{
                 below *= power_of(bases[j], -power);

@@ -89,11 +89,11 @@ pub(super) fn write(context: &mut Context<'_>) {
     );
     let mut body = format!("    {} order;\n\n", context.global("monitor_order"));
     body.push_str(&format!(
-        "    for (size_t i = 0; i < {size}; ++i) {{
+        "    for (size_t i = 0; i < (size_t){size}; ++i) {{
         order.values[i] = rules->values[i];
         order.changes[i] = rules->changes[i];
         order.drifts[i] = rules->drifts[i];
-        for (size_t j = 0; j < {size}; ++j) {{
+        for (size_t j = 0; j < (size_t){size}; ++j) {{
             order.spread[i][j] = rules->spread[i][j];
         }}
     }}
@@ -122,11 +122,11 @@ pub(super) fn write(context: &mut Context<'_>) {
     };
     let entries: Vec<String> = (flags.chunks(base_parameters(context).max(1)))
         .map(|row| {
-            let flags: Vec<&str> = row.iter().map(|jumps| if *jumps { "1" } else { "0" }).collect();
+            let flags: Vec<&str> = row.iter().map(|jumps| if *jumps { "true" } else { "false" }).collect();
             format!("{{{}}}", flags.join(", "))
         })
         .collect();
-    let jumping = statement(1, &format!("int jumping[{rows}][{size}] = {{{}}};", entries.join(", ")));
+    let jumping = statement(1, &format!("bool jumping[{rows}][{size}] = {{{}}};", entries.join(", ")));
     let regressor = format!("{}(motion{argument}, matrix);", context.global("base_regressor"));
     let body = format!(
         "{jumping}    {real} matrix[{rows}][{size}];\n{arguments}\n    {regressor}\n{evaluate}    {rest}(monitor, matrix, arguments, jumping);\n"
@@ -140,7 +140,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     // A sample.
     let forces = context.global("forces");
     let mut body =
-        format!("{arguments}    {forces} deviations;\n    uint32_t equations = {rows};\n    int taken;\n\n{evaluate}");
+        format!("{arguments}    {forces} deviations;\n    uint32_t equations = {rows};\n    bool taken;\n\n{evaluate}");
     for (row, names) in context.names.rows.iter().enumerate() {
         body.push_str(&format!(
             "    deviations.{field} = monitor->rules.deviations[{row}];
@@ -154,11 +154,11 @@ pub(super) fn write(context: &mut Context<'_>) {
     }
     let accumulate =
         format!("{}(&monitor->block, motion{argument}, applied, &deviations)", context.global("base_accumulate"));
-    body.push_str(&statement(1, &format!("taken = whole != 0 && {accumulate} == {ok};")));
+    body.push_str(&statement(1, &format!("taken = whole && {accumulate} == {ok};")));
     body.push_str(&statement(1, &format!("return {count}(monitor, taken, equations);")));
     parameters.push(Parameter::new(format!("const {forces} *applied")));
-    parameters.push(Parameter::new("int whole".to_owned()));
-    let about = "Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is 0 where the sample is\n\
+    parameters.push(Parameter::new("bool whole".to_owned()));
+    let about = "Takes in the motion and the applied forces B u of one instant, and tells what is known now. `whole` is false where the sample is\n\
                  missing, or where an input was at its limit, so that the applied force is not known.";
     context.function(&context.global("monitor_push"), about, &state, &parameters, &body);
     // Again.

@@ -56,7 +56,7 @@ fn one(context: &mut Context<'_>, index: usize, pattern: &PatternPlan) {
         estimator_matrix(context, index, table);
         known_harmonics(context, index, table);
         accumulator(context, index, table);
-        transform(context, index);
+        transform(context, index, table);
         identify(context, index, table);
         identify_direct(context, index, pattern, table);
     }
@@ -153,8 +153,13 @@ fn paths(context: &Context<'_>, table: &TablePlan) -> Vec<String> {
     table.rows.iter().map(path).collect()
 }
 
+/// The highest harmonic of any equation.
+fn highest(table: &TablePlan) -> usize {
+    table.rows.iter().map(|(_, harmonic, _)| *harmonic).max().unwrap_or(0)
+}
+
 fn harmonics(context: &mut Context<'_>, index: usize, table: &TablePlan) {
-    let highest = table.rows.iter().map(|(_, harmonic, _)| *harmonic).max().unwrap_or(0);
+    let highest = highest(table);
     let sizes = [
         ("harmonics", table.rows.len(), "Number of harmonics in the table, over all equations."),
         ("highest_harmonic", highest, "The highest harmonic of any equation."),
@@ -270,7 +275,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let sample = format!("const {} *sample", context.global("forces"));
     // Clear and, where requested, fade the sums.
     let mut clear = format!(
-        "    size_t i;\n\n    for (i = 0; i < {rows}; ++i) {{\n        accumulator->sums[i] = {};\n    }}\n    accumulator->samples = 0;\n",
+        "    size_t i;\n\n    for (i = 0; i < (size_t){rows}; ++i) {{\n        accumulator->sums[i] = {};\n    }}\n    accumulator->samples = 0;\n",
         scalar.literal(0.0)
     );
     if forgetting {
@@ -280,7 +285,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     context.function(&of(context, "accumulator_clear"), "No sample yet.", "void", &parameters, &clear);
     if forgetting {
         let body = format!(
-            "    size_t i;\n\n    accumulator->faded = (accumulator->faded + ({real})accumulator->samples) * share;\n    accumulator->samples = 0;\n    for (i = 0; i < {rows}; ++i) {{\n        accumulator->sums[i] *= share;\n    }}\n"
+            "    size_t i;\n\n    accumulator->faded = (accumulator->faded + ({real})accumulator->samples) * share;\n    accumulator->samples = 0;\n    for (i = 0; i < (size_t){rows}; ++i) {{\n        accumulator->sums[i] *= share;\n    }}\n"
         );
         let parameters = [Parameter::new(accumulator.clone()), Parameter::new(format!("{real} share"))];
         context.function(&of(context, "accumulator_fade"), function::FADE, "void", &parameters, &body);
@@ -297,7 +302,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
         let addend = writer.at(addend, Level::Sum);
         body.push_str(&statement(1, &format!("accumulator->sums[{place}] += {addend};")));
     }
-    body.push_str("    if (accumulator->samples < UINT64_MAX) {\n        accumulator->samples += 1;\n    }\n");
+    body.push_str("    if (accumulator->samples < UINT64_MAX) {\n        accumulator->samples += 1u;\n    }\n");
     let at = of(context, "accumulate_at");
     let parameters = [
         Parameter::new(accumulator.clone()),
@@ -340,10 +345,10 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
 
     // The harmonics from the sums.
     let (empty, weight) = if forgetting {
-        let empty = format!("accumulator->samples == 0 && accumulator->faded <= {}", scalar.literal(0.0));
+        let empty = format!("accumulator->samples == 0u && accumulator->faded <= {}", scalar.literal(0.0));
         (empty, format!("(accumulator->faded + ({real})accumulator->samples)"))
     } else {
-        ("accumulator->samples == 0".to_owned(), format!("({real})accumulator->samples"))
+        ("accumulator->samples == 0u".to_owned(), format!("({real})accumulator->samples"))
     };
     let mut body = format!(
         "    if ({empty}) {{\n        return {};\n    }}\n    const {real} mean = {one} / {weight};\n",
@@ -366,7 +371,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     context.function(&of(context, "accumulated"), &about, &status, &parameters, &body);
 }
 
-fn transform(context: &mut Context<'_>, index: usize) {
+fn transform(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let of = |name: &str| context.global(&context.of_pattern(index, name));
     let real = context.scalar.name();
     let two_pi = context.scalar.literal(TAU);
@@ -374,13 +379,15 @@ fn transform(context: &mut Context<'_>, index: usize) {
         "    {accumulator} accumulator;
     size_t i;
 
-    if (count <= 2 * {highest}) {{
+    /* Twice the highest harmonic. */
+    if (count <= {fewest}u) {{
         return {too_few};
     }}
     {clear}(&accumulator);
     for (i = 0; i < count; ++i) {{
         /* Measured from the nearer end of the period, so that the phase keeps its digits. */
-        const {real} turns = i <= count / 2 ? ({real})i / ({real})count : -(({real})(count - i) / ({real})count);
+        const size_t left = count - i;
+        const {real} turns = i <= left ? ({real})i / ({real})count : -(({real})left / ({real})count);
         {accumulate}(&accumulator, {two_pi} * turns, &samples[i]);
     }}
     return {accumulated}(&accumulator, harmonics);
@@ -389,7 +396,7 @@ fn transform(context: &mut Context<'_>, index: usize) {
         clear = of("accumulator_clear"),
         accumulate = of("accumulate"),
         accumulated = of("accumulated"),
-        highest = context.constant(&context.of_pattern(index, "highest_harmonic").to_uppercase()),
+        fewest = 2 * highest(table),
         too_few = context.constant("TOO_FEW"),
     );
     let parameters = [
@@ -447,7 +454,7 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     if known {
         body.push_str(&statement(1, &format!("{harmonics} known;")));
     }
-    body.push_str(&statement(1, "size_t i, j;"));
+    body.push_str("    size_t i;\n    size_t j;\n");
     body.push('\n');
     body.push_str(&statement(1, &format!("{matrix}(pattern{constants}, workspace->matrix);")));
     if known {
@@ -462,9 +469,9 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     body.push_str("    if (deviations != NULL) {\n");
     body.push_str(&statement(2, &format!("const {real} deviation[{rows}] = {{{}}};", list.join(", "))));
     body.push_str(&format!(
-        "        for (i = 0; i < {rows}; ++i) {{
+        "        for (i = 0; i < (size_t){rows}; ++i) {{
             workspace->right[i] /= deviation[i];
-            for (j = 0; j < {columns}; ++j) {{
+            for (j = 0; j < (size_t){columns}; ++j) {{
                 workspace->matrix[i][j] /= deviation[i];
             }}
         }}

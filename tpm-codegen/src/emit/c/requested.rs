@@ -77,8 +77,8 @@ fn forward_dynamics(context: &mut Context<'_>) {
     }
     body.push_str(&format!(
         "    first = {eliminate}(matrix, right);
-    if (first != {size}) {{
-        return first < {size} ? {} : {};
+    if (first != (size_t){size}) {{
+        return first < (size_t){size} ? {} : {};
     }}
 ",
         context.constant("SINGULAR"),
@@ -222,7 +222,7 @@ fn estimator(context: &mut Context<'_>) {
              where none were given, residual / sqrt(rows - rank) times these.",
             format!("{base} deviations"),
         ),
-        field("For each base parameter 1 when the samples show it, otherwise 0.", format!("int shown[{size}]")),
+        field("For each base parameter whether the samples show it.", format!("bool shown[{size}]")),
         field("The number of directions that the samples show.", "int rank".to_owned()),
         field("Euclidean length of what is left of the forces, in deviations.", format!("{real} residual")),
         field(
@@ -268,7 +268,7 @@ fn estimator(context: &mut Context<'_>) {
         workspace = context.global("base_workspace")
     );
     body.push_str(&shown(context, &names, &|index| format!("found->values[{index}]"), ""));
-    body.push_str(&statement(1, &format!("return found->rank == {size} ? {ok} : {undetermined};")));
+    body.push_str(&statement(1, &format!("return found->rank == (size_t){size} ? {ok} : {undetermined};")));
     context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
 }
 
@@ -301,7 +301,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter, [take, gate, leaves
     if known {
         body.push_str(&format!("    {forces} known;\n"));
     }
-    body.push_str("    size_t i, j;\n    int stands_out = 0;\n\n");
+    body.push_str("    size_t i;\n    size_t j;\n    bool stands_out = false;\n\n");
     body.push_str(&statement(1, &format!("{}(motion{argument}, matrix);", context.global("base_regressor"))));
     if known {
         body.push_str(&statement(1, &format!("{}(motion{argument}, &known);", context.global("known"))));
@@ -317,26 +317,26 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter, [take, gate, leaves
     body.push_str(&statement(2, &format!("const {real} deviation[{rows}] = {{{}}};", list.join(", "))));
     let fabs = scalar.function("fabs");
     body.push_str(&format!(
-        "        for (i = 0; i < {rows}; ++i) {{
+        "        for (i = 0; i < (size_t){rows}; ++i) {{
             right[i] /= deviation[i];
-            for (j = 0; j < {size}; ++j) {{
+            for (j = 0; j < (size_t){size}; ++j) {{
                 matrix[i][j] /= deviation[i];
             }}
         }}
     }}
-    for (i = 0; i < {rows}; ++i) {{
+    for (i = 0; i < (size_t){rows}; ++i) {{
         if (!({fabs}(right[i]) <= {max})) {{
             return {not_finite};
         }}
-        for (j = 0; j < {size}; ++j) {{
+        for (j = 0; j < (size_t){size}; ++j) {{
             if (!({fabs}(matrix[i][j]) <= {max})) {{
                 return {not_finite};
             }}
         }}
     }}
-    for (i = 0; i < {rows}; ++i) {{
+    for (i = 0; i < (size_t){rows}; ++i) {{
         {real} row[{size}];
-        for (j = 0; j < {size}; ++j) {{
+        for (j = 0; j < (size_t){size}; ++j) {{
             row[j] = matrix[i][j];
         }}
         stands_out = stands_out || {gate}(estimator, row, right[i]);
@@ -344,7 +344,7 @@ fn accumulate(context: &mut Context<'_>, pointer: Parameter, [take, gate, leaves
     if (stands_out && {leaves_out}(estimator)) {{
         return {odd};
     }}
-    for (i = 0; i < {rows}; ++i) {{
+    for (i = 0; i < (size_t){rows}; ++i) {{
         (void){take}(estimator, matrix[i], right[i]);
     }}
     return {ok};

@@ -176,7 +176,7 @@ fn functions(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     let types = ["run_sampling", "run_applied", "run_lines", "run_passed"].map(|name| context.global(name));
     let [sampling, applied, lines, passed] = &types;
     let fields = format!(
-        "    {sampling} sampling;\n    {applied} limits;\n    int limited;\n    {lines} lines;\n    {passed} passed;\n"
+        "    {sampling} sampling;\n    {applied} limits;\n    bool limited;\n    {lines} lines;\n    {passed} passed;\n"
     );
     let about = "The samples of a run: how they are taken, the limits of the inputs where they are known, the lines of every channel, and what \
                  the inputs hold above them.";
@@ -208,9 +208,9 @@ fn functions(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     );
     context.function(&context.global("run_begin"), &about, &status, &list, &body);
     let whole = format!("    return {}(&run->lines) == {};\n", calls.finished, context.constant("RUN_OK"));
-    let about = "1 when all samples of the run were taken in, otherwise 0.";
+    let about = "Whether all samples of the run were taken in.";
     let read = [Parameter::new(format!("const {run} *run"))];
-    context.function(&context.global("run_is_whole"), about, "int", &read, &whole);
+    context.function(&context.global("run_is_whole"), about, "bool", &read, &whole);
     let stop = format!("    {}(&run->lines, {});\n", calls.fail, context.constant("RUN_UNFINISHED"));
     let about = "Ends the run, which then gives no parameter: the machine stopped, or did something else.";
     context.function(&context.global("run_stop"), about, "void", &[pointer], &stop);
@@ -231,7 +231,7 @@ fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     let limits = names.inputs.iter().map(|(_, name)| format!("{fabs}(sample->applied.{name}) >= run->limits.{name}"));
     let limits: Vec<String> = limits.collect();
     let (whole, status, ok) = (&calls.whole, context.global("run_status"), context.constant("RUN_OK"));
-    body.push_str(&statement(1, &format!("const int belongs = !{whole}(&run->lines);")));
+    body.push_str(&statement(1, &format!("const bool belongs = !{whole}(&run->lines);")));
     body.push_str(&statement(1, &format!("{status} status;")));
     body.push('\n');
     body.push_str(&statement(1, &format!("if (run->limited && ({})) {{", limits.join(" || "))));
@@ -240,7 +240,7 @@ fn push(context: &mut Context<'_>, names: &Names<String>, calls: &Calls) {
     }}
     status = {push}(&run->lines, number, channels);
     if (status == {ok} && belongs) {{
-        {passed}(&run->passed, channels + {coordinates});
+        {passed}(&run->passed, &channels[{coordinates}]);
     }}
     return status;
 ",

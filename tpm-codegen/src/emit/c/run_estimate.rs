@@ -26,7 +26,7 @@ pub(super) fn estimate(context: &mut Context<'_>, names: &Names<String>) {
             "Their covariance in the order of the fields; zero for those that the run does not show.",
             format!("{real} covariance[{size}][{size}]"),
         ),
-        field("For each parameter 1 when the run shows it, otherwise 0.", format!("int shown[{size}]")),
+        field("For each parameter whether the run shows it.", format!("bool shown[{size}]")),
         field(
             "A row for every parameter that leads a combination which the run shows: the weights of all parameters in it, one at its own. \
              A shown parameter is a combination of itself alone; the others lead none.",
@@ -144,8 +144,8 @@ pub(super) fn filling(
     estimate->rank = (int)found->rank;
     estimate->condition = found->condition;
     estimate->chi_squared = chi_squared;
-    for (size_t i = 0; i < {size}; ++i) {{
-        for (size_t j = 0; j < {size}; ++j) {{
+    for (size_t i = 0; i < (size_t){size}; ++i) {{
+        for (size_t j = 0; j < (size_t){size}; ++j) {{
             estimate->covariance[i][j] = found->covariance[i][j] * factor;
         }}
     }}
@@ -157,9 +157,9 @@ pub(super) fn filling(
     if let Some(combined) = combined {
         let zero = context.zero();
         text.push_str(&format!(
-            "    for (size_t i = 0; i < {size}; ++i) {{
-        const int is = found->combinations[i][i] > {zero};
-        for (size_t j = 0; j < {size}; ++j) {{
+            "    for (size_t i = 0; i < (size_t){size}; ++i) {{
+        const bool is = found->combinations[i][i] > {zero};
+        for (size_t j = 0; j < (size_t){size}; ++j) {{
             estimate->combinations[i][j] = found->combinations[i][j];
         }}
         estimate->combined[i][0] = is ? {combined}(found, about, i) : ({real})NAN;

@@ -98,7 +98,7 @@ fn estimate(context: &mut Context<'_>, names: &Names<String>, [update, chi_squar
             "Their covariance in the order of the fields; zero for those that the run does not show.",
             format!("{real} covariance[{size}][{size}]"),
         ),
-        field("For each parameter 1 when the run shows it, otherwise 0.", format!("int shown[{size}]")),
+        field("For each parameter whether the run shows it.", format!("bool shown[{size}]")),
         field("The number of directions that the run shows.", "int rank".to_owned()),
         field(
             "At least the condition number of what is shown, and at most the rank times that.",

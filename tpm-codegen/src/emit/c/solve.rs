@@ -71,12 +71,12 @@ static {status} least_squares(size_t rows, {real} matrix[][{count}], {real} *rig
     const size_t first = {solve}(fit, matrix, rows, right, rows);
 
     estimate->rank = (int)fit->rank;
-    estimate->undetermined = first < {count} ? (int)first : -1;
-    if (first != {count}) {{
-        return first < {count} ? {undetermined} : {not_finite};
+    estimate->undetermined = first < (size_t){count} ? (int)first : -1;
+    if (first != (size_t){count}) {{
+        return first < (size_t){count} ? {undetermined} : {not_finite};
     }}
-    for (size_t i = 0; i < {count}; ++i) {{
-        for (size_t j = 0; j < {count}; ++j) {{
+    for (size_t i = 0; i < (size_t){count}; ++i) {{
+        for (size_t j = 0; j < (size_t){count}; ++j) {{
             estimate->covariance[i][j] = fit->covariance[i][j];
         }}
     }}

@@ -10,8 +10,9 @@ use super::types::Type;
 
 /// How tightly operators bind in C.
 const POSTFIX: u8 = 15;
-const UNARY: u8 = 14;
-pub(super) const RELATION: u8 = 10;
+pub(super) const UNARY: u8 = 14;
+pub(super) const ADDITION: u8 = 12;
+const RELATION: u8 = 10;
 const EQUALITY: u8 = 9;
 const CHOICE: u8 = 3;
 
@@ -27,6 +28,18 @@ impl Value {
         Self { text: text.into(), binding, ty }
     }
 
+    /// The value as an operand whose neighbour is of a type: C takes what is written out as a number with a sign, and mixes none with those
+    /// without.
+    pub(super) fn beside(self, neighbour: &Type) -> Self {
+        match (&self.ty, neighbour) {
+            (Type::Literal, Type::Whole("int")) => Self { ty: neighbour.clone(), ..self },
+            (Type::Literal, Type::Whole(_)) => Self { text: unsigned(&self.text), ty: neighbour.clone(), ..self },
+            (Type::Literal, Type::Size) => self.beside(&Type::Whole("size_t")),
+            (Type::Size, _) => Self::new(unsigned(&self.text), UNARY, Type::Whole("size_t")),
+            _ => self,
+        }
+    }
+
     /// The text where an operator binds that tightly.
     pub(super) fn within(&self, binding: u8) -> String {
         if self.binding < binding { format!("({})", self.text) } else { self.text.clone() }
@@ -38,7 +51,9 @@ impl Translator<'_> {
         match expression {
             syn::Expr::Lit(literal) => match &literal.lit {
                 syn::Lit::Int(number) => Ok(Value::new(number.base10_digits(), POSTFIX, Type::Literal)),
-                syn::Lit::Bool(truth) => Ok(Value::new(if truth.value { "1" } else { "0" }, POSTFIX, Type::Bool)),
+                syn::Lit::Bool(truth) => {
+                    Ok(Value::new(if truth.value { "true" } else { "false" }, POSTFIX, Type::Bool))
+                }
                 syn::Lit::Float(_) => self.double(expression, frame),
                 _ => Err("a literal beyond the subset".to_owned()),
             },
@@ -127,13 +142,13 @@ impl Translator<'_> {
                     return Ok(Value::new(name, POSTFIX, ty));
                 }
                 if let Ok(size) = self.size_named(name, frame) {
-                    return Ok(Value::new(size, POSTFIX, Type::Whole("size_t")));
+                    return Ok(Value::new(size, POSTFIX, Type::Size));
                 }
                 let library = self.library;
                 let item = library.constant(&frame.file, name).ok_or_else(|| format!("an unknown name {name}"))?;
                 match self.ty_in(&item.ty, frame)? {
                     Type::Double => self.double(&item.expr, frame),
-                    ty => self.value(&item.expr, frame).map(|value| Value { ty, ..value }),
+                    _ => self.value(&item.expr, frame),
                 }
             }
             ["T", name] => match name {
@@ -148,7 +163,7 @@ impl Translator<'_> {
                 let ty = match name {
                     "COORDINATES" => Type::Array(Box::new(whole("size_t")), String::new()),
                     "ORDERS" => Type::Array(Box::new(whole("uint32_t")), String::new()),
-                    _ => whole("size_t"),
+                    _ => Type::Size,
                 };
                 Ok(Value::new((self.target.model)(name), POSTFIX, ty))
             }
@@ -190,6 +205,8 @@ impl Translator<'_> {
 
     /// Two values with an operator between them.
     pub(super) fn operated(&mut self, op: &syn::BinOp, left: Value, right: Value) -> Result<Value, Untranslated> {
+        let (of_left, of_right) = (left.ty.clone(), right.ty.clone());
+        let (left, right) = (left.beside(&of_right), right.beside(&of_left));
         if let Type::Structure(name, sizes) = left.ty.inner().clone() {
             let method = match op {
                 syn::BinOp::Add(_) | syn::BinOp::AddAssign(_) => "add",
@@ -204,8 +221,8 @@ impl Translator<'_> {
             syn::BinOp::Mul(_) => ("*", 13),
             syn::BinOp::Div(_) => ("/", 13),
             syn::BinOp::Rem(_) => ("%", 13),
-            syn::BinOp::Add(_) => ("+", 12),
-            syn::BinOp::Sub(_) => ("-", 12),
+            syn::BinOp::Add(_) => ("+", ADDITION),
+            syn::BinOp::Sub(_) => ("-", ADDITION),
             syn::BinOp::Lt(_) => ("<", RELATION),
             syn::BinOp::Le(_) => ("<=", RELATION),
             syn::BinOp::Gt(_) => (">", RELATION),
@@ -222,10 +239,7 @@ impl Translator<'_> {
             EQUALITY => RELATION + 1,
             _ => binding,
         };
-        let ty = match (&left.ty, &right.ty) {
-            _ if binding <= RELATION => Type::Bool,
-            (Type::Literal, other) | (other, _) => other.clone(),
-        };
+        let ty = if binding <= RELATION { Type::Bool } else { left.ty.clone() };
         let text = format!("{} {sign} {}", left.within(inner), right.within(inner + 1));
         Ok(Value::new(text, binding, ty))
     }
@@ -235,6 +249,7 @@ impl Translator<'_> {
         if inner.ty == ty {
             return Ok(inner);
         }
+        is_simple(&inner)?;
         let name = self.named(&ty)?;
         Ok(Value::new(format!("({name}){}", inner.within(UNARY)), UNARY, ty))
     }
@@ -267,9 +282,13 @@ impl Translator<'_> {
             other => other,
         };
         let (yes, no) = (self.value(yes, frame)?, self.value(no, frame)?);
+        let (of_yes, of_no) = match (&yes.ty, &no.ty) {
+            (Type::Literal, Type::Literal) => (Type::Size, Type::Size),
+            (of_yes, of_no) => (of_yes.clone(), of_no.clone()),
+        };
+        let (yes, no) = (yes.beside(&of_no), no.beside(&of_yes));
         let text = format!("{} ? {} : {}", condition.within(CHOICE + 1), yes.within(CHOICE + 1), no.within(CHOICE));
-        let ty = if yes.ty == Type::Literal { no.ty } else { yes.ty };
-        Ok(Value::new(text, CHOICE, ty))
+        Ok(Value::new(text, CHOICE, yes.ty))
     }
 
     fn method_call(&mut self, call: &syn::ExprMethodCall, frame: &mut Frame) -> Result<Value, Untranslated> {
@@ -292,7 +311,7 @@ impl Translator<'_> {
             Type::Slice(..) if name == "len" => {
                 Ok(Value::new(format!("{}_length", base.text), POSTFIX, Type::Whole("size_t")))
             }
-            Type::Array(_, size) if name == "len" => Ok(Value::new(size, POSTFIX, Type::Whole("size_t"))),
+            Type::Array(_, size) if name == "len" => Ok(Value::new(size, POSTFIX, Type::Size)),
             Type::Status(fault) if name == "is_ok" => {
                 let text = format!("{} == {}", base.within(EQUALITY + 1), (self.target.variant)(&fault, "Ok"));
                 Ok(Value::new(text, EQUALITY, Type::Bool))
@@ -339,14 +358,17 @@ impl Translator<'_> {
     ) -> Result<Value, Untranslated> {
         let own = base.within(UNARY);
         let other = match call.args.first() {
-            Some(other) => Some(self.value(other, frame)?.within(UNARY)),
+            Some(other) => Some(self.value(other, frame)?.beside(&base.ty).within(UNARY)),
             None => None,
         };
+        let zero = Value::new("0", POSTFIX, Type::Literal).beside(&base.ty).text;
         match (name, other) {
-            ("is_multiple_of", Some(other)) => Ok(Value::new(format!("{own} % {other} == 0"), EQUALITY, Type::Bool)),
+            ("is_multiple_of", Some(other)) => {
+                Ok(Value::new(format!("{own} % {other} == {zero}"), EQUALITY, Type::Bool))
+            }
             ("isqrt", None) => Ok(Value::new(format!("(uint32_t)sqrt((double){own})"), UNARY, base.ty.clone())),
             ("abs" | "unsigned_abs", None) => {
-                Ok(Value::new(format!("{own} < 0 ? -{own} : {own}"), CHOICE, base.ty.clone()))
+                Ok(Value::new(format!("{own} < {zero} ? -{own} : {own}"), CHOICE, base.ty.clone()))
             }
             ("max", Some(other)) => {
                 Ok(Value::new(format!("{own} > {other} ? {own} : {other}"), CHOICE, base.ty.clone()))
@@ -363,7 +385,7 @@ impl Translator<'_> {
                 Ok(Value::new(text, CHOICE, base.ty.clone()))
             }
             ("saturating_sub", Some(other)) => {
-                Ok(Value::new(format!("{own} > {other} ? {own} - {other} : 0"), CHOICE, base.ty.clone()))
+                Ok(Value::new(format!("{own} > {other} ? {own} - {other} : {zero}"), CHOICE, base.ty.clone()))
             }
             _ => Err(format!("a function {name} of a whole number")),
         }
@@ -385,6 +407,7 @@ impl Translator<'_> {
                     syn::Expr::Call(call) => self.value(call.args.first().unwrap_or(argument), frame)?,
                     other => self.value(other, frame)?,
                 };
+                is_simple(&inner)?;
                 let name = self.target.scalar.name();
                 Ok(Value::new(format!("({name}){}", inner.within(UNARY)), UNARY, Type::Real))
             }
@@ -460,6 +483,20 @@ impl Translator<'_> {
             }
         }
         Ok(list)
+    }
+}
+
+/// A number that is written out, or the macro of a size, as a number without a sign.
+pub(super) fn unsigned(text: &str) -> String {
+    if text.bytes().all(|byte| byte.is_ascii_digit()) { format!("{text}u") } else { format!("(size_t){text}") }
+}
+
+/// What becomes another kind of number is one name or call: the result of an operator is of the operands' type in C, and a cast behind it hides
+/// that nothing wider was computed.
+fn is_simple(value: &Value) -> Result<(), Untranslated> {
+    match value.ty.is_whole() && value.binding < UNARY {
+        true => Err(format!("a conversion of {}, which has no name", value.text)),
+        false => Ok(()),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::expression::RELATION;
+use super::expression::{ADDITION, UNARY, unsigned};
 use super::frame::Frame;
 use super::library::{self, Untranslated};
 use super::translator::Translator;
@@ -151,7 +151,7 @@ impl Translator<'_> {
                 self.ty_in(&syn::parse_quote!(#name), frame)
             }
             _ => Ok(match self.value(value, frame)?.ty {
-                Type::Literal => Type::Whole("size_t"),
+                Type::Literal | Type::Size => Type::Whole("size_t"),
                 ty => ty,
             }),
         }
@@ -162,7 +162,7 @@ impl Translator<'_> {
         match (ty.inner(), value) {
             (Type::Array(element, size), syn::Expr::Repeat(repeat)) => {
                 let index = frame.counter();
-                frame.write(&format!("for (size_t {index} = 0; {index} < {size}; ++{index}) {{"));
+                frame.write(&entries(&index, size));
                 frame.depth += 1;
                 self.assign(&format!("{place}[{index}]"), element, &repeat.expr, frame)?;
                 frame.depth -= 1;
@@ -232,13 +232,17 @@ impl Translator<'_> {
                     frame.write(&format!("{text} = {};", whole.text));
                     return Ok(());
                 }
+                let value = value.beside(&place.ty);
                 let sign = match binary.op {
+                    // The value is looked at whatever the place holds.
+                    syn::BinOp::BitOrAssign(_) if place.ty == Type::Bool => {
+                        frame.write(&format!("{0} = {1} || {0};", place.text, value.within(UNARY)));
+                        return Ok(());
+                    }
                     syn::BinOp::AddAssign(_) => "+=",
                     syn::BinOp::SubAssign(_) => "-=",
                     syn::BinOp::MulAssign(_) => "*=",
                     syn::BinOp::DivAssign(_) => "/=",
-                    syn::BinOp::BitOrAssign(_) => "|=",
-                    syn::BinOp::BitAndAssign(_) => "&=",
                     _ => return Err("an expression that does nothing".to_owned()),
                 };
                 frame.write(&format!("{} {sign} {};", place.text, value.text));
@@ -309,7 +313,7 @@ impl Translator<'_> {
         let mut loops = 0;
         while let Type::Array(inner, size) = element {
             let index = frame.counter();
-            frame.write(&format!("for (size_t {index} = 0; {index} < {size}; ++{index}) {{"));
+            frame.write(&entries(&index, size));
             frame.depth += 1;
             places.iter_mut().for_each(|place| place.push_str(&format!("[{index}]")));
             (element, loops) = (inner, loops + 1);
@@ -347,6 +351,12 @@ impl Translator<'_> {
                 _ => return Err("a branch beyond the subset".to_owned()),
             }
         }
+        if choice.else_branch.as_ref().is_some_and(|(_, other)| has_no_last(other)) {
+            frame.write("} else {");
+            frame.depth += 1;
+            frame.write("/* Nothing else. */");
+            frame.depth -= 1;
+        }
         frame.write("}");
         Ok(())
     }
@@ -371,27 +381,43 @@ impl Translator<'_> {
         };
         let (start, end) = (self.value(start, frame)?, self.value(end, frame)?);
         let ty = match (&start.ty, &end.ty) {
-            (Type::Literal, Type::Literal) => Type::Whole("size_t"),
-            (Type::Literal, other) | (other, _) => other.clone(),
+            (Type::Literal | Type::Size, Type::Literal | Type::Size) => Type::Whole("size_t"),
+            (Type::Literal | Type::Size, other) | (other, _) => other.clone(),
         };
         let kind = self.named(&ty)?;
-        let (start, end) = (start.text.clone(), end.within(RELATION + 1));
+        let (start, end) = (start.text, end.beside(&ty).within(ADDITION));
         let relation = if matches!(limits, syn::RangeLimits::Closed(_)) { "<=" } else { "<" };
         let forward = match step {
-            Some(step) => format!("{name} += {}", self.value(step, frame)?.text),
+            Some(step) => format!("{name} += {}", self.value(step, frame)?.beside(&ty).text),
             None => format!("++{name}"),
         };
-        frame.write(&if down {
-            format!("for ({kind} {name} = {end}; {name}-- > {start};) {{")
-        } else {
-            format!("for ({kind} {name} = {start}; {name} {relation} {end}; {forward}) {{")
-        });
         frame.scopes.push(HashMap::new());
         frame.declare(&name, ty)?;
+        if down {
+            if start != "0" {
+                return Err("a loop downwards to more than zero".to_owned());
+            }
+            // The loop itself counts upwards: a counter without a sign cannot fall below zero.
+            let passed = frame.counter();
+            frame.write(&format!("for ({kind} {passed} = 0; {passed} < {end}; ++{passed}) {{"));
+            frame.depth += 1;
+            frame.write(&format!("const {kind} {name} = {end} - 1u - {passed};"));
+            frame.depth -= 1;
+        } else {
+            frame.write(&format!("for ({kind} {name} = {start}; {name} {relation} {end}; {forward}) {{"));
+        }
         self.inner(&over.body, frame, false)?;
         frame.scopes.pop();
         frame.write("}");
         Ok(())
+    }
+}
+
+/// Whether a chain of choices ends with a condition.
+fn has_no_last(expression: &syn::Expr) -> bool {
+    match expression {
+        syn::Expr::If(choice) => choice.else_branch.as_ref().is_none_or(|(_, other)| has_no_last(other)),
+        _ => false,
     }
 }
 
@@ -419,9 +445,14 @@ fn copy(place: &str, from: &str, ty: &Type, frame: &mut Frame) {
         return;
     };
     let index = frame.counter();
-    frame.write(&format!("for (size_t {index} = 0; {index} < {size}; ++{index}) {{"));
+    frame.write(&entries(&index, size));
     frame.depth += 1;
     copy(&format!("{place}[{index}]"), &format!("{from}[{index}]"), element, frame);
     frame.depth -= 1;
     frame.write("}");
+}
+
+/// The head of a loop over the entries of an array.
+fn entries(index: &str, size: &str) -> String {
+    format!("for (size_t {index} = 0; {index} < {}; ++{index}) {{", unsigned(size))
 }

@@ -13,6 +13,8 @@ pub(super) enum Type {
     Whole(&'static str),
     /// A whole number that is written out, of whatever type its neighbour has.
     Literal,
+    /// A size of the model: a macro, which is written out too.
+    Size,
     Bool,
     Unit,
     Structure(String, Vec<String>),
@@ -46,6 +48,6 @@ impl Type {
     }
 
     pub(super) fn is_whole(&self) -> bool {
-        matches!(self, Self::Whole(_) | Self::Literal)
+        matches!(self, Self::Whole(_) | Self::Literal | Self::Size)
     }
 }
