@@ -25,5 +25,6 @@ pub mod regulator;
 mod requested;
 mod run;
 pub mod rust;
+pub mod specialise;
 pub mod table;
 mod text;

@@ -40,6 +40,9 @@ pub struct Options<'a> {
     /// Identified values that the code contains as constants. Values of parameters that the data do not determine come
     /// from stated priors, or do not affect the equations.
     pub identified: Option<&'a Identified>,
+    /// Whether the functions of the dynamics are made for the machine with the identified values: these stand in them as numbers, and the
+    /// functions do not read the parameters that they are given.
+    pub specialise: bool,
     /// Low passes of the feed-forward, common and split; none when not given.
     pub filters: Option<&'a Filters>,
     /// Whether accumulators of harmonics get a function that reduces the weight of earlier samples, for a machine that
@@ -61,6 +64,7 @@ impl<'a> Options<'a> {
             language,
             command,
             identified: None,
+            specialise: false,
             filters: None,
             forgetting: false,
             strokes: false,
@@ -109,7 +113,8 @@ pub fn generate_regulator(
 /// The source files of an estimator.
 ///
 /// # Errors
-/// [`EmitError`] when no sensor measures a coordinate, the identified values are of another model or leave open what an equation needs, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
+/// [`EmitError`] when no sensor measures a coordinate, the identified values are of another model or leave open what an equation needs, or
+/// are not there for code that is made for one machine, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
 /// target language cannot express the model.
 pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(own) = estimator.model.coordinates.iter().find(|coordinate| coordinate.unmeasured) {
@@ -130,6 +135,8 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
     if options.forgetting {
         estimator.check_forgetting()?;
     }
+    let specialised = options.specialise.then(|| estimator.specialised(options.identified)).transpose()?;
+    let estimator = specialised.as_ref().unwrap_or(estimator);
     match options.language {
         Language::Rust => {
             let rust_options = rust::Options {

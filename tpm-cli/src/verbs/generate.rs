@@ -113,6 +113,10 @@ pub(crate) struct Args {
     /// what the data do not show and an equation needs is refused.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
+    /// Make the functions of the dynamics for the machine with these values: they stand in the code as numbers, what they make zero is not
+    /// computed, and the functions do not read the parameters that they are given.
+    #[arg(long, requires = "params")]
+    specialise: bool,
     /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
     /// not given): of everything (common), and of the motion-dependent part alone (split).
     #[arg(long, value_name = "W[:Q]", requires = "sample_time")]
@@ -158,6 +162,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let command = command(args);
     let options = Options {
         identified: identified.as_ref(),
+        specialise: args.specialise,
         filters: filters.as_ref(),
         forgetting: args.forgetting,
         strokes: args.strokes,
@@ -171,7 +176,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             path.display()
         )),
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
-        (EmitError::Prefix(_) | EmitError::Filter(_), _) => Failure::Input(error.to_string()),
+        (EmitError::Prefix(_) | EmitError::Filter(_) | EmitError::Specialise(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string()),
     })?;
     for gap in estimator.gaps() {
@@ -241,6 +246,9 @@ fn command(args: &Args) -> String {
     }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));
+    }
+    if args.specialise {
+        command.push_str(" --specialise");
     }
     command
 }

@@ -24,6 +24,7 @@ use super::filter::{FilterError, Filters};
 use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
 use super::part::{Parts, RUN_HARMONICS};
+use super::specialise::{SpecialiseError, specialised};
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 use crate::language::ast::{Ident, Item, ModelDeclaration};
@@ -54,6 +55,8 @@ pub struct EstimatorSource {
     pub(super) slopes: Option<Plan>,
     /// The coordinates that are eliminated, from the motion of the others, where a campaign was requested.
     pub(super) campaign: Option<Vec<(Coordinate, Plan)>>,
+    /// Whether the functions of the dynamics have the values of the parameters in them.
+    pub(super) specialised: bool,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
 }
@@ -92,6 +95,9 @@ pub enum EmitError {
     /// A part that was asked for does not follow from the equations.
     #[error(transparent)]
     Part(#[from] PartError),
+    /// Code cannot be made for one machine.
+    #[error(transparent)]
+    Specialise(#[from] SpecialiseError),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),
@@ -233,8 +239,42 @@ impl EstimatorSource {
             run: None,
             slopes: None,
             campaign: None,
+            specialised: false,
             formulas,
         }
+    }
+
+    /// This source with the values of the parameters in inverse dynamics, feed-forward, gravity, mass matrix and forward dynamics, which then
+    /// do not read theirs. Regressors and estimators stay as they are.
+    ///
+    /// # Errors
+    /// [`SpecialiseError`], values of another model or incomplete ones, and numbers beyond double precision.
+    pub(crate) fn specialised(&self, identified: Option<&Identified>) -> Result<Self, EmitError> {
+        let identified = identified.ok_or(SpecialiseError::NoValues)?;
+        if self.campaign.is_some() {
+            return Err(SpecialiseError::Campaign.into());
+        }
+        let mut values = Vec::with_capacity(self.form.columns.len());
+        for settled in identified.in_order(&self.model, &self.form)? {
+            let beyond = || EmitError::OutOfRange(format!("{} of `{}`", settled.value, settled.parameter.name));
+            // The decimal digits that are printed for the value elsewhere.
+            values.push(rational::parse(&settled.value.to_string()).ok_or_else(beyond)?);
+        }
+        let mut own = self.clone();
+        let (plan, parts) = (&mut own.plan, &mut own.parts);
+        let accelerations = parts.forward_dynamics.iter_mut().map(|dynamics| &mut dynamics.plan);
+        for plan in [&mut plan.inverse_dynamics]
+            .into_iter()
+            .chain(&mut plan.feed_forward)
+            .chain(plan.feed_forward_parts.iter_mut().flatten())
+            .chain(&mut parts.gravity)
+            .chain(&mut parts.mass_matrix)
+            .chain(accelerations)
+        {
+            *plan = specialised(plan, &values);
+        }
+        own.specialised = true;
+        own.in_range()
     }
 
     fn in_range(self) -> Result<Self, EmitError> {
@@ -361,6 +401,7 @@ impl EstimatorSource {
         fixed
             .into_iter()
             .chain([&plan.inverse_dynamics])
+            .chain(&plan.feed_forward)
             .chain(plan.feed_forward_parts.iter().flatten())
             .chain(&plan.lumping)
             .chain(&self.slopes)

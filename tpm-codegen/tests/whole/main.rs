@@ -18,4 +18,5 @@ mod random_code;
 #[allow(dead_code, reason = "only models with a regressor form are compiled")]
 #[path = "../../../tests/support/random_model.rs"]
 mod random_model;
+mod specialised;
 mod support;
