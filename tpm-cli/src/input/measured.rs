@@ -99,11 +99,10 @@ impl MeasuredArgs {
             sample_time: self.sample_time,
             ..ReadingSettings::default()
         };
-        let (log, assumptions) =
-            Log::open_signals_with(&self.log, &signals, &options).map_err(|error| match error {
-                LogError::Io { path, source } => Failure::read(Path::new(&path), source),
-                other => Failure::Input(flags::log_error(&other)),
-            })?;
+        let (log, assumptions) = Log::open_signals(&self.log, &signals, &options).map_err(|error| match error {
+            LogError::Io { path, source } => Failure::read(Path::new(&path), source),
+            other => Failure::Input(flags::log_error(&other)),
+        })?;
         let settings = SegmentSettings {
             segment: self.segment,
             overlap: self.overlap,
