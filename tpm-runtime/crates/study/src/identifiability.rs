@@ -814,6 +814,23 @@ mod tests {
         }
     }
 
+    #[test]
+    fn an_exact_report_says_what_is_lumped_into_a_base_parameter() {
+        let model = parsed(include_str!("../../../../models/closed_loop_arm.tpm"));
+        let (prepared, pattern) = (model.prepared(), model.pattern(None).expect("a pattern"));
+        let table = expand(&prepared.model, &prepared.form, pattern).expect("finite");
+        let found = identifiability(&[Experiment::new("one", &table)]).expect("decided");
+        let report = Report::of(&found);
+        let named = |pairs: &[(&str, &str)]| -> BTreeMap<String, String> {
+            pairs.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
+        };
+        let base = report.base.expect("short");
+        assert_eq!((base.len(), base[0].parameter.as_str()), (6, "a10"));
+        assert_eq!(base[0].plus, named(&[("a30", "lambda2/2/lambda1")]));
+        let hidden = named(&[("a10", "lambda2^2"), ("a20", "lambda1^2"), ("a30", "-2*lambda1*lambda2")]);
+        assert!(report.unobservable.expect("short").contains(&hidden));
+    }
+
     /// The pendulum of the logs, with the exact sine instead of its Taylor polynomial.
     const PENDULUM: &str = "model MotorPendulum {
         coordinate q [rad];

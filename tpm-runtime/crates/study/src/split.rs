@@ -179,3 +179,24 @@ impl fmt::Display for InputParts {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{InputParts, numeric_parts};
+    use tpm_session::DeclaredModel;
+    use tpm_symbolic::plan::split::split;
+    use tpm_symbolic::regressor::prepare::prepare;
+
+    #[test]
+    fn what_higher_harmonics_add_is_said_of_infinite_series_alone() {
+        let text = include_str!("../../../../models/cart_pendulum.tpm");
+        let model = DeclaredModel::parse("cart_pendulum.tpm", text).expect("a model");
+        let mut found = split(&model.parsed().model, &[]).expect("parts");
+        let parts = prepare(found.parts().expect("no coordinate is eliminated")).expect("linear");
+        let pattern = model.pattern(None).expect("a pattern");
+        let waves = numeric_parts(&parts, pattern, 15, |_| 0.5).expect("sines and cosines");
+        let said = InputParts::new(&mut found, None).with_waves(&parts, &waves, 15).to_string();
+        let names = |line: &str| line.strip_prefix("higher harmonics of ")?.split(' ').next().map(str::to_owned);
+        assert_eq!(said.lines().filter_map(names).collect::<Vec<_>>(), ["F_independent", "tau_independent"], "{said}");
+    }
+}
