@@ -1,7 +1,7 @@
-//! The generated sources that tests compile and run, and what is kept of them in `tests/generated`: the text of a few, for people who
-//! review a change of a printer, and a hash of every other text, in `hashes.txt`.
+//! The generated sources that tests compile and run, and what is kept of them in `tests/generated`: a hash of every text, in
+//! `hashes.txt`, and the text of a few, for people who review a change of a printer.
 //!
-//! Invariant: every source of the list is kept in exactly one of the two ways, and nothing else is in the folder.
+//! Invariant: every source of the list has its hash, and nothing else is in the folder but these few texts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -14,7 +14,13 @@ use tpm_codegen::{Source, parse_model};
 use tpm_symbolic::number::rational::{integer, ratio};
 
 /// What is kept as text, by the beginnings of names: Feng, Eqn 3.24 and two carts in both languages, and an arm's estimator in Rust.
-const TEXTS: [&str; 3] = ["mass_spring_drag.", "two_carts.", "parts/three_joints.rs"];
+const TEXTS: [&str; 3] = [WHOLE, "two_carts.", "parts/three_joints.rs"];
+
+/// What is kept to its last line: a program without an operating system includes it, and the documentation compares it.
+const WHOLE: &str = "mass_spring_drag.";
+
+/// Where a source in Rust begins to repeat the sources of `tpm-controller`, which are read where they are written.
+const REPEATED: &str = "\n/// What the functions above need beside `core`";
 
 /// Where the texts and the hashes are kept, in the workspace.
 const FOLDER: &str = "tests/generated";
@@ -35,8 +41,12 @@ pub struct Golden {
 }
 
 impl Golden {
-    fn is_text(&self) -> bool {
-        TEXTS.iter().any(|text| self.name.starts_with(text))
+    /// What is kept of it as text, if anything is.
+    fn read_by_people(&self) -> Option<Self> {
+        TEXTS.iter().find(|text| self.name.starts_with(**text)).map(|&kind| {
+            let own = if kind == WHOLE { None } else { self.text.split_once(REPEATED) };
+            Self { name: self.name.clone(), text: own.map_or(self.text.as_str(), |(own, _)| own).to_owned() }
+        })
     }
 }
 
@@ -134,38 +144,40 @@ pub fn read(folder: &Path) -> io::Result<Vec<Golden>> {
     paths.map(|path| Ok(Golden { name: name(&path), text: fs::read_to_string(path)? })).collect()
 }
 
-/// What is kept: hashes of texts by their names.
-pub struct Kept(BTreeMap<String, u64>);
+/// What is kept, by the names of sources.
+pub struct Kept {
+    hashes: BTreeMap<String, u64>,
+    texts: BTreeMap<String, String>,
+}
 
 impl Kept {
-    /// Reads the hashes, and makes those of the kept texts.
+    /// Reads the hashes and the texts.
     ///
     /// # Errors
     /// When a file cannot be read, or a line of the hashes is none.
     pub fn read(root: &Path) -> io::Result<Self> {
-        let mut kept = BTreeMap::new();
-        for Golden { name, text } in read(&root.join(FOLDER))? {
-            if name != HASHES {
-                kept.insert(name, hash(&text));
-                continue;
-            }
-            for line in text.lines() {
-                let parts =
-                    line.split_once(' ').and_then(|(name, hash)| Some((name, u64::from_str_radix(hash, 16).ok()?)));
-                let (name, hash) =
-                    parts.ok_or_else(|| io::Error::other(format!("`{line}` is no name with its hash")))?;
-                kept.insert(name.to_owned(), hash);
-            }
-        }
-        Ok(Self(kept))
+        let mut texts: BTreeMap<_, _> =
+            read(&root.join(FOLDER))?.into_iter().map(|golden| (golden.name, golden.text)).collect();
+        let parsed = |line: &str| {
+            let parts = line.split_once(' ');
+            let parsed = parts.and_then(|(name, hash)| Some((name.to_owned(), u64::from_str_radix(hash, 16).ok()?)));
+            parsed.ok_or_else(|| io::Error::other(format!("`{line}` is no name with its hash")))
+        };
+        let hashes = texts.remove(HASHES).unwrap_or_default().lines().map(parsed).collect::<io::Result<_>>()?;
+        Ok(Self { hashes, texts })
     }
 
     /// Names of sources that are not as they are kept, of sources that are not kept, and of what is kept of no source.
     pub fn stale(&self, goldens: &[Golden]) -> BTreeSet<String> {
-        let now: BTreeMap<_, _> = goldens.iter().map(|golden| (golden.name.clone(), hash(&golden.text))).collect();
-        let names = now.keys().chain(self.0.keys());
-        names.filter(|&name| now.get(name) != self.0.get(name)).cloned().collect()
+        let hashes = goldens.iter().map(|golden| (golden.name.clone(), hash(&golden.text))).collect();
+        let texts = goldens.iter().filter_map(Golden::read_by_people).map(|kept| (kept.name, kept.text)).collect();
+        &different(&hashes, &self.hashes) | &different(&texts, &self.texts)
     }
+}
+
+/// The names for which two maps do not say the same.
+fn different<V: PartialEq>(left: &BTreeMap<String, V>, right: &BTreeMap<String, V>) -> BTreeSet<String> {
+    left.keys().chain(right.keys()).filter(|&name| left.get(name) != right.get(name)).cloned().collect()
 }
 
 fn files_below(folder: &Path) -> io::Result<Vec<PathBuf>> {
@@ -203,9 +215,8 @@ pub fn accept(root: &Path, goldens: &[Golden]) -> io::Result<()> {
     for path in files_below(&folder)? {
         fs::remove_file(path)?;
     }
-    write(&folder, goldens.iter().filter(|golden| golden.is_text()))?;
-    let hashed = goldens.iter().filter(|golden| !golden.is_text());
-    let lines: String = hashed.map(|golden| format!("{} {:016x}\n", golden.name, hash(&golden.text))).collect();
+    write(&folder, &goldens.iter().filter_map(Golden::read_by_people).collect::<Vec<_>>())?;
+    let lines: String = goldens.iter().map(|golden| format!("{} {:016x}\n", golden.name, hash(&golden.text))).collect();
     fs::write(folder.join(HASHES), lines)
 }
 

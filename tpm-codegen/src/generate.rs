@@ -20,12 +20,22 @@ pub enum Language {
 
 impl Language {
     /// The language that `rust` or `c` names.
+    ///
+    /// ```
+    /// # use tpm_codegen::generate::Language;
+    /// assert_eq!((Language::from_name("c"), Language::from_name("basic")), (Some(Language::C), None));
+    /// ```
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        match name {
-            "rust" => Some(Self::Rust),
-            "c" => Some(Self::C),
-            _ => None,
+        [Self::Rust, Self::C].into_iter().find(|language| language.name() == name)
+    }
+
+    /// `rust` or `c`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rust => "rust",
+            Self::C => "c",
         }
     }
 }

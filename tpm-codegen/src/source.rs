@@ -21,12 +21,22 @@ impl Span {
     }
 
     /// The smallest span that contains both.
+    ///
+    /// ```
+    /// # use tpm_codegen::source::{Source, Span};
+    /// assert_eq!(Span::new(5, 7).to(Span::new(1, 2)), Span::new(1, 7));
+    /// ```
     #[must_use]
     pub fn to(self, other: Self) -> Self {
         Self { start: self.start.min(other.start), end: self.end.max(other.end) }
     }
 
     /// The empty span at the end of this one.
+    ///
+    /// ```
+    /// # use tpm_codegen::source::{Source, Span};
+    /// assert_eq!(Span::new(1, 7).after(), Span::new(7, 7));
+    /// ```
     #[must_use]
     pub fn after(self) -> Self {
         Self { start: self.end, end: self.end }
@@ -113,12 +123,24 @@ impl Source {
     }
 
     /// The text of a span; empty when the span is not of this source.
+    ///
+    /// ```
+    /// # use tpm_codegen::source::{Source, Span};
+    /// let source = Source::new("cart.tpm", "model Cart { }");
+    /// assert_eq!((source.slice(Span::new(6, 10)), source.slice(Span::new(6, 100))), ("Cart", ""));
+    /// ```
     #[must_use]
     pub fn slice(&self, span: Span) -> &str {
         self.text.get(span.range()).unwrap_or_default()
     }
 
     /// Line and column of a byte offset.
+    ///
+    /// ```
+    /// # use tpm_codegen::source::{Source, Span};
+    /// let place = Source::new("cart.tpm", "model Cart {\n    x").position(17);
+    /// assert_eq!((place.line, place.column), (2, 5));
+    /// ```
     #[must_use]
     pub fn position(&self, offset: u32) -> Position {
         let before = self.before(offset);
@@ -130,6 +152,11 @@ impl Source {
     }
 
     /// The whole line around a byte offset, without its end.
+    ///
+    /// ```
+    /// # use tpm_codegen::source::{Source, Span};
+    /// assert_eq!(Source::new("cart.tpm", "one\ntwo\nthree").line_at(5), "two");
+    /// ```
     #[must_use]
     pub fn line_at(&self, offset: u32) -> &str {
         let at = self.before(offset).len();

@@ -36,6 +36,11 @@ pub struct Differentiator<T> {
 
 impl<T: Real> Differentiator<T> {
     /// A filter for samples every `sample_time` seconds with the given time constant (s); zero gives the plain difference.
+    ///
+    /// ```
+    /// # use tpm_controller::control::*;
+    /// assert_eq!(Differentiator::new(1e-3, 0.0).pole(), 0.0);
+    /// ```
     #[must_use]
     pub fn new(sample_time: T, time_constant: T) -> Self {
         let pole = if time_constant > T::ZERO { (-sample_time / time_constant).exp() } else { T::ZERO };
@@ -43,6 +48,12 @@ impl<T: Real> Differentiator<T> {
     }
 
     /// Processes one sample and returns the rate; the rate of the first sample is zero.
+    ///
+    /// ```
+    /// # use tpm_controller::control::*;
+    /// let mut rate = Differentiator::new(0.5, 0.0);
+    /// assert_eq!((rate.push(1.0), rate.push(2.0)), (0.0, 2.0));
+    /// ```
     pub fn push(&mut self, value: T) -> T {
         let difference = self.last.map_or(T::ZERO, |last| value - last);
         self.last = Some(value);
@@ -57,12 +68,27 @@ impl<T: Real> Differentiator<T> {
     }
 
     /// Resets the filter to the state before its first sample.
+    ///
+    /// ```
+    /// # use tpm_controller::control::*;
+    /// let mut rate = Differentiator::new(0.5, 0.0);
+    /// rate.push(1.0);
+    /// rate.reset();
+    /// assert_eq!(rate.push(2.0), 0.0);
+    /// ```
     pub fn reset(&mut self) {
         self.last = None;
         self.rate = T::ZERO;
     }
 
     /// D(e^{j angle}) as (real, imaginary) part, with `angle` = W T.
+    ///
+    /// ```
+    /// # use tpm_controller::control::*;
+    /// // A difference over T seconds is near the derivative j W at low frequencies W.
+    /// let (_, imaginary) = Differentiator::new(1.0, 0.0).response(1e-3);
+    /// assert!((imaginary / 1e-3 - 1.0_f64).abs() < 1e-6);
+    /// ```
     #[must_use]
     pub fn response(&self, angle: T) -> (T, T) {
         // 1 - cos cancels at small angles, 2 sin^2(angle/2) does not.
@@ -91,6 +117,15 @@ impl<'m, T: Real> Feedback<'m, T> {
     }
 
     /// Adds C(e) to `inputs`. `rates` are the measured rates of the errors; without them the differentiators form them.
+    ///
+    /// ```
+    /// # use tpm_controller::control::*;
+    /// let gains = [Gain { input: 0, coordinate: 0, proportional: 4.0, derivative: 1.0 }];
+    /// let mut input = [10.0];
+    /// Feedback::new(&gains, &mut []).add(&[0.5], Some(&[1.0]), &mut input)?;
+    /// assert_eq!(input, [7.0]);
+    /// # Ok::<(), tpm_controller::EvalError>(())
+    /// ```
     ///
     /// # Errors
     /// [`EvalError::Length`] when `rates`, or the differentiators, are not as many as the errors, or a gain names a coordinate or

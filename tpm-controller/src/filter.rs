@@ -26,6 +26,12 @@ pub struct SecondOrder<T> {
 impl<T: Real> SecondOrder<T> {
     /// A filter of natural frequency `w_n` (rad/s) and quality factor `quality` for samples every `sample_time` seconds, at rest
     /// in 0; `None` unless all three are positive and w_n is below half the sampling frequency, pi / sample_time.
+    ///
+    /// ```
+    /// # use tpm_controller::filter::SecondOrder;
+    /// assert!(SecondOrder::new(100.0, 0.7, 1e-3).is_some());
+    /// assert!(SecondOrder::new(4000.0, 0.7, 1e-3).is_none());
+    /// ```
     #[must_use]
     pub fn new(natural_frequency: T, quality: T, sample_time: T) -> Option<Self> {
         let half = natural_frequency * sample_time / T::from_f64(2.0);
@@ -58,12 +64,28 @@ impl<T: Real> SecondOrder<T> {
     }
 
     /// Sets the filter to its steady state under the constant input `value`.
+    ///
+    /// ```
+    /// # use tpm_controller::filter::SecondOrder;
+    /// let mut filter = SecondOrder::new(100.0, 0.7, 1e-3).ok_or("beyond half the sampling frequency")?;
+    /// filter.settle(2.0);
+    /// assert!((filter.push(2.0) - 2.0_f64).abs() < 1e-12);
+    /// # Ok::<(), &str>(())
+    /// ```
     pub fn settle(&mut self, value: T) {
         self.inputs = [value; 2];
         self.outputs = [value; 2];
     }
 
     /// The response at `angle` = W T (rad per sample), real and imaginary part.
+    ///
+    /// ```
+    /// # use tpm_controller::filter::SecondOrder;
+    /// let filter = SecondOrder::new(100.0, 0.7, 1e-3).ok_or("beyond half the sampling frequency")?;
+    /// let (gain, _) = filter.response(0.0);
+    /// assert!((gain - 1.0_f64).abs() < 1e-12);
+    /// # Ok::<(), &str>(())
+    /// ```
     #[must_use]
     pub fn response(&self, angle: T) -> (T, T) {
         let two = T::from_f64(2.0);

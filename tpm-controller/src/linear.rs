@@ -10,6 +10,14 @@ use crate::support::Real;
 /// `matrix` (n x n, n = `right.len()`) is overwritten. Pivots are compared after scaling each row by its largest entry, so
 /// that the units of the rows do not decide the order.
 ///
+/// ```
+/// # use tpm_controller::linear::solve_in_place;
+/// let mut solution = [4.0, 6.0];
+/// assert_eq!(solve_in_place(&mut [0.0, 2.0, 3.0, 0.0], &mut solution), Ok(()));
+/// assert_eq!(solution, [2.0, 2.0]);
+/// assert_eq!(solve_in_place(&mut [1.0, 1.0, 1.0, 1.0], &mut solution), Err(1));
+/// ```
+///
 /// # Errors
 /// The column whose pivot vanishes (to rounding), or that is not finite.
 ///

@@ -35,6 +35,12 @@ pub struct Dims {
 
 impl Dims {
     /// Length of a motion: the coordinates and their derivatives up to `order`.
+    ///
+    /// ```
+    /// # use tpm_controller::model::*;
+    /// let dims = Dims { coordinates: 2, order: 2, inputs: 1, rows: 2, parameters: 3, constants: 0 };
+    /// assert_eq!((dims.motion_len(), dims.regressor_len(), dims.input_map_len()), (6, 6, 2));
+    /// ```
     #[must_use]
     pub const fn motion_len(&self) -> usize {
         self.coordinates * (self.order + 1)
@@ -144,6 +150,12 @@ impl core::error::Error for EvalError {}
 
 /// Requires a slice of exactly `needed` entries.
 ///
+/// ```
+/// # use tpm_controller::model::*;
+/// let short = EvalError::Length { buffer: Buffer::Motion, needed: 3, given: 2 };
+/// assert_eq!(require_len(Buffer::Motion, 2, 3), Err(short));
+/// ```
+///
 /// # Errors
 /// [`EvalError::Length`] that names the slice.
 pub fn require_len(buffer: Buffer, given: usize, needed: usize) -> Result<(), EvalError> {
@@ -151,6 +163,11 @@ pub fn require_len(buffer: Buffer, given: usize, needed: usize) -> Result<(), Ev
 }
 
 /// A slice of exactly N entries as an array.
+///
+/// ```
+/// # use tpm_controller::model::*;
+/// assert_eq!(fixed(Buffer::Inputs, &[1.0, 2.0]), Ok(&[1.0, 2.0]));
+/// ```
 ///
 /// # Errors
 /// [`EvalError::Length`] that names the slice.
@@ -160,6 +177,12 @@ pub fn fixed<T, const N: usize>(buffer: Buffer, slice: &[T]) -> Result<&[T; N], 
 }
 
 /// Copies results into the caller's output.
+///
+/// ```
+/// # use tpm_controller::model::*;
+/// let mut out = [0.0; 2];
+/// assert_eq!((store(&[1.0, 2.0], &mut out), out), (Ok(()), [1.0, 2.0]));
+/// ```
 ///
 /// # Errors
 /// [`EvalError::Length`] when the output has another length.
@@ -173,6 +196,14 @@ pub fn store<T: Copy>(results: &[T], out: &mut [T]) -> Result<(), EvalError> {
 }
 
 /// The first `needed` entries of a workspace and the rest.
+///
+/// ```
+/// # use tpm_controller::model::*;
+/// let mut workspace = [0.0; 5];
+/// let (own, rest) = split_workspace(&mut workspace, 2)?;
+/// assert_eq!((own.len(), rest.len()), (2, 3));
+/// # Ok::<(), EvalError>(())
+/// ```
 ///
 /// # Errors
 /// [`EvalError::Length`] when the workspace is shorter.

@@ -109,6 +109,13 @@ impl Budget {
 
 /// Runs work of the engine within a budget. Work inside other work shares the operations of the outer one.
 ///
+/// ```
+/// # use tpm_symbolic::{budget::{self, Budget}, number::rational::integer};
+/// let mut few = Budget::default();
+/// few.operations = 10;
+/// assert!(budget::run(few, || integer(3).pow(1_000_000)).is_err());
+/// ```
+///
 /// # Errors
 /// When the work takes more operations than the budget has, or is stopped.
 pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
@@ -145,6 +152,14 @@ pub fn ended() -> Option<Halted> {
 }
 
 /// Names the work in the error of a run that ends within it. The innermost name is reported.
+///
+/// ```
+/// # use tpm_symbolic::{budget::{self, Budget}, number::rational::integer};
+/// let mut few = Budget::default();
+/// few.operations = 10;
+/// let work = || budget::within(|| "a power".to_owned(), || integer(3).pow(1_000_000));
+/// assert!(budget::run(few, work).is_err_and(|halted| halted.to_string().contains("a power")));
+/// ```
 pub fn within<T>(name: impl FnOnce() -> String, work: impl FnOnce() -> T) -> T {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         if payload.is::<Signal>() {

@@ -92,8 +92,7 @@
 //! before it only. [`linear`] stands above [`mechanics`], beside the regressors.
 //!
 //! This crate does not use files or source text, and floats only for the one correct rounding of results
-//! ([`number::rational::to_f64`]), the bounds of truncation errors of infinite series, and Bessel functions, which are
-//! not rational ([`harmonic::bessel`]).
+//! ([`number::rational::to_f64`]) and the bounds of truncation errors of infinite series.
 
 pub mod algebra;
 pub mod budget;

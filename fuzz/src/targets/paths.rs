@@ -58,7 +58,7 @@ pub(super) fn fitted(text: &str) -> Verdict {
         Log::open_signals(path, &names, &ReadingSettings::default())
     });
     let log = match read {
-        Ok(log) => log,
+        Ok((log, _)) => log,
         Err(fault) => return refused(&fault),
     };
     let signals: Vec<(String, Vec<f64>)> = names.into_iter().zip(log.channels).collect();

@@ -49,7 +49,7 @@ fn options(map: &[(&str, &str)], hold: Hold) -> LogOptions {
 }
 
 fn identify(model: &dyn Model<f64>, file: &Path, options: &LogOptions) -> Identification {
-    let log = Log::open(file, model, &options.reading.columns).expect("the published log is sound");
+    let (log, _) = Log::open_rated(file, model, &options.reading.columns).expect("the published log is sound");
     let result = identify_log(model, &log, options).expect("the published log identifies");
     for p in &result.parameters {
         eprintln!("{} = {:?} +- {:?} ({})", p.name, p.value, p.std, p.status.name());

@@ -8,6 +8,7 @@ use super::page::formula;
 use std::collections::BTreeMap;
 use tpm_codegen::diagnostic;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
+use tpm_runtime::study::Report;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::linear;
 use tpm_symbolic::harmonic::expand::expand;
@@ -157,8 +158,8 @@ fn spring(unexplained: &mut Vec<String>) -> Result<Chapter, Failure> {
     let exact = table_of(&spring)?;
     let (rows, agree, all) = beside("3.26", &exact, unexplained);
     let found = identifiability(&[Experiment::of("3.24", &spring.model, &exact)])
-        .map_err(|error| Failure::Input(error.to_string()))?
-        .report();
+        .map_err(|error| Failure::Input(error.to_string()))?;
+    let found = Report::of(&found);
     // The square matrix of Eqn 3.29: harmonics 0, 1 and 3, powers of amplitude and frequency in its last factor.
     let coefficient = |harmonic: usize, column: usize| -> Rational {
         exact.at(0, harmonic, Trig::Cos, Some(column)).map(|entry| entry.coefficient).sum()

@@ -2,7 +2,8 @@
 
 use crate::failure::Failure;
 use crate::input::assignments::assignment;
-use clap::ValueEnum;
+use crate::input::choice::one_of;
+use clap::builder::TypedValueParser;
 use std::path::Path;
 use tpm_codegen::import::{Angles, Options};
 use tpm_codegen::source::Source;
@@ -21,23 +22,26 @@ pub(crate) struct PartArgs {
     #[arg(long, value_name = "JOINT=VALUE", value_parser = assignment)]
     lock: Vec<(String, String)>,
     /// How angles and lengths are read: right angles and zeros recognised where rounding hides them, or as written.
-    #[arg(long, value_enum, default_value = "recognised")]
-    angles: AnglesChoice,
+    #[arg(long, value_parser = angles(), default_value = "recognised")]
+    angles: Angles,
 }
 
 /// How angles are read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum AnglesChoice {
-    /// Angles within 1e-4 of a multiple of pi/2 are that multiple, lengths below 1e-12 m are zero.
-    Recognised,
-    /// Every number is what is written.
-    Written,
+fn angles() -> impl TypedValueParser<Value = Angles> {
+    one_of([
+        (
+            Angles::Recognised,
+            "recognised",
+            "Angles within 1e-4 of a multiple of pi/2 are that multiple, lengths below 1e-12 m are zero",
+        ),
+        (Angles::Written, "written", "Every number is what is written"),
+    ])
 }
 
 impl PartArgs {
     /// What is taken when no option is given.
     pub(crate) const fn whole() -> Self {
-        Self { base: None, tip: None, lock: Vec::new(), angles: AnglesChoice::Recognised }
+        Self { base: None, tip: None, lock: Vec::new(), angles: Angles::Recognised }
     }
 
     /// As the library reads them.
@@ -46,10 +50,7 @@ impl PartArgs {
             base: self.base.clone(),
             tip: self.tip.clone(),
             locked: self.lock.clone(),
-            angles: match self.angles {
-                AnglesChoice::Recognised => Angles::Recognised,
-                AnglesChoice::Written => Angles::Written,
-            },
+            angles: self.angles,
             losses: None,
             stribeck: false,
         }

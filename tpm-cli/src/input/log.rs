@@ -2,7 +2,8 @@
 
 use crate::failure::Failure;
 use crate::input::assignments::{assignment, by_name, factor_assignment, number_assignment, once};
-use clap::ValueEnum;
+use crate::input::choice::one_of;
+use clap::builder::TypedValueParser;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::harmonics::Hold;
@@ -13,21 +14,15 @@ use tpm_runtime::plant::actuator::MotorFile;
 use tpm_runtime::session::{EstimationSettings, LogRequest, RecordSettings};
 
 /// What an input does between samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum HoldChoice {
-    /// The recorded value is a sample of a signal that goes on between samples, or the timing is unknown.
-    None,
-    /// The recorded value is applied until the next sample.
-    Zoh,
-}
-
-impl From<HoldChoice> for Hold {
-    fn from(choice: HoldChoice) -> Self {
-        match choice {
-            HoldChoice::None => Hold::None,
-            HoldChoice::Zoh => Hold::Zoh,
-        }
-    }
+pub(crate) fn hold() -> impl TypedValueParser<Value = Hold> {
+    one_of([
+        (
+            Hold::None,
+            "none",
+            "The recorded value is a sample of a signal that goes on between samples, or the timing is unknown",
+        ),
+        (Hold::Zoh, "zoh", "The recorded value is applied until the next sample"),
+    ])
 }
 
 /// Options about the columns of a log, of verbs which all have an argument `log`.
@@ -80,8 +75,8 @@ pub(crate) struct LogArgs {
     #[arg(long, value_name = "SECONDS", requires = "log")]
     period: Option<f64>,
     /// What the inputs do between samples.
-    #[arg(long, value_enum, requires = "log")]
-    hold: Option<HoldChoice>,
+    #[arg(long, value_parser = hold(), requires = "log")]
+    hold: Option<Hold>,
     /// Known time by which an input's force lags behind its recorded value, s; corrected. `fit` finds it with the parameters.
     #[arg(long, value_name = "INPUT=SECONDS", requires = "log", value_parser = delay)]
     delay: Vec<(String, Delay)>,
@@ -191,7 +186,7 @@ impl LogArgs {
             columns: self.columns.settings()?,
             from_sample: self.from_sample,
             period: self.period,
-            hold: self.hold.map_or(Hold::None, Hold::from),
+            hold: self.hold.unwrap_or_default(),
         })
     }
 

@@ -2,10 +2,11 @@
 
 use crate::failure::Failure;
 use crate::input::assignments::{assignment, factor_assignment, once};
-use crate::input::log::HoldChoice;
+use crate::input::choice::one_of;
+use crate::input::log::hold;
 use crate::output::picture::{self, Picture};
 use crate::render::flags;
-use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::ResponseEstimator;
 use tpm_runtime::harmonics::Hold;
@@ -14,21 +15,11 @@ use tpm_runtime::plot::Figure;
 use tpm_runtime::study::{MeasuredResponse, ResponseFault, SegmentSettings};
 
 /// Which estimate of the response.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum EstimatorChoice {
-    /// Noise on the output is averaged away.
-    H1,
-    /// Noise on the input is averaged away.
-    H2,
-}
-
-impl From<EstimatorChoice> for ResponseEstimator {
-    fn from(choice: EstimatorChoice) -> Self {
-        match choice {
-            EstimatorChoice::H1 => ResponseEstimator::H1,
-            EstimatorChoice::H2 => ResponseEstimator::H2,
-        }
-    }
+fn estimator() -> impl TypedValueParser<Value = ResponseEstimator> {
+    one_of([
+        (ResponseEstimator::H1, "h1", "Noise on the output is averaged away"),
+        (ResponseEstimator::H2, "h2", "Noise on the input is averaged away"),
+    ])
 }
 
 /// Options about the log and its averaging.
@@ -61,8 +52,8 @@ pub(crate) struct MeasuredArgs {
     #[arg(long, requires = "segment", conflicts_with = "overlap")]
     periodic: bool,
     /// What the input does between samples.
-    #[arg(long, value_enum)]
-    hold: Option<HoldChoice>,
+    #[arg(long, value_parser = hold())]
+    hold: Option<Hold>,
     /// Lowest frequency in Hz; where the longest usable run of lines begins when not given.
     #[arg(long, value_name = "HZ")]
     low: Option<f64>,
@@ -70,8 +61,8 @@ pub(crate) struct MeasuredArgs {
     #[arg(long, value_name = "HZ")]
     high: Option<f64>,
     /// Which estimate of the response.
-    #[arg(long, value_enum, default_value = "h1")]
-    pub(crate) estimator: EstimatorChoice,
+    #[arg(long, value_parser = estimator(), default_value = "h1")]
+    pub(crate) estimator: ResponseEstimator,
     /// Draw a Bode plot into this file, .svg or .png.
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
@@ -99,16 +90,15 @@ impl MeasuredArgs {
             sample_time: self.sample_time,
             ..ReadingSettings::default()
         };
-        let (log, assumptions) =
-            Log::open_signals_with(&self.log, &signals, &options).map_err(|error| match error {
-                LogError::Io { path, source } => Failure::read(Path::new(&path), source),
-                other => Failure::Input(flags::log_error(&other)),
-            })?;
+        let (log, assumptions) = Log::open_signals(&self.log, &signals, &options).map_err(|error| match error {
+            LogError::Io { path, source } => Failure::read(Path::new(&path), source),
+            other => Failure::Input(flags::log_error(&other)),
+        })?;
         let settings = SegmentSettings {
             segment: self.segment,
             overlap: self.overlap,
             periodic: self.periodic,
-            hold: self.hold.map_or(Hold::None, Hold::from),
+            hold: self.hold.unwrap_or_default(),
             low: self.low,
             high: self.high,
         };

@@ -1,6 +1,7 @@
 //! The command line in the terms of the libraries: files, assignments, and options that several verbs share.
 
 pub(crate) mod assignments;
+pub(crate) mod choice;
 pub(crate) mod description;
 pub(crate) mod domain;
 pub(crate) mod experiment;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use tpm_runtime::report::{Align, TextTable};
-use tpm_symbolic::harmonic::report::ShowingHarmonic;
+use tpm_runtime::study::ShowingHarmonic;
 
 /// Harmonics that are printed per base parameter; all of them are in the JSON.
 const MOST: usize = 3;

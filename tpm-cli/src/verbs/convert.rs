@@ -1,9 +1,10 @@
 //! `tpm convert`: a log in another format.
 
 use crate::failure::{Failure, Outcome};
+use crate::input::choice::one_of;
 use crate::input::log::ColumnArgs;
 use crate::output::{file, writable};
-use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_runtime::log::{Track, TrackFormat};
 use tpm_runtime::session::SessionError;
@@ -26,8 +27,8 @@ pub(crate) struct Args {
     /// The log, in any format that is read.
     log: PathBuf,
     /// The format to write. MCAP and Parquet are features of the build.
-    #[arg(long, value_enum)]
-    to: To,
+    #[arg(long, value_parser = format())]
+    to: TrackFormat,
     /// The file to write, which must not be there yet; the log's name with the ending of the format when not given.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -35,38 +36,19 @@ pub(crate) struct Args {
     columns: ColumnArgs,
 }
 
-/// A format that is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum To {
-    /// Text in columns.
-    Csv,
-    /// A recording of ROS 2.
-    Mcap,
-    /// A table of data frames.
-    Parquet,
-}
-
-impl To {
-    fn format(self) -> TrackFormat {
-        match self {
-            To::Csv => TrackFormat::Csv,
-            To::Mcap => TrackFormat::Mcap,
-            To::Parquet => TrackFormat::Parquet,
-        }
-    }
-
-    fn extension(self) -> &'static str {
-        match self {
-            To::Csv => "csv",
-            To::Mcap => "mcap",
-            To::Parquet => "parquet",
-        }
-    }
+/// A format that is written, by the ending of its files.
+fn format() -> impl TypedValueParser<Value = TrackFormat> {
+    one_of([
+        (TrackFormat::Csv, "csv", "Text in columns"),
+        (TrackFormat::Mcap, "mcap", "A recording of ROS 2"),
+        (TrackFormat::Parquet, "parquet", "A table of data frames"),
+    ])
 }
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let output = args.output.clone().unwrap_or_else(|| args.log.with_extension(args.to.extension()));
+    let output =
+        args.output.clone().unwrap_or_else(|| args.log.with_extension(args.to.to_string().to_ascii_lowercase()));
     writable(Some(&output), None)?;
     let named = file::named(Some(&output));
     if named.is_some_and(Path::exists) && !named.is_some_and(tpm_runtime::report::is_special) {
@@ -77,12 +59,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     let request = args.columns.request(&args.log)?;
     let (track, said) = Track::of_log(&args.log, &request.reading.columns).map_err(SessionError::from)?;
-    let bytes = track.written(args.to.format()).map_err(SessionError::from)?;
+    let bytes = track.written(args.to).map_err(SessionError::from)?;
     match named {
         Some(path) => file::write_file(path, &bytes)?,
-        None if args.to == To::Csv => file::print_content(&String::from_utf8_lossy(&bytes))?,
+        None if args.to == TrackFormat::Csv => file::print_content(&String::from_utf8_lossy(&bytes))?,
         None => {
-            return Err(Failure::Input(format!("{} is no text for a terminal; name a file (-o)", args.to.format())));
+            return Err(Failure::Input(format!("{} is no text for a terminal; name a file (-o)", args.to)));
         }
     }
     said.iter().for_each(|remark| file::remark(&format!("remark: {remark}")));

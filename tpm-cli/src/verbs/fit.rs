@@ -86,7 +86,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         whole: args.whole,
         model: model.as_ref(),
         beside: beside.as_ref(),
-        estimator: args.measured.estimator.into(),
+        estimator: args.measured.estimator,
     };
     let found = ResponseFit::new(&measured, &request).map_err(|error| Failure::Input(error.to_string()))?;
     if let Some(figure) = found.figure() {

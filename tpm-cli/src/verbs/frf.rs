@@ -30,7 +30,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let measured = args.measured.read()?;
-    let found = ResponseTable::new(&measured, args.measured.estimator.into());
+    let found = ResponseTable::new(&measured, args.measured.estimator);
     let text = match args.format {
         Format::Text => found.to_string(),
         Format::Csv => found.csv(),

@@ -1,94 +1,60 @@
 //! `tpm generate`: the source code of a model's estimator.
 
 use crate::failure::{Failure, Outcome};
+use crate::input::choice::one_of;
 use crate::input::load::Loaded;
 use crate::input::values::identification;
 use crate::output::file;
-use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part as Requested};
-use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
+use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part};
+use tpm_codegen::generate::{File, Filters, Language, LowPass, Options, Scalar, generate};
 use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// A target language.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Language {
-    /// A `no_std` module over `core` and the crate libm alone.
-    Rust,
-    /// A header and a source in C99, over math.h alone.
-    C,
+fn language() -> impl TypedValueParser<Value = Language> {
+    one_of([
+        (Language::Rust, "rust", "A `no_std` module over `core` and the crate libm alone"),
+        (Language::C, "c", "A header and a source in C99, over math.h alone"),
+    ])
 }
 
 /// The scalar of C.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Real {
-    /// Single precision.
-    Float,
-    /// Double precision.
-    Double,
+pub(super) fn scalar() -> impl TypedValueParser<Value = Scalar> {
+    one_of([(Scalar::Float, "float", "Single precision"), (Scalar::Double, "double", "Double precision")])
 }
 
 /// A part of the code that is made on request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[value(rename_all = "snake_case")]
-enum Part {
-    /// The feed-forward in its motion-independent and its motion-dependent part, also of equations too long to be multiplied out
-    /// (low passes ask for it).
-    Split,
-    /// The forces at rest: what holds a machine against gravity and springs.
-    Gravity,
-    /// The mass matrix.
-    MassMatrix,
-    /// The accelerations that inputs give; a singular mass matrix is an error.
-    ForwardDynamics,
-    /// The regressor in base parameters, the combinations that any motion can show.
-    BaseRegressor,
-    /// An estimator of the base parameters that takes in any motion sample by sample (square-root updates).
-    Estimator,
-    /// An estimator of the declared parameters from the samples of one run, where all coordinates are measured.
-    Run,
-    /// The estimators `error` and `hill` of a run, linearised about its reference.
-    Linearised,
-    /// The estimator `numerical` of a run and of those with one parameter of the feed-forward changed.
-    Numerical,
-    /// A whole campaign on the controller, run by run, over the estimator of a run: the machine identifies itself.
-    Campaign,
-    /// A test whether the machine is still the one that was identified, with a stated rate of false alarms (and `estimator`).
-    Monitor,
-}
-
-impl Part {
-    /// All of them, in the order of the code.
-    const ALL: [(Self, Requested); 11] = [
-        (Self::Split, Requested::Split),
-        (Self::Gravity, Requested::Gravity),
-        (Self::MassMatrix, Requested::MassMatrix),
-        (Self::ForwardDynamics, Requested::ForwardDynamics),
-        (Self::BaseRegressor, Requested::BaseRegressor),
-        (Self::Estimator, Requested::Estimator),
-        (Self::Run, Requested::Run),
-        (Self::Linearised, Requested::Linearised),
-        (Self::Numerical, Requested::Numerical),
-        (Self::Campaign, Requested::Campaign),
-        (Self::Monitor, Requested::Monitor),
-    ];
-}
-
-impl Language {
-    fn target(self) -> generate::Language {
-        match self {
-            Self::Rust => generate::Language::Rust,
-            Self::C => generate::Language::C,
+fn part() -> impl TypedValueParser<Value = Part> {
+    let help = |part: Part| match part {
+        Part::Split => {
+            "The feed-forward in its motion-independent and its motion-dependent part, also of equations too long to be multiplied out \
+             (low passes ask for it)"
         }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Self::Rust => "rust",
-            Self::C => "c",
+        Part::Gravity => "The forces at rest: what holds a machine against gravity and springs",
+        Part::MassMatrix => "The mass matrix",
+        Part::ForwardDynamics => "The accelerations that inputs give; a singular mass matrix is an error",
+        Part::BaseRegressor => "The regressor in base parameters, the combinations that any motion can show",
+        Part::Estimator => {
+            "An estimator of the base parameters that takes in any motion sample by sample (square-root updates)"
         }
-    }
+        Part::Run => {
+            "An estimator of the declared parameters from the samples of one run, where all coordinates are measured"
+        }
+        Part::Linearised => "The estimators `error` and `hill` of a run, linearised about its reference",
+        Part::Numerical => {
+            "The estimator `numerical` of a run and of those with one parameter of the feed-forward changed"
+        }
+        Part::Campaign => {
+            "A whole campaign on the controller, run by run, over the estimator of a run: the machine identifies itself"
+        }
+        Part::Monitor => {
+            "A test whether the machine is still the one that was identified, with a stated rate of false alarms (and `estimator`)"
+        }
+        _ => "",
+    };
+    one_of(Part::ALL.map(|part| (part, part.name(), help(part))))
 }
 
 /// Options of `tpm generate`.
@@ -97,14 +63,14 @@ pub(crate) struct Args {
     /// The model file.
     file: PathBuf,
     /// The language of the code.
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = language())]
     lang: Language,
     /// With --lang c, what names and files begin with; the model's name in small letters when not given.
     #[arg(long, value_name = "P")]
     prefix: Option<String>,
     /// With --lang c, the scalar; double when not given. Rust is generic over both.
-    #[arg(long, value_enum)]
-    real: Option<Real>,
+    #[arg(long, value_parser = scalar())]
+    real: Option<Scalar>,
     /// Write into this folder, which is made when there is none; or to this file, when there is one and the name ends as
     /// the language's files do (.rs). Standard output when not given.
     #[arg(short, long, value_name = "DIR")]
@@ -135,7 +101,7 @@ pub(crate) struct Args {
     #[arg(long)]
     strokes: bool,
     /// Add parts that are not made without being asked for; several are separated by commas.
-    #[arg(long, value_enum, value_name = "PART", value_delimiter = ',')]
+    #[arg(long, value_parser = part(), value_name = "PART", value_delimiter = ',')]
     with: Vec<Part>,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
@@ -147,8 +113,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let mut estimator = loaded.estimator()?;
     let asked = |part: Part| args.with.contains(&part) || (part == Part::Split && args.filter.is_some());
-    let parts: Vec<Requested> =
-        Part::ALL.into_iter().filter(|(part, _)| asked(*part)).map(|(_, requested)| requested).collect();
+    let parts: Vec<Part> = Part::ALL.into_iter().filter(|part| asked(*part)).collect();
     if !parts.is_empty() {
         estimator = estimator.with(&parts).map_err(|error| loaded.at_whole(&error.to_string()))?;
     }
@@ -167,8 +132,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
         forgetting: args.forgetting,
         strokes: args.strokes,
         prefix: args.prefix.as_deref(),
-        scalar: if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double },
-        ..Options::new(args.lang.target(), &command)
+        scalar: args.real.unwrap_or_default(),
+        ..Options::new(args.lang, &command)
     };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
         (EmitError::Identified(IdentifiedError::NotShown { .. }), Some(path)) => Failure::Input(format!(
@@ -220,7 +185,7 @@ fn command(args: &Args) -> String {
     if let Some(prefix) = &args.prefix {
         command.push_str(&format!(" --prefix {prefix}"));
     }
-    if args.real == Some(Real::Float) {
+    if args.real == Some(Scalar::Float) {
         command.push_str(" --real float");
     }
     let filters = [
@@ -239,8 +204,7 @@ fn command(args: &Args) -> String {
     if args.strokes {
         command.push_str(" --strokes");
     }
-    let with: Vec<&str> =
-        Part::ALL.into_iter().filter(|(part, _)| args.with.contains(part)).map(|(_, part)| part.name()).collect();
+    let with: Vec<&str> = Part::ALL.into_iter().filter(|part| args.with.contains(part)).map(Part::name).collect();
     if !with.is_empty() {
         command.push_str(&format!(" --with {}", with.join(",")));
     }

@@ -12,9 +12,8 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, or_dash};
-use tpm_runtime::study::{AskedPattern, shown};
+use tpm_runtime::study::{AskedPattern, Means, Report, ReportedRow, shown};
 use tpm_symbolic::harmonic::identifiability::PhysicalIdentifiability;
-use tpm_symbolic::harmonic::report::{Means, Report, ReportedRow};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// Options of `tpm identifiability`.

@@ -2,7 +2,8 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{PriorArg, number_assignment, once};
-use crate::input::domain::DomainChoice;
+use crate::input::choice::one_of;
+use crate::input::domain::domain;
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
@@ -13,7 +14,7 @@ use crate::render::flags;
 use crate::render::method::Style;
 use crate::render::result::{print, print_with_method};
 use crate::render::templates;
-use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use tpm_runtime::campaign::RunReport;
@@ -52,15 +53,15 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME=DEVIATION", value_parser = number_assignment, requires = "log")]
     calibration: Vec<(String, f64)>,
     /// How much every harmonic counts: by its noise, or alike, for a model that leaves something out.
-    #[arg(long, value_enum, requires = "log")]
-    weights: Option<WeightsChoice>,
+    #[arg(long, value_parser = weights(), requires = "log")]
+    weights: Option<Weights>,
     /// How a log is used: harmonics of the part that repeats, or every sample behind a low pass; a log that repeats by its harmonics
     /// when not given.
-    #[arg(long, value_enum, requires = "log")]
-    domain: Option<DomainChoice>,
+    #[arg(long, value_parser = domain(), requires = "log")]
+    domain: Option<Domain>,
     /// Whether the estimates are refined by simulating the model sample by sample; where that takes no long time when not given.
-    #[arg(long, value_enum)]
-    refine: Option<RefineChoice>,
+    #[arg(long, value_parser = refine())]
+    refine: Option<Refine>,
     #[command(flatten)]
     bounds: BoundArgs,
     #[command(flatten)]
@@ -93,39 +94,27 @@ pub(crate) struct Args {
 const MOST_HEAD_BYTES: u64 = 65536;
 
 /// What the harmonics of a log count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum WeightsChoice {
-    /// By their noise and the model's own error: the smallest deviations (the default).
-    Noise,
-    /// Alike, rows by the size of their force: the nearest model over the period, whatever the noise.
-    Equal,
+fn weights() -> impl TypedValueParser<Value = Weights> {
+    one_of([
+        (Weights::Noise, "noise", "By their noise and the model's own error: the smallest deviations (the default)"),
+        (
+            Weights::Equal,
+            "equal",
+            "Alike, rows by the size of their force: the nearest model over the period, whatever the noise",
+        ),
+    ])
 }
 
 /// How estimates are refined.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum RefineChoice {
-    /// By output error, where the model can be simulated, however long it takes.
-    OutputError,
-    /// Not at all.
-    None,
-}
-
-impl From<RefineChoice> for Refine {
-    fn from(choice: RefineChoice) -> Self {
-        match choice {
-            RefineChoice::OutputError => Refine::OutputError,
-            RefineChoice::None => Refine::None,
-        }
-    }
-}
-
-impl From<WeightsChoice> for Weights {
-    fn from(choice: WeightsChoice) -> Self {
-        match choice {
-            WeightsChoice::Noise => Weights::Noise,
-            WeightsChoice::Equal => Weights::Equal,
-        }
-    }
+fn refine() -> impl TypedValueParser<Value = Refine> {
+    one_of([
+        (
+            Refine::OutputError,
+            "output-error",
+            "By output error, where the model can be simulated, however long it takes",
+        ),
+        (Refine::None, "none", "Not at all"),
+    ])
 }
 
 /// Runs the command.
@@ -155,9 +144,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
                     frozen: once("--freeze", &args.freeze)?,
                     calibration: once("--calibration", &args.calibration)?,
                     bounds: args.bounds.by_name()?,
-                    weights: args.weights.map_or_else(Weights::default, Weights::from),
-                    domain: args.domain.map(Domain::from),
-                    refine: args.refine.map_or_else(Refine::default, Refine::from),
+                    weights: args.weights.unwrap_or_default(),
+                    domain: args.domain,
+                    refine: args.refine.unwrap_or_default(),
                     ..std::mem::take(&mut request.estimation)
                 };
             }
@@ -244,7 +233,7 @@ fn simulated(args: &Args) -> Outcome {
     let mut request = args.simulated.request();
     request.frozen = once("--freeze", &args.freeze)?;
     request.prior = PriorArg::all(&args.prior)?;
-    request.refine = args.refine.map(Refine::from);
+    request.refine = args.refine;
     request.bounds = args.bounds.by_name()?;
     let mut session = Session::open(model(&args.file)?, &args.file, &request)?;
     if args.method.is_some() {

@@ -34,7 +34,7 @@ impl PathArgs {
         let moves = |c: usize| model.patterns.first().is_none_or(|pattern| pattern.motions[c].is_some());
         let moved: Vec<usize> = (0..model.coordinates.len()).filter(|&c| moves(c)).collect();
         let names: Vec<String> = moved.iter().map(|&c| model.coordinates[c].name.to_string()).collect();
-        let log = Log::open_signals(path, &names, &ReadingSettings::default())
+        let (log, _) = Log::open_signals(path, &names, &ReadingSettings::default())
             .map_err(|error| Failure::Input(error.to_string()))?;
         let settings = PathSettings { harmonics: self.highest, rest: self.rest_order, closed: self.closed };
         let unit = |&c: &usize| model.coordinates[c].unit.as_ref().map(ToString::to_string);

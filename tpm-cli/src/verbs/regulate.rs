@@ -2,15 +2,17 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{assignment, by_name, number_assignment};
+use crate::input::choice::one_of;
 use crate::input::linear::{operating_point, state_space, tell_friction};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
-use clap::ValueEnum;
+use crate::verbs::generate::scalar;
+use clap::builder::TypedValueParser;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::regulator::{RegulatorSource, Signal};
-use tpm_codegen::generate::{self, Scalar, generate_regulator};
+use tpm_codegen::generate::{Language, Scalar, generate_regulator};
 use tpm_runtime::control::Differentiator;
 use tpm_runtime::numerics::Matrix;
 use tpm_runtime::plant::regulator::{Design, DesignError, Rates, RegulatorWeights, Weighted, design};
@@ -22,21 +24,8 @@ use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// A language of the regulator's code.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Language {
-    /// A module over `core` alone.
-    Rust,
-    /// A header and a source in C99.
-    C,
-}
-
-/// The scalar of the code.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Real {
-    /// Single precision.
-    Float,
-    /// Double precision.
-    Double,
+fn language() -> impl TypedValueParser<Value = Language> {
+    one_of([(Language::Rust, "rust", "A module over `core` alone"), (Language::C, "c", "A header and a source in C99")])
 }
 
 /// Options of `tpm regulate`.
@@ -61,7 +50,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
     weight: Vec<(String, f64)>,
     /// Write the regulator's code in this language, into the folder of --code.
-    #[arg(long, value_enum, requires = "code")]
+    #[arg(long, value_parser = language(), requires = "code")]
     lang: Option<Language>,
     /// The folder of the code, which is made when there is none.
     #[arg(long, value_name = "DIR", requires = "lang")]
@@ -70,8 +59,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "P", requires = "lang")]
     prefix: Option<String>,
     /// The scalar of the code; double when not given.
-    #[arg(long, value_enum, requires = "lang")]
-    real: Option<Real>,
+    #[arg(long, value_parser = scalar(), requires = "lang")]
+    real: Option<Scalar>,
     /// Print JSON (tpm.regulator/1).
     #[arg(long)]
     json: bool,
@@ -238,13 +227,14 @@ impl Machine {
             sample_time: args.sample_time,
             differences: args.derivative_filter.map(|time| Differentiator::new(args.sample_time, time).pole()),
         };
-        let language = match language {
-            Language::Rust => generate::Language::Rust,
-            Language::C => generate::Language::C,
-        };
-        let scalar = if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double };
-        let files = generate_regulator(&source, language, &command(args), args.prefix.as_deref(), scalar)
-            .map_err(|error| Failure::Input(error.to_string()))?;
+        let files = generate_regulator(
+            &source,
+            language,
+            &command(args),
+            args.prefix.as_deref(),
+            args.real.unwrap_or_default(),
+        )
+        .map_err(|error| Failure::Input(error.to_string()))?;
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let contents: Vec<(&Path, &[u8])> =
             paths.iter().zip(&files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();

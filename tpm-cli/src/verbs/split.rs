@@ -8,14 +8,14 @@ use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
-use tpm_runtime::study::InputParts;
+use tpm_runtime::study::{InputParts, numeric_parts};
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational;
-use tpm_symbolic::plan::split::{Split, numeric_parts, split};
+use tpm_symbolic::plan::split::{Split, split};
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// Highest numeric harmonic of a motion when none is given.

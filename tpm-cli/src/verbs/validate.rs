@@ -1,7 +1,7 @@
 //! `tpm validate`: how well identified parameters predict another log.
 
 use crate::failure::{Failure, Outcome};
-use crate::input::domain::DomainChoice;
+use crate::input::domain::domain;
 use crate::input::experiment::model;
 use crate::input::issue::IssueArgs;
 use crate::input::log::LogArgs;
@@ -31,8 +31,8 @@ pub(crate) struct Args {
     reading: LogArgs,
     /// How the inputs that the motion asks for are compared: harmonics of the part that repeats, or every sample behind a low pass; a log
     /// that repeats by its harmonics when not given. The motion is simulated sample by sample either way.
-    #[arg(long, value_enum)]
-    domain: Option<DomainChoice>,
+    #[arg(long, value_parser = domain())]
+    domain: Option<Domain>,
     /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let known = identification(&args.params, &text, model.evaluated().name())?;
     args.reading.without_fitted_delays()?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
-    request.estimation.domain = args.domain.map(Domain::from);
+    request.estimation.domain = args.domain;
     let result = validate(&model, request, &known).map_err(|error| match &error {
         SessionError::NotIdentified { .. } => Failure::Input(format!(
             "{}: {}; give a result of this model, or NAME = VALUE lines of all its parameters",

@@ -24,7 +24,6 @@ pub use typeset::typeset;
 use std::borrow::Cow;
 
 use tpm_symbolic::expr::graph::ExprId;
-use tpm_symbolic::harmonic::bessel::BesselError;
 use tpm_symbolic::harmonic::expand::ExpandError;
 use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
 use tpm_symbolic::mechanics::derived::{Derived, derive_constants};
@@ -117,12 +116,6 @@ impl AtTerm for SeriesError {
 impl AtTerm for SplitError {
     fn at_term(&self) -> Option<TermId> {
         self.term()
-    }
-}
-
-impl AtTerm for BesselError {
-    fn at_term(&self) -> Option<TermId> {
-        Some(self.term())
     }
 }
 

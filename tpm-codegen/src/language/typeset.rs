@@ -249,6 +249,12 @@ mod tests {
     }
 
     #[test]
+    fn a_sum_under_a_power_stands_in_brackets() {
+        let all = lines("model M { coordinate x; input u; parameter a, b; a*(x + b)^2 = u; }");
+        assert!(all[0][0].contains("<msup><mrow><mo>(</mo><mrow><mi>x</mi>"), "{all:?}");
+    }
+
+    #[test]
     fn energies_and_forces_have_their_letters() {
         let text = "model M { coordinate theta1; input u; parameter J, g; kinetic = J*dot(theta1)^2/2; potential = g*cos(theta1); force theta1 = u; }";
         let all = lines(text);

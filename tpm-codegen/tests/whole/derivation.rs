@@ -1,6 +1,9 @@
 //! The shipped models through elimination, expansion and the analysis of identifiability.
 
 use crate::support::{parse, text_of};
+use std::collections::BTreeMap;
+use tpm_symbolic::algebra::fraction::display_polynomial;
+use tpm_symbolic::algebra::polynomial::Polynomial;
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::identifiability::{Experiment, identifiability};
 use tpm_symbolic::harmonic::table::HarmonicTable;
@@ -58,7 +61,13 @@ fn the_arm_needs_two_amplitude_ratios_or_two_multiples() {
     let (_, table) = table_of(&text);
     let found = identifiability(&[Experiment::new("one pattern", &table)]).expect("one table");
     assert_eq!((found.rank, found.proven, table.parameters.len()), (6, true, 9));
-    let directions = found.report().unobservable.expect("short");
+    let name = |variable: &usize| found.variables[*variable].clone();
+    let named = |direction: &Vec<Polynomial<usize>>| {
+        let values = found.parameters.iter().zip(direction).filter(|(_, value)| !value.is_zero());
+        values.map(|(parameter, value)| (parameter.clone(), display_polynomial(value, name))).collect()
+    };
+    let directions: Vec<BTreeMap<String, String>> =
+        found.unobservable.as_ref().expect("short").iter().map(named).collect();
     for k in 0..3 {
         let expected = [("a1", "lambda2^2"), ("a2", "lambda1^2"), ("a3", "-2*lambda1*lambda2")];
         let expected = expected.map(|(name, value)| (format!("{name}{k}"), value.to_owned())).into_iter().collect();

@@ -51,6 +51,7 @@ fn is_kept(name: &str, text: &str) -> bool {
     assert!(parsed(&once).as_ref() == Some(&before), "{name} says something else:\n{once}");
     assert_eq!(comments(text), comments(&once), "{name}: the comments");
     assert_eq!(formatted(&once), once, "{name} is changed a second time");
+    assert_eq!(once.contains('\r'), text.contains("\r\n"), "{name}: the ends of its lines");
     assert!(
         once.ends_with('\n') && !once.lines().any(|line| line.ends_with(' ')),
         "{name}: blanks at the end of a line"

@@ -68,6 +68,16 @@ impl<'m, T: Real> Accumulator<'m, T> {
     }
 
     /// Clears all sums and returns to the state before the first sample.
+    ///
+    /// ```
+    /// # use tpm_controller::harmonics::Accumulator;
+    /// let mut memory = [0.0_f64; Accumulator::<f64>::memory_len(1, 1)];
+    /// let mut sums = Accumulator::new(8, 1, 1, &mut memory)?;
+    /// sums.push(&[1.0])?;
+    /// sums.clear();
+    /// assert_eq!(sums.count(), 0);
+    /// # Ok::<(), tpm_controller::AccumulatorError>(())
+    /// ```
     pub fn clear(&mut self) {
         self.count = 0;
         self.period.fill(T::ZERO);
@@ -121,6 +131,18 @@ impl<'m, T: Real> Accumulator<'m, T> {
     }
 
     /// `(a_c, a_s)` of one harmonic of one channel; `(a_0, 0)` for harmonic 0.
+    ///
+    /// ```
+    /// # use tpm_controller::harmonics::Accumulator;
+    /// let mut memory = [0.0_f64; Accumulator::<f64>::memory_len(1, 1)];
+    /// let mut sums = Accumulator::new(4, 1, 1, &mut memory)?;
+    /// for sample in [5.0, 3.0, 1.0, 3.0] {
+    ///     sums.push(&[sample])?;
+    /// }
+    /// let (cosine, sine) = sums.coefficients(0, 1)?;
+    /// assert!((cosine - 2.0_f64).abs() < 1e-12 && sine.abs() < 1e-12);
+    /// # Ok::<(), tpm_controller::AccumulatorError>(())
+    /// ```
     ///
     /// # Errors
     /// [`AccumulatorError::NotWhole`] unless whole periods were taken in, [`AccumulatorError::Channels`] for a channel that does

@@ -15,6 +15,11 @@ pub enum Hold {
 
 impl Hold {
     /// The other hold. A log whose hold is not known is evaluated with both, and the results are compared.
+    ///
+    /// ```
+    /// # use tpm_controller::harmonics::{Hold, hold_factor};
+    /// assert_eq!(Hold::Zoh.other(), Hold::None);
+    /// ```
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -47,6 +52,11 @@ impl fmt::Display for Hold {
 /// seconds multiplies a harmonic of angular frequency W. It is 1 at the angle zero.
 ///
 /// Computed as `sinc(W T / 2) e^{-j W T / 2}`, which does not cancel at small angles.
+///
+/// ```
+/// # use tpm_controller::harmonics::{Hold, hold_factor};
+/// assert_eq!(hold_factor(0.0), (1.0, 0.0));
+/// ```
 #[must_use]
 pub fn hold_factor<T: Real>(angle: T) -> (T, T) {
     let half = angle / T::from_f64(2.0);

@@ -157,6 +157,12 @@ impl Residues {
         [2_305_843_009_213_693_951, 2_305_843_009_213_693_907, 2_305_843_009_213_693_723, 2_305_843_009_213_693_487];
 
     /// The field of a prime.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::field::{Field, Residues, reconstruct}, number::rational::ratio};
+    /// let seven = Residues::new(7);
+    /// assert_eq!(seven.mul(&3, &5), 1);
+    /// ```
     #[must_use]
     pub fn new(prime: u64) -> Self {
         Self { prime }
@@ -243,6 +249,12 @@ impl Field for Residues {
 
 /// The rational of smallest size that is `residue` modulo `modulus`: numerator and denominator both below the root of half the
 /// modulus, where there is at most one. `None` when there is none.
+///
+/// ```
+/// # use tpm_symbolic::{algebra::field::{Field, Residues, reconstruct}, number::rational::ratio};
+/// // 3 * 336 = 1 modulo 1007.
+/// assert_eq!(reconstruct(&336.into(), &1007.into()), Some(ratio(1, 3)));
+/// ```
 #[must_use]
 pub fn reconstruct(residue: &BigInt, modulus: &BigInt) -> Option<Rational> {
     let bound: BigInt = (modulus >> 1u32).sqrt();

@@ -22,12 +22,22 @@ impl Fourier {
     }
 
     /// A constant function.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::constant(integer(3)).evaluate(0.5), 3.0);
+    /// ```
     #[must_use]
     pub fn constant(value: Rational) -> Self {
         Self::from_parts(vec![value], Vec::new())
     }
 
     /// `coefficient * cos(harmonic * theta)`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(2, integer(3)).evaluate(0.0), 3.0);
+    /// ```
     #[must_use]
     pub fn cos(harmonic: usize, coefficient: Rational) -> Self {
         let mut cos = vec![Rational::zero(); harmonic];
@@ -36,6 +46,11 @@ impl Fourier {
     }
 
     /// `coefficient * sin(harmonic * theta)`; zero for harmonic 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::sin(0, integer(3)), Fourier::zero());
+    /// ```
     #[must_use]
     pub fn sin(harmonic: usize, coefficient: Rational) -> Self {
         if harmonic == 0 {
@@ -48,6 +63,12 @@ impl Fourier {
 
     /// The polynomial with the given cosine coefficients of harmonics 0, 1, ... and sine coefficients of
     /// harmonics 1, 2, ...
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// let series = Fourier::from_parts(vec![integer(1)], vec![integer(0), integer(2)]);
+    /// assert_eq!(series, Fourier::constant(integer(1)).add(&Fourier::sin(2, integer(2))));
+    /// ```
     #[must_use]
     pub fn from_parts(mut cos: Vec<Rational>, mut sin: Vec<Rational>) -> Self {
         for list in [&mut cos, &mut sin] {
@@ -59,30 +80,56 @@ impl Fourier {
     }
 
     /// Whether this is the zero function.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert!(Fourier::cos(3, integer(0)).is_zero());
+    /// ```
     #[must_use]
     pub fn is_zero(&self) -> bool {
         self.cos.is_empty() && self.sin.is_empty()
     }
 
     /// The cosine coefficient of a harmonic.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(3, ratio(-1, 9)).cos_coefficient(3), ratio(-1, 9));
+    /// ```
     #[must_use]
     pub fn cos_coefficient(&self, harmonic: usize) -> Rational {
         self.cos.get(harmonic).cloned().unwrap_or_else(Rational::zero)
     }
 
     /// The sine coefficient of a harmonic.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(3, ratio(-1, 9)).sin_coefficient(3), integer(0));
+    /// ```
     #[must_use]
     pub fn sin_coefficient(&self, harmonic: usize) -> Rational {
         harmonic.checked_sub(1).and_then(|i| self.sin.get(i).cloned()).unwrap_or_else(Rational::zero)
     }
 
     /// The highest harmonic with a non-zero coefficient, 0 for constants.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(3, integer(1)).mul(&Fourier::sin(2, integer(1))).highest_harmonic(), 5);
+    /// ```
     #[must_use]
     pub fn highest_harmonic(&self) -> usize {
         self.sin.len().max(self.cos.len().saturating_sub(1))
     }
 
     /// The sum.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// let sine = Fourier::sin(1, integer(1));
+    /// assert_eq!(sine.add(&sine), Fourier::sin(1, integer(2)));
+    /// ```
     #[must_use]
     pub fn add(&self, other: &Self) -> Self {
         let add = |a: &[Rational], b: &[Rational]| -> Vec<Rational> {
@@ -93,12 +140,23 @@ impl Fourier {
     }
 
     /// The difference.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// let sine = Fourier::sin(1, integer(1));
+    /// assert!(sine.sub(&sine).is_zero());
+    /// ```
     #[must_use]
     pub fn sub(&self, other: &Self) -> Self {
         self.add(&other.scale(&rational::integer(-1)))
     }
 
     /// Every coefficient multiplied by `factor`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(1, integer(3)).scale(&ratio(1, 6)), Fourier::cos(1, ratio(1, 2)));
+    /// ```
     #[must_use]
     pub fn scale(&self, factor: &Rational) -> Self {
         let scale = |list: &[Rational]| list.iter().map(|c| c * factor).collect();
@@ -106,6 +164,11 @@ impl Fourier {
     }
 
     /// The n-th derivative with respect to the phase theta; a time derivative is w^n times it.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::sin(3, integer(1)).derivative(1), Fourier::cos(3, integer(3)));
+    /// ```
     #[must_use]
     pub fn derivative(&self, order: u32) -> Self {
         let mut result = self.clone();
@@ -121,6 +184,11 @@ impl Fourier {
     }
 
     /// The function f(n theta), the phase being multiplied by a positive whole number n.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(2, integer(5)).with_multiple(3), Fourier::cos(6, integer(5)));
+    /// ```
     #[must_use]
     pub fn with_multiple(&self, n: usize) -> Self {
         let mut cos = vec![Rational::zero(); self.cos.len().saturating_sub(1) * n + 1];
@@ -135,18 +203,33 @@ impl Fourier {
     }
 
     /// The exact value at theta = 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(1, integer(5)).add(&Fourier::sin(1, integer(7))).at_zero(), integer(5));
+    /// ```
     #[must_use]
     pub fn at_zero(&self) -> Rational {
         self.cos.iter().sum()
     }
 
     /// The exact value at theta = pi.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(3, integer(5)).at_pi(), integer(-5));
+    /// ```
     #[must_use]
     pub fn at_pi(&self) -> Rational {
         self.cos.iter().enumerate().map(|(i, c)| if i % 2 == 0 { c.clone() } else { -c }).sum()
     }
 
     /// The value at a phase, in double precision.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(2, integer(5)).evaluate(std::f64::consts::PI), 5.0);
+    /// ```
     #[must_use]
     pub fn evaluate(&self, theta: f64) -> f64 {
         let cos = self.cos.iter().enumerate().map(|(i, c)| rational::to_f64(c) * (i as f64 * theta).cos());
@@ -166,6 +249,12 @@ impl Fourier {
     }
 
     /// Non-zero coefficients: (harmonic, cosine or sine, value), by harmonic, cosine first.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// let series = Fourier::sin(1, integer(2)).add(&Fourier::cos(1, integer(3)));
+    /// assert_eq!(series.terms().map(|(k, function, _)| (k, function)).collect::<Vec<_>>(), [(1, Trig::Cos), (1, Trig::Sin)]);
+    /// ```
     pub fn terms(&self) -> impl Iterator<Item = (usize, Trig, &Rational)> {
         (0..=self.highest_harmonic()).flat_map(move |k| {
             let cos = self.cos.get(k).map(|c| (k, Trig::Cos, c));
@@ -187,6 +276,11 @@ pub enum Trig {
 
 impl Trig {
     /// `cos` or `sin`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Trig::Sin.name(), "sin");
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

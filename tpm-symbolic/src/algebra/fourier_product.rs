@@ -9,12 +9,23 @@ use num_traits::One;
 
 impl Fourier {
     /// The product.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// let cosine = Fourier::cos(1, integer(1));
+    /// assert_eq!(cosine.mul(&cosine), Fourier::constant(ratio(1, 2)).add(&Fourier::cos(2, ratio(1, 2))));
+    /// ```
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         power_product(&[(self, 1), (other, 1)])
     }
 
     /// A non-negative power.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::{Fourier, Trig}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fourier::cos(1, integer(1)).pow(3).cos_coefficient(3), ratio(1, 4));
+    /// ```
     #[must_use]
     pub fn pow(&self, exponent: u32) -> Self {
         power_product(&[(self, exponent)])

@@ -59,6 +59,12 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// Whether this is 0; exact.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let x = Fraction::variable("x");
+    /// assert!(x.sub(&x).is_zero());
+    /// ```
     #[must_use]
     pub fn is_zero(&self) -> bool {
         self.numerator.is_zero()
@@ -76,6 +82,13 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The fraction as a Laurent polynomial, when it is one.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let x = Fraction::variable("x");
+    /// assert!(x.inverse().is_some_and(|inverse| inverse.as_polynomial().is_some()));
+    /// assert!(x.add(&Fraction::one()).inverse().is_some_and(|inverse| inverse.as_polynomial().is_none()));
+    /// ```
     #[must_use]
     pub fn as_polynomial(&self) -> Option<&Polynomial<V>> {
         self.denominator.is_empty().then_some(&self.numerator)
@@ -125,6 +138,12 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The product.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let sum = Fraction::variable("x").add(&Fraction::one());
+    /// assert_eq!(sum.inverse().map(|inverse| inverse.mul(&sum)), Some(Fraction::one()));
+    /// ```
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         Self::product_of_powers(&[(self, 1), (other, 1)])
@@ -146,6 +165,11 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The reciprocal; `None` for 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fraction::<&str>::zero().inverse(), None);
+    /// ```
     #[must_use]
     pub fn inverse(&self) -> Option<Self> {
         let (content, coefficient, primitive) = primitive_part(&self.numerator)?;
@@ -160,12 +184,23 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The quotient; `None` for a division by 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let x = Fraction::variable("x");
+    /// assert_eq!(x.mul(&x).div(&x), Some(x));
+    /// ```
     #[must_use]
     pub fn div(&self, other: &Self) -> Option<Self> {
         Some(self.mul(&other.inverse()?))
     }
 
     /// An integer power; `None` for a negative power of 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fraction::<&str>::constant(integer(2)).pow(-2), Some(Fraction::constant(ratio(1, 4))));
+    /// ```
     #[must_use]
     pub fn pow(&self, exponent: i32) -> Option<Self> {
         let base = if exponent < 0 { self.inverse()? } else { self.clone() };
@@ -181,6 +216,12 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// Replaces every variable by a fraction; `None` when a denominator becomes 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let x = Fraction::variable("x");
+    /// assert_eq!(x.inverse().and_then(|inverse| inverse.substitute(|_| Fraction::<&str>::zero())), None);
+    /// ```
     #[must_use]
     pub fn substitute<W: Ord + Clone>(&self, mut replacement: impl FnMut(&V) -> Fraction<W>) -> Option<Fraction<W>> {
         let mut result = substitute_polynomial(&self.numerator, &mut replacement)?;
@@ -192,6 +233,12 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The exact value; `None` when a denominator is 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let sum = Fraction::variable("x").add(&Fraction::one());
+    /// assert_eq!(sum.inverse().and_then(|inverse| inverse.evaluate(|_| integer(2))), Some(ratio(1, 3)));
+    /// ```
     #[must_use]
     pub fn evaluate(&self, mut value: impl FnMut(&V) -> Rational) -> Option<Rational> {
         let mut result = self.numerator.evaluate(&mut value)?;
@@ -206,6 +253,11 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The value in double precision, each coefficient rounded once.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// assert_eq!(Fraction::variable("x").evaluate_f64(|_| 0.5), 0.5);
+    /// ```
     #[must_use]
     pub fn evaluate_f64(&self, mut value: impl FnMut(&V) -> f64) -> f64 {
         let mut sum = |polynomial: &Polynomial<V>| -> f64 {
@@ -221,6 +273,12 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The partial derivative.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let x = Fraction::variable("x");
+    /// assert_eq!(x.mul(&x).derivative(&"x"), x.scale(&integer(2)));
+    /// ```
     #[must_use]
     pub fn derivative(&self, variable: &V) -> Self {
         let mut result = self.with_numerator(self.numerator.derivative(variable));
@@ -246,6 +304,12 @@ impl<V: Ord + Clone> Fraction<V> {
     }
 
     /// The fraction in the model language, given the names of the variables.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+    /// let sum = Fraction::variable("x").add(&Fraction::one());
+    /// assert_eq!(sum.inverse().map(|inverse| inverse.display(|name| name.to_string())), Some("1/(1 + x)".to_owned()));
+    /// ```
     #[must_use]
     pub fn display(&self, mut name: impl FnMut(&V) -> String) -> String {
         let powers = |factors: Vec<(String, u32)>| -> Vec<String> {
@@ -293,6 +357,12 @@ impl<V: Ord + Clone> Fraction<V> {
 }
 
 /// A Laurent polynomial in the model language.
+///
+/// ```
+/// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+/// let x = Polynomial::variable("x");
+/// assert_eq!(display_polynomial(&x.pow(2).scale(&ratio(-1, 2)), |name| name.to_string()), "-x^2/2");
+/// ```
 #[must_use]
 pub fn display_polynomial<V: Ord + Clone>(polynomial: &Polynomial<V>, mut name: impl FnMut(&V) -> String) -> String {
     if polynomial.is_zero() {
@@ -417,6 +487,13 @@ impl<V: Ord + Clone> Eq for Lexicographic<V> {}
 
 /// The quotient of two Laurent polynomials when the division leaves no remainder; `None` otherwise, and for a zero
 /// divisor.
+///
+/// ```
+/// # use tpm_symbolic::{algebra::{fraction::*, polynomial::{Monomial, Polynomial}}, number::rational::{integer, ratio}};
+/// let (x, one) = (Polynomial::variable("x"), Polynomial::one());
+/// assert_eq!(exact_quotient(&x.pow(2).sub(&one), &x.add(&one)), Some(x.sub(&one)));
+/// assert_eq!(exact_quotient(&x, &x.add(&one)), None);
+/// ```
 #[must_use]
 pub fn exact_quotient<V: Ord + Clone>(dividend: &Polynomial<V>, divisor: &Polynomial<V>) -> Option<Polynomial<V>> {
     if dividend.is_zero() {

@@ -11,6 +11,12 @@ use num_traits::{One, Zero};
 const ENTRY: u64 = 16;
 
 /// Brings `rows` to reduced row echelon form in place and returns the pivot columns.
+///
+/// ```
+/// # use tpm_symbolic::{algebra::linear::*, number::rational::integer};
+/// let mut rows = vec![vec![integer(2), integer(4)], vec![integer(1), integer(2)]];
+/// assert_eq!((reduce(&mut rows), rows), (vec![0], vec![vec![integer(1), integer(2)]]));
+/// ```
 pub fn reduce(rows: &mut Vec<Vec<Rational>>) -> Vec<usize> {
     let width = rows.first().map_or(0, Vec::len);
     let mut pivots = Vec::new();
@@ -41,6 +47,12 @@ pub fn reduce(rows: &mut Vec<Vec<Rational>>) -> Vec<usize> {
 }
 
 /// Solves the augmented system (last column is the right-hand side); `None` unless there is exactly one solution.
+///
+/// ```
+/// # use tpm_symbolic::{algebra::linear::*, number::rational::integer};
+/// assert_eq!(solve_unique(vec![vec![integer(2), integer(6)]], 1), Some(vec![integer(3)]));
+/// assert_eq!(solve_unique(vec![vec![integer(0), integer(6)]], 1), None);
+/// ```
 #[must_use]
 pub fn solve_unique(mut rows: Vec<Vec<Rational>>, unknowns: usize) -> Option<Vec<Rational>> {
     let pivots = reduce(&mut rows);
@@ -51,6 +63,11 @@ pub fn solve_unique(mut rows: Vec<Vec<Rational>>, unknowns: usize) -> Option<Vec
 }
 
 /// A basis of the null space of `rows`, each vector with a 1 at its own free column.
+///
+/// ```
+/// # use tpm_symbolic::{algebra::linear::*, number::rational::integer};
+/// assert_eq!(null_space(vec![vec![integer(1), integer(2)]], 2), [[integer(-2), integer(1)]]);
+/// ```
 #[must_use]
 pub fn null_space(mut rows: Vec<Vec<Rational>>, columns: usize) -> Vec<Vec<Rational>> {
     let pivots = reduce(&mut rows);

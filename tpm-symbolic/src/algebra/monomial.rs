@@ -28,6 +28,11 @@ impl<V: Ord + Clone> Monomial<V> {
     }
 
     /// `variable ^ exponent`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// assert!(Monomial::power_of("x", 0).is_one());
+    /// ```
     #[must_use]
     pub fn power_of(variable: V, exponent: i32) -> Self {
         let mut factors = SmallVec::new();
@@ -50,23 +55,45 @@ impl<V: Ord + Clone> Monomial<V> {
     }
 
     /// The factors in increasing order of the variables.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// let product = Monomial::power_of("y", 2).mul(&Monomial::power_of("x", -1));
+    /// assert_eq!(product.factors().collect::<Vec<_>>(), [(&"x", -1), (&"y", 2)]);
+    /// ```
     pub fn factors(&self) -> impl ExactSizeIterator<Item = (&V, i32)> + Clone {
         self.0.iter().map(|(v, e)| (v, *e))
     }
 
     /// The exponent of `variable`, zero when absent.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// let square = Monomial::power_of("x", 2);
+    /// assert_eq!((square.exponent(&"x"), square.exponent(&"y")), (2, 0));
+    /// ```
     #[must_use]
     pub fn exponent(&self, variable: &V) -> i32 {
         self.0.binary_search_by(|(v, _)| v.cmp(variable)).map_or(0, |i| self.0[i].1)
     }
 
     /// The sum of all exponents.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// assert_eq!(Monomial::power_of("x", 2).mul(&Monomial::power_of("y", -3)).degree(), -1);
+    /// ```
     #[must_use]
     pub fn degree(&self) -> i32 {
         self.0.iter().map(|(_, e)| e).sum()
     }
 
     /// The product of two monomials.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// assert!(Monomial::power_of("x", 2).mul(&Monomial::power_of("x", -2)).is_one());
+    /// ```
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         let mut factors = SmallVec::with_capacity(self.0.len() + other.0.len());
@@ -96,6 +123,11 @@ impl<V: Ord + Clone> Monomial<V> {
     }
 
     /// The monomial raised to an integer power.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// assert_eq!(Monomial::power_of("x", 2).pow(-3), Monomial::power_of("x", -6));
+    /// ```
     #[must_use]
     pub fn pow(&self, exponent: i32) -> Self {
         if exponent == 0 {
@@ -105,6 +137,12 @@ impl<V: Ord + Clone> Monomial<V> {
     }
 
     /// Splits into the factors for which `keep` holds and the rest.
+    ///
+    /// ```
+    /// # use tpm_symbolic::algebra::polynomial::Monomial;
+    /// let product = Monomial::power_of("x", 2).mul(&Monomial::power_of("y", 1));
+    /// assert_eq!(product.partition(|name| *name == "x"), (Monomial::power_of("x", 2), Monomial::power_of("y", 1)));
+    /// ```
     #[must_use]
     pub fn partition(&self, mut keep: impl FnMut(&V) -> bool) -> (Self, Self) {
         let (kept, rest) = self.0.iter().cloned().partition(|(v, _)| keep(v));

@@ -105,12 +105,22 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// A constant.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// assert!(Polynomial::<&str>::constant(integer(0)).is_zero());
+    /// ```
     #[must_use]
     pub fn constant(value: Rational) -> Self {
         Self::term(Monomial::one(), value)
     }
 
     /// A single variable.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// assert_eq!(Polynomial::variable("x"), Polynomial::term(Monomial::power_of("x", 1), integer(1)));
+    /// ```
     #[must_use]
     pub fn variable(variable: V) -> Self {
         Self::term(Monomial::power_of(variable, 1), Rational::one())
@@ -143,6 +153,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// Number of terms.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let (x, y) = (Polynomial::variable("x"), Polynomial::variable("y"));
+    /// assert_eq!(x.add(&y).pow(3).len(), 4);
+    /// ```
     #[must_use]
     pub fn len(&self) -> usize {
         self.0.len()
@@ -155,6 +171,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The value when the polynomial is constant.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let x = Polynomial::variable("x");
+    /// assert_eq!((x.as_constant(), x.sub(&x).as_constant()), (None, Some(integer(0))));
+    /// ```
     #[must_use]
     pub fn as_constant(&self) -> Option<Rational> {
         match self.0.as_slice() {
@@ -165,6 +187,13 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The single term when there is exactly one.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let x = Polynomial::variable("x");
+    /// assert_eq!(x.scale(&integer(3)).as_term(), Some((&Monomial::power_of("x", 1), &integer(3))));
+    /// assert_eq!(x.add(&Polynomial::one()).as_term(), None);
+    /// ```
     #[must_use]
     pub fn as_term(&self) -> Option<(&Monomial<V>, &Rational)> {
         match self.0.as_slice() {
@@ -183,12 +212,25 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The coefficient of `monomial`, zero when absent.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let square = Polynomial::variable("x").add(&Polynomial::one()).pow(2);
+    /// assert_eq!(square.coefficient(&Monomial::power_of("x", 1)), integer(2));
+    /// ```
     #[must_use]
     pub fn coefficient(&self, monomial: &Monomial<V>) -> Rational {
         self.position(monomial).map_or_else(|_| Rational::zero(), |at| self.0[at].1.clone())
     }
 
     /// Adds `coefficient * monomial` in place; many terms at once are better collected from an iterator.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let mut sum = Polynomial::variable("x");
+    /// sum.add_term(Monomial::power_of("x", 1), integer(-1));
+    /// assert!(sum.is_zero());
+    /// ```
     pub fn add_term(&mut self, monomial: Monomial<V>, coefficient: Rational) {
         if coefficient.is_zero() {
             return;
@@ -208,6 +250,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The sum.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let x = Polynomial::variable("x");
+    /// assert_eq!(x.add(&x), x.scale(&integer(2)));
+    /// ```
     #[must_use]
     pub fn add(&self, other: &Self) -> Self {
         Self(merged(&self.0, &other.0, &Rational::one()))
@@ -223,12 +271,23 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The difference.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let x = Polynomial::variable("x");
+    /// assert!(x.sub(&x).is_zero());
+    /// ```
     #[must_use]
     pub fn sub(&self, other: &Self) -> Self {
         Self(merged(&self.0, &other.0, &-Rational::one()))
     }
 
     /// Every coefficient multiplied by `factor`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// assert_eq!(Polynomial::variable("x").scale(&ratio(1, 2)).coefficient(&Monomial::power_of("x", 1)), ratio(1, 2));
+    /// ```
     #[must_use]
     pub fn scale(&self, factor: &Rational) -> Self {
         if factor.is_zero() {
@@ -238,6 +297,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The product.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let (x, y) = (Polynomial::variable("x"), Polynomial::variable("y"));
+    /// assert_eq!(x.add(&y).mul(&x.sub(&y)), x.pow(2).sub(&y.pow(2)));
+    /// ```
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         match (self.as_term(), other.as_term()) {
@@ -264,6 +329,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// Every monomial multiplied by `monomial`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let inverse = Monomial::power_of("x", -1);
+    /// assert_eq!(Polynomial::variable("x").mul_monomial(&inverse), Polynomial::one());
+    /// ```
     #[must_use]
     pub fn mul_monomial(&self, monomial: &Monomial<V>) -> Self {
         self.mul_term(monomial, &Rational::one())
@@ -278,12 +349,23 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// A non-negative power.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// assert_eq!(Polynomial::variable("x").pow(0), Polynomial::one());
+    /// ```
     #[must_use]
     pub fn pow(&self, exponent: u32) -> Self {
         Self::product_of_powers(&[(self, exponent)])
     }
 
     /// A product of non-negative powers, multiplied out at once.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let (x, y) = (Polynomial::variable("x"), Polynomial::variable("y"));
+    /// assert_eq!(Polynomial::product_of_powers(&[(&x, 2), (&y, 1)]), x.pow(2).mul(&y));
+    /// ```
     #[must_use]
     pub fn product_of_powers(factors: &[(&Self, u32)]) -> Self {
         let mut common = (Monomial::one(), Rational::one());
@@ -313,6 +395,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The partial derivative with respect to `variable`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let x = Polynomial::variable("x");
+    /// assert_eq!(x.pow(3).derivative(&"x"), x.pow(2).scale(&integer(3)));
+    /// ```
     #[must_use]
     pub fn derivative(&self, variable: &V) -> Self {
         let lower = Monomial::power_of(variable.clone(), -1);
@@ -325,6 +413,12 @@ impl<V: Ord + Clone> Polynomial<V> {
 
     /// Replaces every variable by a polynomial; `None` when a negative power of a replacement of more than one term
     /// would be needed.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let (x, y) = (Polynomial::variable("x"), Polynomial::variable("y"));
+    /// assert_eq!(x.pow(2).substitute(|_| y.add(&y)), Some(y.pow(2).scale(&integer(4))));
+    /// ```
     #[must_use]
     pub fn substitute<W: Ord + Clone>(
         &self,
@@ -348,6 +442,13 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     /// The exact value; `None` when a variable with a negative exponent is zero.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::polynomial::{Monomial, Polynomial}, number::rational::{integer, ratio}};
+    /// let inverse = Polynomial::term(Monomial::power_of("x", -1), integer(3));
+    /// assert_eq!(inverse.evaluate(|_| integer(2)), Some(ratio(3, 2)));
+    /// assert_eq!(inverse.evaluate(|_| integer(0)), None);
+    /// ```
     #[must_use]
     pub fn evaluate(&self, mut value: impl FnMut(&V) -> Rational) -> Option<Rational> {
         let mut sum = Rational::zero();

@@ -11,6 +11,14 @@ impl Graph {
     /// The partial derivative of `expr` with respect to the leaf `variable` (a symbol or a derivative of a
     /// coordinate), every other leaf held fixed. `sign` is taken as constant and `abs` as having slope `sign`:
     /// right everywhere but at the kink itself.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// let sine = g.function(Function::Sin, x);
+    /// assert_eq!(g.differentiate(sine, x), g.function(Function::Cos, x));
+    /// ```
     pub fn differentiate(&mut self, expr: ExprId, variable: ExprId) -> ExprId {
         self.differentiate_beside(expr, variable, &mut HashMap::new())
     }
@@ -33,6 +41,13 @@ impl Graph {
     }
 
     /// The total time derivative: every coordinate's n-th derivative becomes its (n+1)-th, symbols are constant.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let [q, velocity] = [0, 1].map(|order| g.derivative_of(Coordinate(0), order));
+    /// assert_eq!(g.time_derivative(q), velocity);
+    /// ```
     pub fn time_derivative(&mut self, expr: ExprId) -> ExprId {
         let mut memo = HashMap::new();
         self.differentiate_with(

@@ -76,11 +76,6 @@ impl Graph {
         (0..count).map(ExprId)
     }
 
-    /// All nodes up to a given one, which include every node that it uses.
-    pub(super) fn up_to(&self, id: ExprId) -> &[Node] {
-        &self.nodes[..=id.index()]
-    }
-
     /// Whether the graph has no node.
     #[must_use]
     pub fn is_empty(&self) -> bool {
@@ -90,6 +85,23 @@ impl Graph {
     /// The operands of a node.
     pub fn operands(&self, id: ExprId) -> impl Iterator<Item = ExprId> + '_ {
         self.node(id).operands()
+    }
+
+    /// The nodes that expressions use, operands first, but for those that are known and what only they use.
+    #[must_use]
+    pub fn used_by(&self, exprs: &[ExprId], is_known: impl Fn(ExprId) -> bool) -> Vec<ExprId> {
+        let mut seen = vec![false; exprs.iter().map(|expr| expr.index() + 1).max().unwrap_or(0)];
+        let mut stack = exprs.to_vec();
+        let mut found = Vec::new();
+        while let Some(id) = stack.pop() {
+            if !is_known(id) && !std::mem::replace(&mut seen[id.index()], true) {
+                found.push(id);
+                stack.extend(self.operands(id));
+            }
+        }
+        // A node is added behind its operands.
+        found.sort_unstable();
+        found
     }
 
     fn intern(&mut self, node: Node) -> ExprId {
@@ -131,6 +143,13 @@ impl Graph {
     }
 
     /// The n-th time derivative of a coordinate.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let velocity = g.derivative_of(Coordinate(0), 1);
+    /// assert_eq!(g.node(velocity), &Node::Derivative(Coordinate(0), 1));
+    /// ```
     pub fn derivative_of(&mut self, coordinate: Coordinate, order: u32) -> ExprId {
         self.intern(Node::Derivative(coordinate, order))
     }
@@ -141,6 +160,14 @@ impl Graph {
     }
 
     /// The value when the expression is a number.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let two = g.integer(2);
+    /// let half = g.pow(two, -1);
+    /// assert_eq!(g.as_number(half), Some(&ratio(1, 2)));
+    /// ```
     #[must_use]
     pub fn as_number(&self, id: ExprId) -> Option<&Rational> {
         match self.node(id) {
@@ -166,6 +193,14 @@ impl Graph {
     }
 
     /// The sum of any number of terms.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// let twice = g.scale(x, integer(2));
+    /// assert_eq!(g.sum(&[x, x]), twice);
+    /// ```
     pub fn sum(&mut self, terms: &[ExprId]) -> ExprId {
         let mut constant = Rational::zero();
         let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
@@ -224,12 +259,27 @@ impl Graph {
     }
 
     /// `a - b`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// assert_eq!(g.sub(x, x), g.integer(0));
+    /// ```
     pub fn sub(&mut self, a: ExprId, b: ExprId) -> ExprId {
         let b = self.neg(b);
         self.add(a, b)
     }
 
     /// The product of any number of factors.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// let inverse = g.pow(x, -1);
+    /// assert_eq!(g.product(&[x, x, inverse]), x);
+    /// ```
     pub fn product(&mut self, factors: &[ExprId]) -> ExprId {
         let mut coefficient = Rational::one();
         let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();
@@ -324,6 +374,14 @@ impl Graph {
     }
 
     /// `base ^ exponent`; a zero base with a negative exponent stays a power node and evaluates to an infinity.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// let square = g.pow(x, 2);
+    /// assert_eq!(g.pow(square, 3), g.pow(x, 6));
+    /// ```
     pub fn pow(&mut self, base: ExprId, exponent: i32) -> ExprId {
         if exponent == 0 {
             return self.number(Rational::one());
@@ -357,6 +415,13 @@ impl Graph {
     }
 
     /// `function(argument)`, with exact values at 0 (of the logarithm at 1) and exact square roots taken.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let zero = g.integer(0);
+    /// assert_eq!(g.function(Function::Cos, zero), g.integer(1));
+    /// ```
     pub fn function(&mut self, function: Function, argument: ExprId) -> ExprId {
         if let Some(exact) = self.as_number(argument).and_then(|value| function.apply_exact(value)) {
             return self.number(exact);
@@ -387,6 +452,14 @@ impl Graph {
     }
 
     /// All leaves (symbols, derivatives of coordinates, placeholders) that `expr` depends on, in increasing order.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let [x, y] = [0, 1].map(|index| g.symbol(Symbol(index)));
+    /// let product = g.mul(y, x);
+    /// assert_eq!(g.leaves(product), [x, y]);
+    /// ```
     #[must_use]
     pub fn leaves(&self, expr: ExprId) -> Vec<ExprId> {
         self.leaves_of([expr])

@@ -56,6 +56,11 @@ pub enum Function {
 
 impl Function {
     /// The name in the model language.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::Function, number::rational::integer};
+    /// assert_eq!(Function::Sqrt.name(), "sqrt");
+    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -75,6 +80,12 @@ impl Function {
     }
 
     /// The exact value, where it is known to be rational.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::Function, number::rational::integer};
+    /// assert_eq!(Function::Sqrt.apply_exact(&integer(9)), Some(integer(3)));
+    /// assert_eq!(Function::Sqrt.apply_exact(&integer(2)), None);
+    /// ```
     #[must_use]
     pub fn apply_exact(self, x: &Rational) -> Option<Rational> {
         match self {
@@ -89,6 +100,11 @@ impl Function {
     }
 
     /// The value in double precision.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::Function, number::rational::integer};
+    /// assert_eq!(Function::Sign.apply(-2.0), -1.0);
+    /// ```
     #[must_use]
     pub fn apply(self, x: f64) -> f64 {
         match self {

@@ -13,6 +13,15 @@ use smallvec::{SmallVec, smallvec};
 impl Graph {
     /// The expression as a Laurent polynomial over its atoms: symbols, derivatives of coordinates, pi, functions, and
     /// powers with negative exponent of sums. Sums under a positive power are multiplied out.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let [x, y] = [0, 1].map(|index| g.symbol(Symbol(index)));
+    /// let sum = g.add(x, y);
+    /// let square = g.pow(sum, 2);
+    /// assert_eq!(g.polynomial(square).len(), 3);
+    /// ```
     #[must_use]
     pub fn polynomial(&self, expr: ExprId) -> Polynomial<ExprId> {
         self.polynomial_beside(expr, &mut FxHashMap::default())

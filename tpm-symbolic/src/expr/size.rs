@@ -10,23 +10,7 @@ pub struct Sizes(FxHashMap<ExprId, f64>);
 impl Sizes {
     /// The bound for an expression of a graph; all calls must be for the same graph, which may grow in between.
     pub fn of(&mut self, graph: &Graph, expr: ExprId) -> f64 {
-        let mut stack = vec![expr];
-        while let Some(&id) = stack.last() {
-            if self.0.contains_key(&id) {
-                stack.pop();
-                continue;
-            }
-            let missing: Vec<ExprId> = match graph.node(id) {
-                Node::Sum(_) | Node::Product(_) | Node::Power(..) => {
-                    graph.operands(id).filter(|operand| !self.0.contains_key(operand)).collect()
-                }
-                _ => Vec::new(),
-            };
-            if !missing.is_empty() {
-                stack.extend(missing);
-                continue;
-            }
-            stack.pop();
+        for id in graph.used_by(&[expr], |id| self.0.contains_key(&id)) {
             let size = match graph.node(id) {
                 Node::Sum(terms) => terms.iter().map(|term| self.0[term]).sum(),
                 Node::Product(factors) => factors.iter().map(|factor| self.0[factor]).product(),
@@ -61,16 +45,9 @@ impl Graph {
     #[must_use]
     pub fn written_size(&self, expr: ExprId) -> f64 {
         let mut sizes: FxHashMap<ExprId, f64> = FxHashMap::default();
-        let mut stack = vec![expr];
-        while let Some(&id) = stack.last() {
-            let missing: Vec<ExprId> = self.operands(id).filter(|operand| !sizes.contains_key(operand)).collect();
-            if missing.is_empty() {
-                stack.pop();
-                let size = 1.0 + self.operands(id).map(|operand| sizes[&operand]).sum::<f64>();
-                sizes.insert(id, size);
-            } else {
-                stack.extend(missing);
-            }
+        for id in self.used_by(&[expr], |_| false) {
+            let size = 1.0 + self.operands(id).map(|operand| sizes[&operand]).sum::<f64>();
+            sizes.insert(id, size);
         }
         sizes[&expr]
     }

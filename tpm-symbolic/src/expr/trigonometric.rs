@@ -34,7 +34,7 @@ pub fn normal(graph: &mut Graph, expr: ExprId) -> Polynomial<ExprId> {
 
 /// The normal forms of several expressions, with common angles in their sines and cosines.
 pub fn normal_all(graph: &mut Graph, exprs: &[ExprId]) -> Vec<Polynomial<ExprId>> {
-    let needed = reachable(graph, exprs);
+    let needed = graph.used_by(exprs, |_| false);
     let denominators = angle_denominators(graph, &needed);
     let mut memo: HashMap<ExprId, Polynomial<ExprId>> = HashMap::new();
     for id in needed {
@@ -68,6 +68,18 @@ pub fn normal_all(graph: &mut Graph, exprs: &[ExprId]) -> Vec<Polynomial<ExprId>
 }
 
 /// The normal form as an expression.
+///
+/// ```
+/// # use tpm_symbolic::expr::{graph::{Function, Graph, Symbol}, trigonometric::{is_zero, simplify}};
+/// let mut g = Graph::new();
+/// let x = g.symbol(Symbol(0));
+/// let squares = [Function::Sin, Function::Cos].map(|function| {
+///     let value = g.function(function, x);
+///     g.pow(value, 2)
+/// });
+/// let sum = g.sum(&squares);
+/// assert_eq!(simplify(&mut g, sum), g.integer(1));
+/// ```
 pub fn simplify(graph: &mut Graph, expr: ExprId) -> ExprId {
     let polynomial = normal(graph, expr);
     graph.from_polynomial(&polynomial)
@@ -125,21 +137,6 @@ pub fn numerator(graph: &mut Graph, polynomial: &Polynomial<ExprId>) -> Polynomi
 pub fn multiply(graph: &mut Graph, a: &Polynomial<ExprId>, b: &Polynomial<ExprId>) -> Polynomial<ExprId> {
     let product = a.mul(b);
     reduce(graph, product)
-}
-
-/// Every node that the expressions use, operands before their users.
-fn reachable(graph: &Graph, exprs: &[ExprId]) -> Vec<ExprId> {
-    let mut seen = vec![false; graph.len()];
-    let mut stack = exprs.to_vec();
-    let mut found = Vec::new();
-    while let Some(id) = stack.pop() {
-        if !std::mem::replace(&mut seen[id.index()], true) {
-            found.push(id);
-            stack.extend(graph.operands(id));
-        }
-    }
-    found.sort_unstable();
-    found
 }
 
 /// For every angle (a monomial of an argument of sin, cos or tan) the common denominator of its rational multiples.

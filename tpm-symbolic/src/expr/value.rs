@@ -6,25 +6,19 @@ use num_traits::Zero;
 
 impl Graph {
     /// The value in double precision, given the leaves.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// let square = g.pow(x, 2);
+    /// assert_eq!(g.evaluate(square, |_| 3.0), 9.0);
+    /// ```
     #[must_use]
     pub fn evaluate(&self, expr: ExprId, mut leaf: impl FnMut(&Node) -> f64) -> f64 {
-        let mut values: Vec<Option<f64>> = vec![None; expr.index() + 1];
-        let mut stack = vec![expr];
-        while let Some(&id) = stack.last() {
-            if values[id.index()].is_some() {
-                stack.pop();
-                continue;
-            }
-            let before = stack.len();
-            for operand in self.operands(id) {
-                if values[operand.index()].is_none() {
-                    stack.push(operand);
-                }
-            }
-            if stack.len() > before {
-                continue;
-            }
-            let at = |operand: &ExprId| values[operand.index()].expect("invariant: operands are evaluated first");
+        let mut values = vec![0.0; expr.index() + 1];
+        for id in self.used_by(&[expr], |_| false) {
+            let at = |operand: &ExprId| values[operand.index()];
             let value = match self.node(id) {
                 Node::Number(value) => rational::to_f64(value),
                 Node::Pi => std::f64::consts::PI,
@@ -35,28 +29,19 @@ impl Graph {
                 Node::Function(function, argument) => function.apply(at(argument)),
                 Node::Atan2(y, x) => at(y).atan2(at(x)),
             };
-            values[id.index()] = Some(value);
-            stack.pop();
+            values[id.index()] = value;
         }
-        values[expr.index()].expect("invariant: the root is evaluated last")
+        values[expr.index()]
     }
 
     /// Whether the expression is 0 for all values of its unknown leaves, as far as sums of known values and factors of
     /// 0 show it.
     #[must_use]
     pub fn vanishes(&self, expr: ExprId, mut leaf: impl FnMut(&Node) -> Option<Rational>) -> bool {
-        let nodes = self.up_to(expr);
-        let mut needed = vec![false; nodes.len()];
-        needed[expr.index()] = true;
-        for i in (0..nodes.len()).rev() {
-            if needed[i] {
-                nodes[i].operands().for_each(|operand| needed[operand.index()] = true);
-            }
-        }
-        let mut values: Vec<Option<Rational>> = vec![None; nodes.len()];
-        for i in (0..nodes.len()).filter(|&i| needed[i]) {
+        let mut values: Vec<Option<Rational>> = vec![None; expr.index() + 1];
+        for id in self.used_by(&[expr], |_| false) {
             let at = |operand: &ExprId| values[operand.index()].clone();
-            values[i] = match &nodes[i] {
+            values[id.index()] = match self.node(id) {
                 Node::Number(value) => Some(value.clone()),
                 Node::Pi | Node::Atan2(..) => None,
                 node @ (Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_)) => leaf(node),
@@ -76,24 +61,21 @@ impl Graph {
 
     /// The exact value, given exact leaves; `None` when the expression contains a function without a rational value,
     /// pi, or a division by zero.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{expr::graph::{Coordinate, Function, Graph, Node, Symbol}, number::rational::{integer, ratio}};
+    /// let mut g = Graph::new();
+    /// let x = g.symbol(Symbol(0));
+    /// let inverse = g.pow(x, -1);
+    /// assert_eq!(g.evaluate_exact(inverse, |_| Some(integer(3))), Some(ratio(1, 3)));
+    /// assert_eq!(g.evaluate_exact(inverse, |_| Some(integer(0))), None);
+    /// ```
     #[must_use]
     pub fn evaluate_exact(&self, expr: ExprId, mut leaf: impl FnMut(&Node) -> Option<Rational>) -> Option<Rational> {
-        // Nodes come after their operands, so one pass in order visits operands first.
-        let nodes = self.up_to(expr);
-        let mut needed = vec![false; nodes.len()];
-        needed[expr.index()] = true;
-        for i in (0..nodes.len()).rev() {
-            if needed[i] {
-                nodes[i].operands().for_each(|operand| needed[operand.index()] = true);
-            }
-        }
-        let mut values: Vec<Option<Rational>> = vec![None; nodes.len()];
-        for i in 0..nodes.len() {
-            if !needed[i] {
-                continue;
-            }
+        let mut values: Vec<Option<Rational>> = vec![None; expr.index() + 1];
+        for id in self.used_by(&[expr], |_| false) {
             let at = |operand: &ExprId| values[operand.index()].clone().expect("invariant: operands come first");
-            let value = match &nodes[i] {
+            let value = match self.node(id) {
                 Node::Number(value) => value.clone(),
                 Node::Pi | Node::Atan2(..) => return None,
                 node @ (Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_)) => leaf(node)?,
@@ -108,7 +90,7 @@ impl Graph {
                 }
                 Node::Function(function, argument) => function.apply_exact(&at(argument))?,
             };
-            values[i] = Some(value);
+            values[id.index()] = Some(value);
         }
         values[expr.index()].take()
     }

@@ -32,6 +32,13 @@ impl QuadrantSign {
 
     /// The sign of `fourier`, when it changes at quarter turns of its fundamental at most; `None` otherwise. The zero
     /// function has sign 0.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::Fourier, harmonic::nonsmooth::QuadrantSign, number::rational::integer};
+    /// assert!(QuadrantSign::of(&Fourier::sin(1, integer(2))).is_some());
+    /// let shifted = Fourier::sin(1, integer(2)).add(&Fourier::constant(integer(1)));
+    /// assert!(QuadrantSign::of(&shifted).is_none());
+    /// ```
     #[must_use]
     pub fn of(fourier: &Fourier) -> Option<Self> {
         if fourier.is_zero() {
@@ -58,6 +65,12 @@ impl QuadrantSign {
     }
 
     /// The sign on the quadrants 0..pi/2, pi/2..pi, ... of `multiple * theta`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::Fourier, harmonic::nonsmooth::QuadrantSign, number::rational::integer};
+    /// let sign = QuadrantSign::of(&Fourier::cos(1, integer(2)));
+    /// assert_eq!(sign.map(|sign| sign.quadrants()), Some([1, -1, -1, 1]));
+    /// ```
     #[must_use]
     pub fn quadrants(&self) -> [i8; 4] {
         self.quadrants
@@ -91,12 +104,25 @@ impl QuadrantSign {
     }
 
     /// The mean, a quarter of a whole number.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::Fourier, harmonic::nonsmooth::QuadrantSign, number::rational::integer};
+    /// let sign = QuadrantSign::of(&Fourier::cos(1, integer(2)));
+    /// assert_eq!(sign.map(|sign| sign.mean()), Some(integer(0)));
+    /// ```
     #[must_use]
     pub fn mean(&self) -> Rational {
         rational::ratio(self.quadrants.iter().map(|&sign| i64::from(sign)).sum(), 4)
     }
 
     /// pi times the series without its mean, up to a harmonic of theta.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::fourier::Fourier, harmonic::nonsmooth::QuadrantSign, number::rational::integer};
+    /// // sign(sin) = 4/pi (sin + 1/3 sin 3 + ...)
+    /// let sign = QuadrantSign::of(&Fourier::sin(1, integer(2)));
+    /// assert_eq!(sign.map(|sign| sign.series_times_pi(2)), Some(Fourier::sin(1, integer(4))));
+    /// ```
     #[must_use]
     pub fn series_times_pi(&self, harmonics: usize) -> Fourier {
         // The integrals of cos(n phi) and sin(n phi) over a quadrant have ends sin(n j pi/2)/n and cos(n j pi/2)/n.

@@ -252,17 +252,7 @@ impl<A: Analytic> Jets<'_, A> {
 /// The nodes that an expression uses, operands first, the expression last.
 #[must_use]
 pub fn nodes_of(graph: &Graph, expr: ExprId) -> Vec<(ExprId, Node)> {
-    let mut seen = vec![false; expr.index() + 1];
-    let mut stack = vec![expr];
-    let mut found = Vec::new();
-    while let Some(id) = stack.pop() {
-        if !std::mem::replace(&mut seen[id.index()], true) {
-            found.push(id);
-            stack.extend(graph.operands(id));
-        }
-    }
-    found.sort_unstable();
-    found.into_iter().map(|id| (id, graph.node(id).clone())).collect()
+    graph.used_by(&[expr], |_| false).into_iter().map(|id| (id, graph.node(id).clone())).collect()
 }
 
 /// C(p, k) for rational p.

@@ -137,6 +137,13 @@ pub struct ExactModel {
 
 impl ExactModel {
     /// Declares a quantity.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::model::{ExactModel, Kind};
+    /// let mut model = ExactModel::default();
+    /// let mass = model.declare("m", None, Kind::Parameter);
+    /// assert_eq!(model.quantity(mass).name, "m");
+    /// ```
     pub fn declare(&mut self, name: &str, unit: Option<Unit>, kind: Kind) -> Symbol {
         let symbol = Symbol(u32::try_from(self.symbols.len()).expect("invariant: fewer than 2^32 symbols"));
         self.symbols.push(Quantity { name: name.into(), unit, kind });
@@ -144,6 +151,14 @@ impl ExactModel {
     }
 
     /// Declares a coordinate.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::model::{ExactModel, Kind};
+    /// let mut model = ExactModel::default();
+    /// let x = model.declare_coordinate("x", None);
+    /// let velocity = model.graph.derivative_of(x, 1);
+    /// assert_eq!(model.display(velocity), "dot(x)");
+    /// ```
     pub fn declare_coordinate(&mut self, name: &str, unit: Option<Unit>) -> Coordinate {
         let coordinate =
             Coordinate(u32::try_from(self.coordinates.len()).expect("invariant: fewer than 2^32 coordinates"));
@@ -158,6 +173,13 @@ impl ExactModel {
     }
 
     /// The symbol of a name.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::model::{ExactModel, Kind};
+    /// let mut model = ExactModel::default();
+    /// let mass = model.declare("m", None, Kind::Parameter);
+    /// assert_eq!((model.find_symbol("m"), model.find_symbol("k")), (Some(mass), None));
+    /// ```
     #[must_use]
     pub fn find_symbol(&self, name: &str) -> Option<Symbol> {
         let index = self.symbols.iter().position(|quantity| quantity.name == name)?;
@@ -172,6 +194,14 @@ impl ExactModel {
     }
 
     /// The parameters, in order of declaration.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::model::{ExactModel, Kind};
+    /// let mut model = ExactModel::default();
+    /// let mass = model.declare("m", None, Kind::Parameter);
+    /// model.declare("F", None, Kind::Input);
+    /// assert!(model.parameters().eq([mass]));
+    /// ```
     pub fn parameters(&self) -> impl Iterator<Item = Symbol> {
         self.symbols_where(|kind| *kind == Kind::Parameter)
     }

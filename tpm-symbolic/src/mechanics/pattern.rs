@@ -27,6 +27,12 @@ impl Motion {
     }
 
     /// `monomial * fourier`.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fourier::Fourier, polynomial::Monomial}, expr::graph::Symbol, mechanics::pattern::*, number::rational::{integer, ratio}};
+    /// let amplitude = Monomial::power_of(Symbol(0), 1);
+    /// assert_eq!(Motion::term(amplitude, Fourier::zero()), Motion::zero());
+    /// ```
     #[must_use]
     pub fn term(monomial: Monomial<Symbol>, fourier: Fourier) -> Self {
         if fourier.is_zero() { Self::zero() } else { Self(vec![(monomial, fourier)]) }
@@ -39,6 +45,12 @@ impl Motion {
     }
 
     /// The sum of two motions.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fourier::Fourier, polynomial::Monomial}, expr::graph::Symbol, mechanics::pattern::*, number::rational::{integer, ratio}};
+    /// let cosine = Motion::term(Monomial::power_of(Symbol(0), 1), Fourier::cos(1, integer(1)));
+    /// assert_eq!(cosine.add(&cosine), Motion::term(Monomial::power_of(Symbol(0), 1), Fourier::cos(1, integer(2))));
+    /// ```
     #[must_use]
     pub fn add(&self, other: &Self) -> Self {
         let mut terms: BTreeMap<Monomial<Symbol>, Fourier> = self.0.iter().cloned().collect();
@@ -50,6 +62,12 @@ impl Motion {
     }
 
     /// The product of two motions.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fourier::Fourier, polynomial::Monomial}, expr::graph::Symbol, mechanics::pattern::*, number::rational::{integer, ratio}};
+    /// let cosine = Motion::term(Monomial::power_of(Symbol(0), 1), Fourier::cos(1, integer(1)));
+    /// assert_eq!(cosine.mul(&cosine).highest_harmonic(), 2);
+    /// ```
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         let mut result = Self::zero();
@@ -67,6 +85,12 @@ impl Motion {
     }
 
     /// The n-th derivative with respect to the phase; the time derivative is w^n times it.
+    ///
+    /// ```
+    /// # use tpm_symbolic::{algebra::{fourier::Fourier, polynomial::Monomial}, expr::graph::Symbol, mechanics::pattern::*, number::rational::{integer, ratio}};
+    /// let cosine = Motion::term(Monomial::power_of(Symbol(0), 1), Fourier::cos(2, integer(1)));
+    /// assert_eq!(cosine.derivative(1), Motion::term(Monomial::power_of(Symbol(0), 1), Fourier::sin(2, integer(-2))));
+    /// ```
     #[must_use]
     pub fn derivative(&self, order: u32) -> Self {
         let terms = self.0.iter().map(|(m, f)| (m.clone(), f.derivative(order)));
@@ -112,6 +136,12 @@ pub const MAX_ORDER: u32 = 255;
 ///
 /// `order` = 2l + 1 is also the highest harmonic; Feng, Eqn 2.21 is order 3 and Eqn 4.42 order 5. The velocity of such a motion is a
 /// multiple of sin^order th, whose coefficients are binomial: a_i = (-1)^i C(2l+1, l-i) / ((2i+1) C(2l+1, l)).
+///
+/// ```
+/// # use tpm_symbolic::{algebra::{fourier::Fourier, polynomial::Monomial}, expr::graph::Symbol, mechanics::pattern::*, number::rational::{integer, ratio}};
+/// assert_eq!(rest_to_rest(3), Ok(Fourier::cos(1, integer(1)).add(&Fourier::cos(3, ratio(-1, 9)))));
+/// assert!(rest_to_rest(2).is_err());
+/// ```
 ///
 /// # Errors
 /// When `order` is even, zero or above [`MAX_ORDER`].

@@ -21,6 +21,11 @@ impl Unit {
     }
 
     /// A named unit.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::unit::Unit;
+    /// assert_eq!(Unit::named("kg").to_string(), "kg");
+    /// ```
     #[must_use]
     pub fn named(name: &str) -> Self {
         Self::product([(name, Ratio::one())])
@@ -33,6 +38,11 @@ impl Unit {
     }
 
     /// The product.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::unit::Unit;
+    /// assert_eq!(Unit::named("N").mul(&Unit::named("m")).to_string(), "N*m");
+    /// ```
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         Self::product(self.powers().chain(other.powers()))
@@ -51,6 +61,11 @@ impl Unit {
     }
 
     /// An integer power.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::unit::Unit;
+    /// assert_eq!(Unit::named("m").pow(2).mul(&Unit::named("m").pow(-2)), Unit::one());
+    /// ```
     #[must_use]
     pub fn pow(&self, exponent: i32) -> Self {
         Self::product(self.powers().map(|(name, of)| (name, of * i64::from(exponent))))
@@ -58,6 +73,12 @@ impl Unit {
 
     /// The unit with `kg*m^2/s^2` written as `N*m`: a product of parameter units with this value is the torque on a
     /// rotary coordinate.
+    ///
+    /// ```
+    /// # use tpm_symbolic::mechanics::unit::Unit;
+    /// let inertia = Unit::named("kg").mul(&Unit::named("m").pow(2));
+    /// assert_eq!(inertia.mul(&Unit::named("s").pow(-2)).with_torque(), Unit::named("N").mul(&Unit::named("m")));
+    /// ```
     #[must_use]
     pub fn with_torque(self) -> Self {
         let torque = Self::named("kg").mul(&Self::named("m").pow(2)).mul(&Self::named("s").pow(-2));

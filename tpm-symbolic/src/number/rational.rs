@@ -10,6 +10,11 @@ pub use crate::number::representation::Rational;
 
 /// The rational `numerator / denominator`.
 ///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(ratio(2, -4), ratio(-1, 2));
+/// ```
+///
 /// # Panics
 /// When `denominator` is zero.
 #[must_use]
@@ -18,12 +23,22 @@ pub fn ratio(numerator: i64, denominator: i64) -> Rational {
 }
 
 /// The rational `value / 1`.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(integer(3), ratio(6, 2));
+/// ```
 #[must_use]
 pub fn integer(value: i64) -> Rational {
     Rational::from_integer(BigInt::from(value))
 }
 
 /// The `f64` nearest to `value`, ties to even; infinite when the magnitude is beyond the largest finite `f64`.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(to_f64(&ratio(1, 3)), 1.0 / 3.0);
+/// ```
 #[must_use]
 pub fn to_f64(value: &Rational) -> f64 {
     // Division of two numbers that a double holds is rounded once.
@@ -36,12 +51,23 @@ pub fn to_f64(value: &Rational) -> f64 {
 }
 
 /// The `f64` nearest to a quotient that need not be in lowest terms, the denominator positive.
-pub(crate) fn quotient_to_f64(numerator: &BigInt, denominator: &BigInt) -> f64 {
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(quotient_to_f64(&2.into(), &4.into()), 0.5);
+/// ```
+#[must_use]
+pub fn quotient_to_f64(numerator: &BigInt, denominator: &BigInt) -> f64 {
     let (bits, exponent, negative) = round_to(numerator, denominator, 53, -1074);
     scale_by_power_of_two(bits, exponent, negative, 971)
 }
 
 /// The `f32` nearest to `value`, ties to even, rounded once from the exact value (not by way of `f64`).
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(to_f32(&ratio(1, 3)), 1.0_f32 / 3.0);
+/// ```
 #[must_use]
 pub fn to_f32(value: &Rational) -> f32 {
     let (bits, exponent, negative) = round_to(&value.numer(), &value.denom(), 24, -149);
@@ -100,12 +126,23 @@ fn scale_by_power_of_two(bits: u64, exponent: i64, negative: bool, greatest: i64
 }
 
 /// The exact value of a finite `f64`; `None` for infinities and NaN.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!((from_f64(0.75), from_f64(f64::NAN)), (Some(ratio(3, 4)), None));
+/// ```
 #[must_use]
 pub fn from_f64(value: f64) -> Option<Rational> {
     Rational::from_float(value)
 }
 
 /// Parses `12`, `0.1`, `1.5e-3` or `-55/27` exactly; `None` when the text is not such a number.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(parse("1.5e-3"), Some(ratio(3, 2000)));
+/// assert_eq!(parse("one"), None);
+/// ```
 #[must_use]
 pub fn parse(text: &str) -> Option<Rational> {
     if let Some((numerator, denominator)) = text.split_once('/') {
@@ -137,6 +174,11 @@ pub fn parse(text: &str) -> Option<Rational> {
 }
 
 /// Writes `n` or `n/d`.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(display(&ratio(-55, 27)), "-55/27");
+/// ```
 #[must_use]
 pub fn display(value: &Rational) -> String {
     value.to_string()
@@ -144,6 +186,11 @@ pub fn display(value: &Rational) -> String {
 
 /// The value for use in a name: exact where numerator and denominator are short, otherwise the nearest number of four
 /// or five significant digits.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(readable(&ratio(123_456_789, 1_000_000_000)), ratio(12_346, 100_000));
+/// ```
 #[must_use]
 pub fn readable(value: &Rational) -> Rational {
     /// Most digits of a short numerator or denominator.
@@ -163,6 +210,11 @@ pub fn readable(value: &Rational) -> Rational {
 }
 
 /// The binomial coefficient C(n, k), zero when `k > n`.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!((binomial(5, 2), binomial(2, 5)), (10.into(), 0.into()));
+/// ```
 #[must_use]
 pub fn binomial(n: u64, k: u64) -> BigInt {
     if k > n {
@@ -177,6 +229,11 @@ pub fn binomial(n: u64, k: u64) -> BigInt {
 }
 
 /// Integer power, negative exponents included.
+///
+/// ```
+/// # use tpm_symbolic::number::rational::*;
+/// assert_eq!(power(&ratio(2, 3), -2), ratio(9, 4));
+/// ```
 ///
 /// # Panics
 /// When `base` is zero and `exponent` is negative.

@@ -67,6 +67,11 @@ impl Rational {
 
     /// `numerator / denominator`.
     ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(Rational::new(6.into(), 4.into()), ratio(3, 2));
+    /// ```
+    ///
     /// # Panics
     /// When `denominator` is zero.
     #[must_use]
@@ -107,6 +112,12 @@ impl Rational {
     }
 
     /// Numerator and denominator when both fit a word.
+    ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(ratio(6, 4).as_words(), Some((3, 2)));
+    /// assert_eq!(integer(i64::MAX).pow(2).as_words(), None);
+    /// ```
     #[must_use]
     #[inline]
     pub fn as_words(&self) -> Option<(i64, i64)> {
@@ -117,6 +128,11 @@ impl Rational {
     }
 
     /// The numerator, which carries the sign.
+    ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(ratio(6, -4).numer(), (-3).into());
+    /// ```
     #[must_use]
     pub fn numer(&self) -> BigInt {
         match &self.0 {
@@ -126,6 +142,11 @@ impl Rational {
     }
 
     /// The denominator, positive.
+    ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(ratio(6, -4).denom(), 2.into());
+    /// ```
     #[must_use]
     pub fn denom(&self) -> BigInt {
         match &self.0 {
@@ -144,6 +165,11 @@ impl Rational {
     }
 
     /// The whole part, rounded towards zero.
+    ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(ratio(-7, 2).to_integer(), (-3).into());
+    /// ```
     #[must_use]
     pub fn to_integer(&self) -> BigInt {
         match &self.0 {
@@ -153,6 +179,11 @@ impl Rational {
     }
 
     /// The reciprocal.
+    ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(ratio(-3, 2).recip(), ratio(-2, 3));
+    /// ```
     ///
     /// # Panics
     /// When the number is zero.
@@ -165,6 +196,11 @@ impl Rational {
     }
 
     /// An integer power.
+    ///
+    /// ```
+    /// # use tpm_symbolic::number::rational::{Rational, integer, ratio};
+    /// assert_eq!(ratio(-3, 2).pow(-2), ratio(4, 9));
+    /// ```
     ///
     /// # Panics
     /// For a negative power of zero.

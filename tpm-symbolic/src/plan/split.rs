@@ -24,13 +24,10 @@ use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::size::Sizes;
 use crate::expr::trigonometric;
-use crate::harmonic::bessel::{BesselError, Wave, numeric_table};
 use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
-use crate::mechanics::pattern::Pattern;
 use crate::number::rational::{self, Rational};
 use crate::regressor::form::RegressorForm;
-use crate::regressor::parameter_map::ParameterMap;
-use crate::regressor::prepare::{PrepareError, Prepared, prepare};
+use crate::regressor::prepare::{PrepareError, prepare};
 use num_traits::One;
 use std::collections::HashMap;
 use thiserror::Error;
@@ -244,44 +241,6 @@ impl Split {
         }
         Ok(model)
     }
-}
-
-/// One part of one input along a motion, in numbers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NumericPart {
-    /// Index of the part's equation in the model of [`Split::parts`].
-    pub equation: usize,
-    /// The harmonics of the part.
-    pub wave: Wave,
-    /// An upper bound of the magnitude of the truncation error of the harmonics.
-    pub tail: f64,
-}
-
-/// The harmonics of every part up to a stated one, sines and cosines of the motion by their Jacobi-Anger series. `parts` is
-/// the model of [`Split::parts`], prepared; `value` gives parameters, run-time constants, amplitudes and the frequency.
-///
-/// # Errors
-/// When a term is neither a polynomial of the motion nor sine or cosine of one; the source term is named.
-pub fn numeric_parts(
-    parts: &Prepared,
-    pattern: &Pattern,
-    harmonics: usize,
-    value: impl Fn(Symbol) -> f64,
-) -> Result<Vec<NumericPart>, BesselError> {
-    let columns = numeric_table(&parts.model, &parts.form, pattern, harmonics, &value)?;
-    let factors = ParameterMap::new(parts).evaluate(&value);
-    let empty = |equation| NumericPart { equation, wave: Wave::default(), tail: 0.0 };
-    let mut found: Vec<NumericPart> = (0..parts.form.rows.len()).map(empty).collect();
-    for column in columns {
-        let factor = column.column.map_or(1.0, |index| factors[index]);
-        let part = &mut found[column.equation];
-        for (to, from) in [(&mut part.wave.cos, &column.wave.cos), (&mut part.wave.sin, &column.wave.sin)] {
-            to.resize(to.len().max(from.len()), 0.0);
-            to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
-        }
-        part.tail += factor.abs() * column.tail;
-    }
-    Ok(found)
 }
 
 /// The regressor form in its two parts, the motion-independent and the motion-dependent one, for rows that each hold

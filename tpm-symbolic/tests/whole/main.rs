@@ -9,7 +9,6 @@ mod elimination;
 mod exactness;
 mod expansion;
 mod identifiability;
-mod jacobi_anger;
 mod mechanics;
 mod naive;
 mod nonsmooth;

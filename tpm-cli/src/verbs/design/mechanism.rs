@@ -1,10 +1,11 @@
 //! `tpm design` of a mechanism: Fourier series of the joints within the limits that show the base parameters well.
 
 use crate::failure::{Failure, Outcome};
+use crate::input::choice::one_of;
 use crate::interrupt;
 use crate::output::{file, picture, progress};
-use clap::ValueEnum;
 use clap::builder::RangedU64ValueParser;
+use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number, or_dash};
@@ -16,22 +17,24 @@ use tpm_runtime::study::{
 /// Quantities of the table of limits, and their headings.
 const KINDS: [&str; 4] = ["position", "velocity", "acceleration", "input"];
 
-/// What the motion of a mechanism is chosen for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum Chosen {
-    /// The condition number of the regressor in base parameters.
-    #[default]
-    Condition,
-    /// The determinant of the information, every row divided by the limit of its input.
-    Determinant,
+/// What a motion is chosen for.
+fn criterion() -> impl TypedValueParser<Value = Criterion> {
+    one_of([
+        (Criterion::Condition, "condition", "The condition number of the regressor in base parameters"),
+        (
+            Criterion::Determinant,
+            "determinant",
+            "The determinant of the information, every row divided by the limit of its input",
+        ),
+    ])
 }
 
 /// Options for mechanisms.
 #[derive(clap::Args)]
 pub(crate) struct MechanismArgs {
     /// Of a mechanism: what the motion is chosen for.
-    #[arg(long, value_enum, default_value = "condition")]
-    criterion: Chosen,
+    #[arg(long, value_parser = criterion(), default_value = "condition")]
+    criterion: Criterion,
     /// Of a mechanism: highest harmonic of every joint.
     #[arg(long, value_name = "N", default_value_t = HARMONICS, value_parser = clap::value_parser!(u32).range(2..=50))]
     harmonics: u32,
@@ -57,18 +60,14 @@ impl MechanismArgs {
         if let Some(seconds) = self.seconds.filter(|seconds| !(seconds.is_finite() && *seconds > 0.0)) {
             return Err(Failure::Input(format!("--seconds {seconds}: type a positive number of seconds")));
         }
-        let criterion = match self.criterion {
-            Chosen::Condition => Criterion::Condition,
-            Chosen::Determinant => Criterion::Determinant,
-        };
-        let Self { harmonics, period, starts, seed, seconds, .. } = *self;
+        let Self { criterion, harmonics, period, starts, seed, seconds, .. } = *self;
         Ok(ExcitationSettings { criterion, harmonics, period, starts, seed, seconds })
     }
 
     /// The first option that asks for something other than its default does.
     pub(super) fn asked(&self) -> Option<&'static str> {
         let asked = [
-            ("--criterion", self.criterion != Chosen::default()),
+            ("--criterion", self.criterion != Criterion::default()),
             ("--harmonics", self.harmonics != HARMONICS),
             ("--period", self.period.is_some()),
             ("--starts", self.starts != STARTS),

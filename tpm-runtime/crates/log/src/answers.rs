@@ -26,10 +26,10 @@ fn step(input: &[f64], k: usize) -> f64 {
 }
 
 /// The jumps of a reading that no input explains: those of `jumps` (a sample and the jump before it) which are no answers to steps.
-pub(super) fn without_answers(jumps: Vec<(usize, f64)>, inputs: &[Vec<f64>]) -> Vec<(usize, f64)> {
+pub(super) fn without_answers(jumps: Vec<(usize, f64)>, inputs: &[impl AsRef<[f64]>]) -> Vec<(usize, f64)> {
     let mut left = jumps;
     for input in inputs {
-        let steps: Vec<f64> = left.iter().map(|(k, _)| step(input, *k)).collect();
+        let steps: Vec<f64> = left.iter().map(|(k, _)| step(input.as_ref(), *k)).collect();
         // Outliers, such as one recording that begins among the answers, are left out of g one by one.
         let mut taken: Vec<usize> = (0..left.len()).filter(|at| steps[*at] != 0.0).collect();
         while taken.len() >= FEWEST_ANSWERS {

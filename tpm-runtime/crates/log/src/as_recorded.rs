@@ -113,7 +113,7 @@ impl AsRecorded {
             own
         };
         let all: Vec<Option<ChannelReadings>> =
-            table.rates.iter().map(|values| values.as_deref().map(column)).collect();
+            table.each().map(|channel| channel.map(|channel| column(&channel.values))).collect();
         let mut all = all.into_iter();
         let mut report = ReadingReport { rows: table.time.len(), ..ReadingReport::default() };
         let mut lone = Vec::new();
@@ -128,7 +128,7 @@ impl AsRecorded {
             named.next();
             let own = all.next().flatten().unwrap_or_default();
             let mut own = with_readings(own, path, table.header_line, signal)?;
-            let written = table.steps_of(place, &own.value, &own.lines);
+            let written = table.channels[place].steps(&own.value, &own.lines);
             let steps = follow(&mut own, &written, path, signal, &mut report)?;
             // What a row says of the motion jumps with a held input, as an accelerometer does.
             let smooth = model.coordinate_order(coordinate) > 0;

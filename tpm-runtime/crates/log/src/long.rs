@@ -67,6 +67,7 @@ impl Long {
 mod tests {
     use super::Long;
     use crate::columns::ColumnName;
+    use crate::format::open_columns;
     use crate::{Log, ReadingSettings};
     use tpm_test_support::models::MassSpringDrag;
 
@@ -86,6 +87,18 @@ mod tests {
         options.map.insert("u".into(), "drive, left".into());
         let long = read(format!("time,name,value\n{lines}"), &options);
         assert_eq!((long.channels, long.sample_time), (expected.channels, expected.sample_time));
+    }
+
+    #[test]
+    fn a_blank_value_is_no_row() {
+        let text = "time,name,value\n0,x,1\n0.5,x,\n1,x,2\n";
+        let mut table = open_columns(text.as_bytes(), "run.csv").expect("sound");
+        table.select(&[0, 1]);
+        let (mut values, mut stamps) = ([0.0; 2], Vec::new());
+        while table.next_row(&mut values).expect("sound").is_some() {
+            stamps.push(values[0]);
+        }
+        assert_eq!(stamps, [0.0, 1.0]);
     }
 
     #[test]

@@ -179,7 +179,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
 
 #[cfg(test)]
 mod tests {
-    use super::read;
+    use super::{Element, Order, numbers, read};
     use crate::columns::Columns as _;
 
     const FIXTURE: &[u8] = include_bytes!("../../../../tests/fixtures/logs/matlab5.mat");
@@ -192,6 +192,27 @@ mod tests {
             assert!(names.contains(&name), "{name}: {names:?}");
         }
         assert!(!names.contains(&"single") && !names.contains(&"setting"), "{names:?}");
+    }
+
+    #[test]
+    fn numbers_of_every_type_are_read() {
+        for (kind, bytes, number) in [
+            (1, &[0xff][..], -1.0),
+            (2, &[0xff][..], 255.0),
+            (3, &[0xfe, 0xff][..], -2.0),
+            (4, &[0xfe, 0xff][..], 65_534.0),
+            (5, &[0xff; 4][..], -1.0),
+            (6, &[0xff; 4][..], 4_294_967_295.0),
+            (7, &[0, 0, 0xc0, 0x3f][..], 1.5),
+            (9, &1.5f64.to_le_bytes()[..], 1.5),
+            (12, &[0xff; 8][..], -1.0),
+            (13, &[0xff; 8][..], u64::MAX as f64),
+        ] {
+            let turned: Vec<u8> = bytes.iter().rev().copied().collect();
+            for (bytes, order) in [(bytes, Order::Little), (&turned[..], Order::Big)] {
+                assert_eq!(numbers(&Element { kind, bytes }, order), Some(vec![number]), "{kind}");
+            }
+        }
     }
 
     #[test]

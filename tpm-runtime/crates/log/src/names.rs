@@ -90,10 +90,8 @@ pub(super) enum Time {
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) time: Time,
-    /// Places of the signals that must be there.
-    pub(super) places: Vec<Place>,
-    /// Places of the signals that may be there.
-    pub(super) optional: Vec<Option<Place>>,
+    /// Places of the signals that must be there, then of those that may be there.
+    pub(super) places: Vec<Option<Place>>,
     /// Assumptions about names and units.
     pub(super) assumptions: Vec<Assumption>,
 }
@@ -160,17 +158,16 @@ impl Names<'_> {
         let mut places = Vec::new();
         for signal in signals {
             let rate = optional.iter().find(|other| other.name == rate_of(&signal.name));
-            places.push(place(signal)?.ok_or_else(|| self.missing(&signal.name, rate))?);
+            places.push(Some(place(signal)?.ok_or_else(|| self.missing(&signal.name, rate))?));
         }
-        let mut also = Vec::new();
         for signal in optional {
             let found = place(signal)?;
             if found.is_none() && self.options.map.contains_key(&signal.name) {
                 return Err(self.missing(&signal.name, None));
             }
-            also.push(found);
+            places.push(found);
         }
-        Ok(Plan { time, places, optional: also, assumptions })
+        Ok(Plan { time, places, assumptions })
     }
 
     /// Finds the column of the time, and takes every other column for a signal of the column's own name and unit. Factors and offsets are
@@ -205,7 +202,7 @@ impl Names<'_> {
             Time::Two { seconds, fractions, .. } => [*seconds, *fractions].contains(&index),
             Time::Rows { .. } => false,
         };
-        let (mut signals, mut optional) = (Vec::new(), Vec::new());
+        let (mut signals, mut places) = (Vec::new(), Vec::new());
         for index in (0..names.len()).filter(|index| !of_time(*index)) {
             let name = &names[index];
             let (_, in_name, bracketed) = split_unit(name);
@@ -215,9 +212,9 @@ impl Names<'_> {
             signals.push(Signal { name: name.clone(), unit: unit.map(str::to_owned) });
             let factor = self.options.scale.get(name).copied().unwrap_or(1.0);
             let offset = self.options.offset.get(name).copied().unwrap_or(0.0);
-            optional.push(Some(Place { index, factor, offset }));
+            places.push(Some(Place { index, factor, offset }));
         }
-        Ok((Plan { time, places: Vec::new(), optional, assumptions }, signals))
+        Ok((Plan { time, places, assumptions }, signals))
     }
 
     /// The column that is looked for as a signal.

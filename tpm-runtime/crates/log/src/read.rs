@@ -92,16 +92,8 @@ impl Log {
         Log { path: path.into(), sample_time: 0.0, channels, rates, lines, steps: Vec::new() }
     }
 
-    /// Reads a whole record of a model's signals: one without a gap, with even stamps. [`Recording`](crate::Recording) reads others.
-    ///
-    /// # Errors
-    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
-    /// not even.
-    pub fn open(path: &Path, model: &dyn Model<f64>, options: &ReadingSettings) -> Result<Self, LogError> {
-        Self::read(open_file(path)?, &path.display().to_string(), model, options)
-    }
-
-    /// Reads a whole record of a model's signals from bytes; messages call them `name`.
+    /// Reads a whole record of a model's signals from bytes, one without a gap, with even stamps; messages call them `name`.
+    /// [`Recording`](crate::Recording) reads others.
     ///
     /// # Errors
     /// [`LogError`] with the line when the text cannot be read, a column is missing, a value is not finite or time is
@@ -113,7 +105,7 @@ impl Log {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         all_measured(model, name)?;
-        Ok(read_whole(input, name, &signals(model), &[], options)?.0)
+        Ok(whole(&mut *open_columns(input, name)?, name, &signals(model), &[], options)?.0)
     }
 
     /// Reads a whole record, of a file or in memory, together with the measured rates of coordinates: columns called `dot(x)`, or
@@ -135,27 +127,19 @@ impl Log {
         Ok((log, rates))
     }
 
-    /// Reads a whole record of the named signals, in this order, without a model.
+    /// Reads a whole record of the named signals, in this order, without a model, with the assumptions made about the file.
     ///
     /// # Errors
     /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
     /// not even.
-    pub fn open_signals(path: &Path, signals: &[String], options: &ReadingSettings) -> Result<Self, LogError> {
-        Ok(Self::open_signals_with(path, signals, options)?.0)
-    }
-
-    /// Reads a log as [`open_signals`](Self::open_signals) does, and returns it with the assumptions made about the
-    /// file.
-    ///
-    /// # Errors
-    /// Those of [`open_signals`](Self::open_signals).
-    pub fn open_signals_with(
+    pub fn open_signals(
         path: &Path,
         signals: &[String],
         options: &ReadingSettings,
     ) -> Result<(Self, Vec<Assumption>), LogError> {
         let signals: Vec<Signal> = signals.iter().map(|name| Signal { name: name.clone(), unit: None }).collect();
-        read_whole(open_file(path)?, &path.display().to_string(), &signals, &[], options)
+        let name = path.display().to_string();
+        whole(&mut *open_columns(open_file(path)?, &name)?, &name, &signals, &[], options)
     }
 
     /// Replaces single outliers in the first `coordinates` channels by the values interpolated from their neighbours.
@@ -252,17 +236,6 @@ pub(super) fn acceleration_signals(model: &dyn Model<f64>, options: &ReadingSett
     (0..model.dims().coordinates).filter_map(acceleration).collect()
 }
 
-/// Reads a record in which nothing is missing and whose stamps are even.
-fn read_whole(
-    input: impl Read,
-    name: &str,
-    signals: &[Signal],
-    rates: &[Signal],
-    options: &ReadingSettings,
-) -> Result<(Log, Vec<Assumption>), LogError> {
-    whole(&mut *open_columns(input, name)?, name, signals, rates, options)
-}
-
 /// The record of columns in which nothing is missing and whose stamps are even.
 fn whole(
     columns: &mut dyn Columns,
@@ -289,8 +262,14 @@ fn whole(
         return Err(constant);
     }
     let assumptions = std::mem::take(&mut table.assumptions);
-    let rates = if table.rates.iter().all(Option::is_none) { Rates::new() } else { table.rates };
-    Ok((Log { sample_time, ..Log::unchecked(name, table.channels, rates, table.lines) }, assumptions))
+    let channels = table.channels.into_iter().map(|channel| channel.values).collect();
+    let rates = table.rates.into_iter().map(|rate| rate.map(|rate| rate.values)).collect();
+    Ok((Log { sample_time, ..Log::unchecked(name, channels, tidy(rates), table.lines) }, assumptions))
+}
+
+/// Rates by coordinate; an empty list where there is none.
+pub(super) fn tidy(rates: Rates) -> Rates {
+    if rates.iter().all(Option::is_none) { Rates::new() } else { rates }
 }
 
 /// The fault of stamps that are not even.

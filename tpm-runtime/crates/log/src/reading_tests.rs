@@ -1,5 +1,6 @@
 //! Reading of tables of text.
 
+use crate::format::open_columns;
 use crate::names::Signal;
 use crate::{Assumption, Log, LogError, ReadingSettings, Recording, Separator};
 
@@ -38,7 +39,13 @@ impl Style<'_> {
 fn read(text: &[u8], options: &ReadingSettings) -> Result<Recording, LogError> {
     let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
     let signals = [signal("x", "m"), signal("u", "N")];
-    Recording::read_signals(text, "run.csv", (&signals[..1], &signals), &[signal("dot(x)", "m/s")], options)
+    Recording::of_columns(
+        &mut *open_columns(text, "run.csv")?,
+        "run.csv",
+        (&signals[..1], &signals),
+        &[signal("dot(x)", "m/s")],
+        options,
+    )
 }
 
 fn mapped(map: &[(&str, &str)]) -> ReadingSettings {
@@ -222,11 +229,17 @@ fn joints_are_found_at_the_ends_of_paths() {
     let rows: String = (0..40).map(row).collect();
     let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
     let signals = [signal("elbow", "rad"), signal("tau_elbow", "N*m")];
-    let read = |head: &str| {
+    let read = |head: &str| -> Result<Recording, LogError> {
         let text = format!("{head}\n{rows}");
         let rates = [signal("dot(elbow)", "rad/s")];
         let options = ReadingSettings::default();
-        Recording::read_signals(text.as_bytes(), "run.csv", (&signals[..1], &signals), &rates, &options)
+        Recording::of_columns(
+            &mut *open_columns(text.as_bytes(), "run.csv")?,
+            "run.csv",
+            (&signals[..1], &signals),
+            &rates,
+            &options,
+        )
     };
     let recording = read(head).expect("found");
     let log = &recording.segments[0];

@@ -1,5 +1,6 @@
 //! Reading of logs as they were recorded: without a column of time, with dates, with lines of a console between rows.
 
+use crate::format::open_columns;
 use crate::names::Signal;
 use crate::{Assumption, LogError, ReadingSettings, Recording};
 
@@ -13,7 +14,13 @@ fn sample(i: usize) -> (f64, f64) {
 fn read(text: &str, options: &ReadingSettings) -> Result<Recording, LogError> {
     let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
     let signals = [signal("x", "m"), signal("u", "N")];
-    Recording::read_signals(text.as_bytes(), "run.csv", (&signals[..1], &signals), &[], options)
+    Recording::of_columns(
+        &mut *open_columns(text.as_bytes(), "run.csv")?,
+        "run.csv",
+        (&signals[..1], &signals),
+        &[],
+        options,
+    )
 }
 
 fn table(head: &str, row: impl Fn(usize, f64, f64) -> String) -> String {
@@ -175,12 +182,18 @@ fn columns_that_share_no_time_are_named() {
 #[test]
 fn a_wrap_that_is_not_told_from_motion_is_named() {
     use std::f64::consts::{PI, TAU};
-    let read = |rate: f64| {
+    let read = |rate: f64| -> Result<Recording, LogError> {
         let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
         let signals = [signal("x", "rad"), signal("u", "N")];
         let angle = |i: usize| (rate * i as f64 + 3.0 * (0.01 * i as f64).sin() + PI).rem_euclid(TAU) - PI;
         let text = table("t_s,x,u", |i, _, u| format!("{:.3},{:.9},{u:.9}", 0.002 * i as f64, angle(i)));
-        Recording::read_signals(text.as_bytes(), "run.csv", (&signals[..1], &signals), &[], &ReadingSettings::default())
+        Recording::of_columns(
+            &mut *open_columns(text.as_bytes(), "run.csv")?,
+            "run.csv",
+            (&signals[..1], &signals),
+            &[],
+            &ReadingSettings::default(),
+        )
     };
     assert_eq!(read(0.5).expect("a wrap").report.wrapped.len(), 1);
     let error = read(2.1).expect_err("too fast").to_string();

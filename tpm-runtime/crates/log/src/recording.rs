@@ -7,11 +7,11 @@ use crate::answers::without_answers;
 use crate::assumption::Assumption;
 use crate::columns::Columns;
 use crate::error::LogError;
-use crate::format::{open_columns, open_file};
+use crate::format::open_columns;
 use crate::joins::joins;
 use crate::names::Signal;
 use crate::options::ReadingSettings;
-use crate::read::{Log, all_measured, jitter, rate_signals, signals};
+use crate::read::{Log, all_measured, jitter, rate_signals, signals, tidy};
 use crate::repeated::{repeated_readings, without_repeats};
 use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
 use crate::resample::{
@@ -19,11 +19,10 @@ use crate::resample::{
 };
 use crate::source::LogSource;
 use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
-use crate::table::{Hole, LEAST_SAMPLES, Table};
+use crate::table::{Channel, Hole, LEAST_SAMPLES, Table};
 use crate::wraps::followed;
 use std::io::Read;
 use std::ops::Range;
-use std::path::Path;
 use tpm_controller::model::Model;
 use tpm_numerics::root_mean_square;
 
@@ -91,29 +90,8 @@ impl Recording {
         Self::of_columns(columns, name, (&signals[..model.dims().coordinates], &signals), &rates, options)
     }
 
-    /// Reads the named signals of a file, in this order, without a model.
-    ///
-    /// # Errors
-    /// Those of [`open`](Self::open).
-    pub fn open_signals(path: &Path, names: &[String], options: &ReadingSettings) -> Result<Self, LogError> {
-        let signals: Vec<Signal> = names.iter().map(|name| Signal { name: name.clone(), unit: None }).collect();
-        Self::read_signals(open_file(path)?, &path.display().to_string(), (&[], &signals), &[], options)
-    }
-
-    /// Reads signals, of which the first are coordinates, and, where they have a column, rates, from bytes of any format; messages call
-    /// them `name`.
-    pub(super) fn read_signals(
-        input: impl Read,
-        name: &str,
-        (coordinates, signals): (&[Signal], &[Signal]),
-        rates: &[Signal],
-        options: &ReadingSettings,
-    ) -> Result<Self, LogError> {
-        Self::of_columns(&mut *open_columns(input, name)?, name, (coordinates, signals), rates, options)
-    }
-
     /// Takes signals, of which the first are coordinates, and, where they have a column, rates from columns.
-    fn of_columns(
+    pub(super) fn of_columns(
         columns: &mut dyn Columns,
         name: &str,
         (coordinates, signals): (&[Signal], &[Signal]),
@@ -208,7 +186,9 @@ impl Recording {
 /// Follows the readings of the coordinates (the first channels) over their wraps.
 fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Result<Vec<Wrapped>, LogError> {
     let channels = coordinates.iter().zip(&mut table.channels);
-    channels.filter_map(|(signal, channel)| followed(&table.path, signal, channel, &table.lines).transpose()).collect()
+    let of =
+        |(signal, channel): (&Signal, &mut Channel)| followed(&table.path, signal, &mut channel.values, &table.lines);
+    channels.filter_map(|pair| of(pair).transpose()).collect()
 }
 
 /// Replaces readings of the coordinates (the first channels) that repeat the reading before by values interpolated from
@@ -216,10 +196,10 @@ fn follow_wraps(table: &mut Table, coordinates: &[Signal]) -> Result<Vec<Wrapped
 fn replace_repeated(table: &mut Table, coordinates: &[Signal]) -> Vec<Repeated> {
     let mut all = Vec::new();
     for ((signal, channel), steps) in coordinates.iter().zip(&mut table.channels).zip(&table.steps) {
-        let repeated = repeated_readings(channel, steps);
+        let repeated = repeated_readings(&channel.values, steps);
         let Some(&(first, _)) = repeated.first() else { continue };
         all.push(Repeated { signal: signal.name.clone(), count: repeated.len(), line: table.lines[first] });
-        repeated.into_iter().for_each(|(k, value)| channel[k] = value);
+        repeated.into_iter().for_each(|(k, value)| channel.values[k] = value);
     }
     all
 }
@@ -241,7 +221,7 @@ fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> 
     }
     for ((signal, channel), steps) in coordinates.iter().zip(&table.channels).zip(&table.steps) {
         let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
-        let jumps = joins(&without_repeats(channel, steps));
+        let jumps = joins(&without_repeats(&channel.values, steps));
         cuts.extend(without_answers(jumps, &table.channels[coordinates.len()..]).into_iter().map(joined));
     }
     // Of several cuts at one sample the cause is kept: missing readings cause a gap, and a gap causes a jump of the
@@ -275,7 +255,7 @@ fn left_out(table: &Table, pieces: &[(Range<usize>, Option<Cut>)]) -> Vec<LeftOu
         from_line: hole.from_line,
         to_line: hole.to_line,
         rows: hole.rows,
-        why: Why::Missing { column: table.columns[hole.column].clone() },
+        why: Why::Missing { column: hole.column.clone() },
     };
     let short =
         pieces.iter().filter(|(piece, _)| !piece.is_empty() && piece.len() < LEAST_SAMPLES).map(|(piece, _)| LeftOut {
@@ -295,7 +275,7 @@ fn no_segment(table: &Table, rows: usize, pieces: &[(Range<usize>, Option<Cut>)]
     let (line, why) = match (hole, cut) {
         (Some(hole), cut) if cut.is_none_or(|(line, _)| hole.from_line <= line) => {
             let missing: usize = table.holes.iter().map(|hole| hole.rows).sum();
-            let column = &table.columns[hole.column];
+            let column = &hole.column;
             let why = format!(
                 "column `{column}` has no number there, and {missing} rows lack one; columns with times of their own need {LEAST_SAMPLES} readings of each coordinate, and stamps that do not go back"
             );
@@ -355,7 +335,8 @@ impl Grid {
         let rougher: f64 = segments
             .iter()
             .map(|range| {
-                let own = |channel: &Vec<f64>| rougher_at_stamps(&table.time[range.clone()], &channel[range.clone()]);
+                let stamps = &table.time[range.clone()];
+                let own = |channel: &Channel| rougher_at_stamps(stamps, &channel.values[range.clone()]);
                 range.len() as f64 * table.channels.iter().map(own).sum::<f64>()
             })
             .sum();
@@ -390,8 +371,7 @@ fn fitted_step(stamps: Stamps<'_>, segments: &[Range<usize>]) -> f64 {
 
 /// The errors of interpolation, channel by channel.
 fn errors(table: &Table, segments: &[Range<usize>]) -> Vec<InterpolationError> {
-    let first = table.columns.len() - table.rates.iter().flatten().count() - table.channels.len();
-    let of = |(channel, column): (&Vec<f64>, &String)| {
+    let of = |Channel { column, values: channel, .. }: &Channel| {
         let samples: usize = segments.iter().map(Range::len).sum();
         let square = |range: &Range<usize>| {
             let error = interpolation_error(&table.time[range.clone()], &channel[range.clone()]);
@@ -402,13 +382,13 @@ fn errors(table: &Table, segments: &[Range<usize>]) -> Vec<InterpolationError> {
         let deviation = (channel.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / channel.len() as f64).sqrt();
         InterpolationError { column: column.clone(), rms, share: if deviation > 0.0 { rms / deviation } else { 0.0 } }
     };
-    let all = table.channels.iter().zip(&table.columns[first..]).zip(held(table));
+    let all = table.channels.iter().zip(held(table));
     all.filter(|(_, held)| !held).map(|(channel, _)| of(channel)).collect()
 }
 
 /// Whether a channel is an input that is held between its stamps.
 fn held(table: &Table) -> impl Iterator<Item = bool> + '_ {
-    table.channels.iter().enumerate().map(|(c, channel)| c >= table.rates.len() && is_held(channel))
+    table.channels.iter().enumerate().map(|(c, channel)| c >= table.rates.len() && is_held(&channel.values))
 }
 
 /// The segments on an even grid: held inputs by their means, everything else by interpolation.
@@ -416,11 +396,11 @@ fn resampled(table: &Table, segments: &[Range<usize>], step: f64) -> Vec<Log> {
     let of = |range: &Range<usize>| {
         let stamps = &table.time[range.clone()];
         let samples = ((stamps[stamps.len() - 1] - stamps[0]) / step + 1e-6).floor() as usize + 1;
-        let grid = |channel: &Vec<f64>| on_grid(stamps, &channel[range.clone()], step, samples);
+        let grid = |channel: &Channel| on_grid(stamps, &channel.values[range.clone()], step, samples);
         let lines = readings_before(stamps, step, samples).into_iter().map(|i| table.lines[range.start + i]).collect();
         let rates = table.rates.iter().map(|rate| finite(rate.as_ref().map(grid))).collect();
-        let own = |(channel, held): (&Vec<f64>, bool)| {
-            if held { held_on_grid(stamps, &channel[range.clone()], step, samples) } else { grid(channel) }
+        let own = |(channel, held): (&Channel, bool)| {
+            if held { held_on_grid(stamps, &channel.values[range.clone()], step, samples) } else { grid(channel) }
         };
         Log::unchecked(&table.path, table.channels.iter().zip(held(table)).map(own).collect(), tidy(rates), lines)
     };
@@ -429,8 +409,8 @@ fn resampled(table: &Table, segments: &[Range<usize>], step: f64) -> Vec<Log> {
 
 /// The segments, moved out of the table without interpolation.
 fn stretches(table: &mut Table, segments: &[Range<usize>]) -> Vec<Log> {
-    let taken = |channel: &mut Vec<f64>, range: &Range<usize>| {
-        if *range == (0..channel.len()) { std::mem::take(channel) } else { channel[range.clone()].to_vec() }
+    let taken = |Channel { values, .. }: &mut Channel, range: &Range<usize>| {
+        if *range == (0..values.len()) { std::mem::take(values) } else { values[range.clone()].to_vec() }
     };
     let of = |range: &Range<usize>| {
         let lines = if *range == (0..table.lines.len()) {
@@ -448,9 +428,4 @@ fn stretches(table: &mut Table, segments: &[Range<usize>]) -> Vec<Log> {
 /// The rate, provided that all its readings are finite.
 fn finite(rate: Option<Vec<f64>>) -> Option<Vec<f64>> {
     rate.filter(|rate| rate.iter().all(|value| value.is_finite()))
-}
-
-/// Rates by coordinate; an empty list where there is none.
-fn tidy(rates: Vec<Option<Vec<f64>>>) -> Vec<Option<Vec<f64>>> {
-    if rates.iter().all(Option::is_none) { Vec::new() } else { rates }
 }

@@ -68,9 +68,8 @@ pub(super) struct SharedRows {
     pub(super) reference: usize,
     /// Rows of the file that are kept, in order.
     pub(super) rows: Vec<usize>,
-    /// The channels at these rows; a rate may hold NaN.
-    pub(super) channels: Vec<Vec<f64>>,
-    pub(super) rates: Vec<Option<Vec<f64>>>,
+    /// The channels, then the rates, at these rows; a rate may hold NaN.
+    pub(super) values: Vec<Vec<f64>>,
     /// Channels that are held between their readings.
     pub(super) held: Vec<usize>,
 }
@@ -80,16 +79,17 @@ impl SharedRows {
     /// rows are whole, or one channel has too few readings, or time does not advance: such a record has holes.
     pub(super) fn of(
         time: &[f64],
-        channels: &[Vec<f64>],
+        channels: &[impl AsRef<[f64]>],
         coordinates: usize,
-        rates: &[Option<Vec<f64>>],
+        rates: &[impl AsRef<[f64]>],
     ) -> Option<Self> {
+        let channels: Vec<&[f64]> = channels.iter().map(AsRef::as_ref).collect();
         let whole = (0..time.len()).filter(|row| channels.iter().all(|channel| channel[*row].is_finite())).count();
         if channels.len() < 2 || 2 * whole >= time.len() || !time.is_sorted() {
             return None;
         }
-        let count = |channel: &[f64]| channel.iter().filter(|value| value.is_finite()).count();
-        let counts: Vec<usize> = channels.iter().map(|channel| count(channel)).collect();
+        let count = |channel: &&[f64]| channel.iter().filter(|value| value.is_finite()).count();
+        let counts: Vec<usize> = channels.iter().map(count).collect();
         // A command that changes seldom was written seldom; a motion of so few readings shows nothing.
         let read = |(c, count): (usize, &usize)| *count >= if c < coordinates { FEWEST_READINGS } else { 1 };
         if !counts.iter().enumerate().all(read) {
@@ -100,38 +100,25 @@ impl SharedRows {
         } else {
             (0..channels.len()).rev().max_by_key(|c| counts[*c])?
         };
+        let all = channels.iter().copied().chain(rates.iter().map(AsRef::as_ref)).enumerate();
         let own: Vec<Own> =
-            channels.iter().enumerate().map(|(c, channel)| Own::of(time, channel, c < coordinates)).collect();
-        let own_rates: Vec<Option<Own>> = rates.iter().map(|rate| Some(Own::of(time, rate.as_ref()?, true))).collect();
-        let mut next = vec![0; own.len()];
-        let mut next_of_rates = vec![0; own_rates.len()];
+            all.map(|(c, values)| Own::of(time, values, c < coordinates || c >= channels.len())).collect();
         let mut shared = SharedRows {
             reference,
             rows: Vec::new(),
-            channels: vec![Vec::new(); own.len()],
-            rates: rates.iter().map(|rate| rate.as_ref().map(|_| Vec::new())).collect(),
-            held: (0..own.len()).filter(|c| *c != reference && own[*c].step.is_none()).collect(),
+            values: vec![Vec::new(); own.len()],
+            held: (0..channels.len()).filter(|c| *c != reference && own[*c].step.is_none()).collect(),
         };
-        let mut values = vec![0.0; own.len()];
+        let mut next = vec![0; own.len()];
+        let mut at = vec![None; own.len()];
         for row in (0..time.len()).filter(|row| channels[reference][*row].is_finite()) {
-            let mut known = true;
-            for (c, (own, next)) in own.iter().zip(&mut next).enumerate() {
-                let value = if c == reference {
-                    Some(channels[c][row])
-                } else {
-                    own.at(time[row], advanced(own, next, time[row]))
-                };
-                known &= value.is_some();
-                values[c] = value.unwrap_or(f64::NAN);
+            for ((own, next), value) in own.iter().zip(&mut next).zip(&mut at) {
+                *value = own.at(time[row], advanced(own, next, time[row]));
             }
-            if !known {
-                continue;
-            }
-            shared.rows.push(row);
-            shared.channels.iter_mut().zip(&values).for_each(|(channel, value)| channel.push(*value));
-            for ((rate, own), next) in shared.rates.iter_mut().zip(&own_rates).zip(&mut next_of_rates) {
-                let Some((rate, own)) = rate.as_mut().zip(own.as_ref()) else { continue };
-                rate.push(own.at(time[row], advanced(own, next, time[row])).unwrap_or(f64::NAN));
+            at[reference] = Some(channels[reference][row]);
+            if at[..channels.len()].iter().all(Option::is_some) {
+                shared.rows.push(row);
+                shared.values.iter_mut().zip(&at).for_each(|(values, value)| values.push(value.unwrap_or(f64::NAN)));
             }
         }
         Some(shared)
@@ -161,6 +148,10 @@ mod tests {
         (time, columns)
     }
 
+    fn shared(time: &[f64], channels: &[Vec<f64>], coordinates: usize) -> Option<SharedRows> {
+        SharedRows::of(time, channels, coordinates, &[] as &[Vec<f64>])
+    }
+
     #[test]
     fn a_command_is_held_and_a_motion_is_interpolated() {
         let wave = |t: f64| (3.0 * t).sin();
@@ -171,14 +162,14 @@ mod tests {
             (0..150).map(|k| f64::from(k) * 0.02 + 0.003).map(|t| (t, wave(t + 1.0))).collect();
         let command: Vec<(f64, f64)> = (0..6).map(|k| f64::from(k) * 0.5 + 0.001).map(|t| (t, level(t))).collect();
         let (time, channels) = rows(&[first, second, command]);
-        let shared = SharedRows::of(&time, &channels, 2, &[None, None]).expect("times of their own");
+        let shared = shared(&time, &channels, 2).expect("times of their own");
         assert_eq!((shared.reference, &shared.held[..]), (1, &[2][..]));
         assert_eq!(shared.rows.len(), 150);
         for (k, row) in shared.rows.iter().enumerate() {
             let t = time[*row];
-            assert!((shared.channels[0][k] - wave(t)).abs() < 1e-6, "{t}");
-            assert_eq!(shared.channels[1][k], wave(t + 1.0));
-            assert_eq!(shared.channels[2][k], level(t - 0.001), "{t}");
+            assert!((shared.values[0][k] - wave(t)).abs() < 1e-6, "{t}");
+            assert_eq!(shared.values[1][k], wave(t + 1.0));
+            assert_eq!(shared.values[2][k], level(t - 0.001), "{t}");
         }
     }
 
@@ -189,7 +180,7 @@ mod tests {
         let first: Vec<(f64, f64)> = stamps(0.0).filter(lost).map(|t| (t, t.sin())).collect();
         let second: Vec<(f64, f64)> = stamps(0.004).step_by(2).map(|t| (t, t.cos())).collect();
         let (time, channels) = rows(&[first, second]);
-        let shared = SharedRows::of(&time, &channels, 2, &[]).expect("times of their own");
+        let shared = shared(&time, &channels, 2).expect("times of their own");
         let inside = shared.rows.iter().filter(|row| (0.4..0.6).contains(&time[**row])).count();
         assert_eq!((shared.reference, inside), (1, 0));
         assert!((36..42).contains(&shared.rows.len()), "{}", shared.rows.len());
@@ -200,9 +191,9 @@ mod tests {
         let time: Vec<f64> = (0..100).map(f64::from).collect();
         let mut channels = vec![time.clone(), time.clone()];
         channels[1].iter_mut().step_by(3).for_each(|value| *value = f64::NAN);
-        assert!(SharedRows::of(&time, &channels, 1, &[None]).is_none());
+        assert!(shared(&time, &channels, 1).is_none());
         // Too few readings of a coordinate.
         channels[0].iter_mut().skip(10).for_each(|value| *value = f64::NAN);
-        assert!(SharedRows::of(&time, &channels, 1, &[None]).is_none());
+        assert!(shared(&time, &channels, 1).is_none());
     }
 }

@@ -10,6 +10,7 @@ use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
 use crate::steps::{Numbers, Steps};
 use serde::Serialize;
+use std::mem::take;
 
 /// Fewest samples of a log.
 pub(super) const LEAST_SAMPLES: usize = 16;
@@ -43,7 +44,7 @@ fn leave_out_apart(columns: &dyn Columns, plan: &mut Plan, signals: &mut Vec<Sig
     let (time, mut unread) = (plan.time_column(), Vec::new());
     let Some(stamps) = of(time) else { return unread };
     let (mut places, mut kept) = (Vec::new(), Vec::new());
-    for (place, signal) in plan.optional.drain(..).zip(signals.drain(..)) {
+    for (place, signal) in plan.places.drain(..).zip(signals.drain(..)) {
         match of(place.as_ref().map(|place| place.index)).filter(|readings| *readings != stamps) {
             None => {
                 places.push(place);
@@ -57,7 +58,7 @@ fn leave_out_apart(columns: &dyn Columns, plan: &mut Plan, signals: &mut Vec<Sig
             }
         }
     }
-    (plan.optional, *signals) = (places, kept);
+    (plan.places, *signals) = (places, kept);
     unread
 }
 
@@ -67,7 +68,7 @@ fn is_reading(value: f64) -> bool {
 }
 
 /// Rows in which a needed reading is missing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Hole {
     /// The sample before which the rows are missing.
     pub(super) before: usize,
@@ -77,13 +78,36 @@ pub(super) struct Hole {
     pub(super) to_line: u64,
     /// Rows.
     pub(super) rows: usize,
-    /// The first missing field of the first row, as an index into [`Table::columns`].
-    pub(super) column: usize,
+    /// The column of the first missing field of the first row.
+    pub(super) column: String,
+}
+
+/// A signal of a table.
+#[derive(Debug)]
+pub(super) struct Channel {
+    /// Name of its column.
+    pub(super) column: String,
+    /// Its readings by row, in its unit; no number where it has none.
+    pub(super) values: Vec<f64>,
+    numbers: Numbers,
+}
+
+impl Channel {
+    /// The step of every one of these values of the signal, at these lines.
+    pub(super) fn steps(&self, values: &[f64], lines: &[u64]) -> Vec<f64> {
+        self.numbers.steps(values, lines)
+    }
+}
+
+impl AsRef<[f64]> for Channel {
+    fn as_ref(&self) -> &[f64] {
+        &self.values
+    }
 }
 
 /// The rows of a log in the order of the file.
 ///
-/// Invariant: channels are finite, in the units of their signals and as long as the stamps; a rate may hold NaN.
+/// Invariant: channels are as long as the stamps. Those of a table that was read whole are finite; a rate may hold NaN.
 #[derive(Debug)]
 pub(super) struct Table {
     pub(super) path: String,
@@ -94,17 +118,13 @@ pub(super) struct Table {
     /// Length of that unit, s.
     pub(super) factor: f64,
     pub(super) resolution: Resolution,
-    pub(super) channels: Vec<Vec<f64>>,
+    pub(super) channels: Vec<Channel>,
     /// Rates that have a column.
-    pub(super) rates: Vec<Option<Vec<f64>>>,
+    pub(super) rates: Vec<Option<Channel>>,
     pub(super) lines: Vec<u64>,
     pub(super) holes: Vec<Hole>,
     /// Text of the first missing field.
     pub(super) first_hole: String,
-    /// Names of the columns: time, then those of the channels, then those of the rates.
-    pub(super) columns: Vec<String>,
-    /// What the numbers of the columns behind the time are, in the same order.
-    numbers: Vec<Numbers>,
     /// The steps of the readings of the first channels, or of all of them and of the rates behind them, as they were asked for.
     pub(super) steps: Vec<Steps>,
     pub(super) assumptions: Vec<Assumption>,
@@ -122,31 +142,17 @@ impl Table {
         rates: &[Signal],
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
-        let mut columns = Computed::of(columns, path, options)?;
-        let plan = Names::of(&columns, path, options).settle(signals, rates)?;
-        let (time, coordinates) = (plan.stamps(), rates.len());
-        let mut table = Self::of(&mut columns, path, plan)?;
-        table.take_computed(time, &mut columns);
-        table.check_shared_time(&table.columns[time..], &table.channels)?;
-        match SharedRows::of(&table.time, &table.channels, coordinates, &table.rates) {
-            Some(shared) => table.share_rows(shared, time),
+        let mut table = Self::named(columns, path, signals, rates, options)?;
+        table.check_shared_time(table.channels.iter())?;
+        let present: Vec<&Channel> = table.rates.iter().flatten().collect();
+        match SharedRows::of(&table.time, &table.channels, rates.len(), &present) {
+            Some(shared) => table.share_rows(shared),
             None => {
-                table.leave_out_missing(time);
+                table.leave_out_missing();
                 table.spread_stale_stamps();
             }
         }
         Ok(table)
-    }
-
-    /// Takes in the steps of columns that are computed; `stamps` columns are those of the time.
-    fn take_computed(&mut self, stamps: usize, columns: &mut Computed<'_>) {
-        let behind = columns.steps().into_iter().skip(stamps);
-        self.numbers.iter_mut().zip(behind).for_each(|(numbers, steps)| numbers.computed = steps);
-    }
-
-    /// The step of every reading of a column behind the time, of which the signal has these values at these lines.
-    pub(super) fn steps_of(&self, column: usize, values: &[f64], lines: &[u64]) -> Vec<f64> {
-        self.numbers.get(column).map(|numbers| numbers.steps(values, lines)).unwrap_or_default()
     }
 
     /// Tells the steps of the first channels from the numbers of the file, before `follow` may change readings, and keeps them by the size
@@ -156,38 +162,54 @@ impl Table {
         channels: usize,
         follow: impl FnOnce(&mut Self) -> Result<T, E>,
     ) -> Result<T, E> {
-        let own = self.channels[..channels].iter().enumerate();
-        let steps: Vec<Vec<f64>> = own.map(|(c, values)| self.steps_of(c, values, &self.lines)).collect();
+        let own = |channel: &Channel| channel.steps(&channel.values, &self.lines);
+        let steps: Vec<Vec<f64>> = self.channels[..channels].iter().map(own).collect();
         let followed = follow(self)?;
-        self.steps = self.channels.iter().zip(&steps).map(|(values, own)| Steps::of_values(values, own)).collect();
+        let of = |(channel, own): (&Channel, &Vec<f64>)| Steps::of_values(&channel.values, own);
+        self.steps = self.channels.iter().zip(&steps).map(of).collect();
         Ok(followed)
     }
 
     /// Tells the steps of all channels and rates; those of a rate that is not there are none.
     pub(super) fn tell_all_steps(&mut self) {
-        let mut columns = 0..;
-        let all = self.channels.iter().map(Some).chain(self.rates.iter().map(Option::as_ref));
-        let of = |values: Option<&Vec<f64>>| {
-            let (values, column) = (values?, columns.next()?);
-            Some(Steps::of_values(values, &self.steps_of(column, values, &self.lines)))
-        };
-        self.steps = all.map(of).map(Option::unwrap_or_default).collect();
+        let of = |channel: &Channel| Steps::of_values(&channel.values, &channel.steps(&channel.values, &self.lines));
+        self.steps = self.each().map(|channel| channel.map(of).unwrap_or_default()).collect();
     }
 
-    /// Takes rows that channels with times of their own share; `stamps` columns are those of the time.
-    fn share_rows(&mut self, shared: SharedRows, stamps: usize) {
-        let name = |c: &usize| self.columns[stamps + c].clone();
+    /// Takes rows that channels with times of their own share.
+    fn share_rows(&mut self, shared: SharedRows) {
+        let name = |c: &usize| self.channels[*c].column.clone();
         let held: Vec<String> = shared.held.iter().map(name).collect();
         self.assumptions.push(Assumption::OwnTimes { reference: name(&shared.reference), held });
-        self.time = shared.rows.iter().map(|row| self.time[*row]).collect();
-        self.lines = shared.rows.iter().map(|row| self.lines[*row]).collect();
-        (self.channels, self.rates) = (shared.channels, shared.rates);
+        self.take_rows(&shared.rows);
+        self.all_mut().zip(shared.values).for_each(|(channel, values)| channel.values = values);
         // Lines without a stamp split the record as they do elsewhere.
         self.holes.iter_mut().for_each(|hole| hole.before = shared.rows.partition_point(|row| *row < hole.before));
     }
 
-    /// Reads the signals, and those rates that have a column, so that a row keeps what it has: all of them, in this order, are the rates of
-    /// the table, not a number where a field is blank.
+    /// The channels, then the rates; nothing for one that has no column.
+    pub(super) fn each(&self) -> impl Iterator<Item = Option<&Channel>> + Clone {
+        self.channels.iter().map(Some).chain(self.rates.iter().map(Option::as_ref))
+    }
+
+    /// The channels, then the rates that have a column.
+    fn all(&self) -> impl Iterator<Item = &Channel> + Clone {
+        self.each().flatten()
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut Channel> {
+        self.channels.iter_mut().chain(self.rates.iter_mut().flatten())
+    }
+
+    /// Keeps these rows alone.
+    fn take_rows(&mut self, rows: &[usize]) {
+        self.lines = rows.iter().map(|row| self.lines[*row]).collect();
+        let of = |values: &Vec<f64>| rows.iter().map(|row| values[*row]).collect();
+        self.time = of(&self.time);
+        self.all_mut().for_each(|channel| channel.values = of(&channel.values));
+    }
+
+    /// Reads the signals, and those rates that have a column, so that a row keeps what it has.
     ///
     /// # Errors
     /// Those of [`read`](Self::read).
@@ -198,35 +220,42 @@ impl Table {
         rates: &[Signal],
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
-        let mut columns = Computed::of(columns, path, options)?;
-        let plan = Names::of(&columns, path, options).settle(signals, rates)?;
-        let time = plan.stamps();
-        let optional = plan.places.into_iter().map(Some).chain(plan.optional).collect();
-        let mut table = Self::of(&mut columns, path, Plan { places: Vec::new(), optional, ..plan })?;
-        table.take_computed(time, &mut columns);
-        table.check_shared_time(&table.columns[time..], table.rates.iter().flatten())?;
+        let mut table = Self::named(columns, path, signals, rates, options)?;
+        table.check_shared_time(table.all())?;
         // Where rows have blanks, several of them may belong to one instant.
-        if table.rates.iter().flatten().flatten().all(|value| value.is_finite()) {
+        if table.all().flat_map(|channel| &channel.values).all(|value| value.is_finite()) {
             table.spread_stale_stamps();
         }
         Ok(table)
     }
 
+    fn named(
+        columns: &mut dyn Columns,
+        path: &str,
+        signals: &[Signal],
+        rates: &[Signal],
+        options: &ReadingSettings,
+    ) -> Result<Self, LogError> {
+        let mut columns = Computed::of(columns, path, options)?;
+        let plan = Names::of(&columns, path, options).settle(signals, rates)?;
+        let stamps = plan.stamps();
+        let mut table = Self::of(&mut columns, path, plan, signals.len())?;
+        let steps = columns.steps().into_iter().skip(stamps);
+        table.all_mut().zip(steps).for_each(|(channel, steps)| channel.numbers.computed = steps);
+        Ok(table)
+    }
+
     /// Refuses columns of which one ends before another begins. What was written a few times before is a setting, which holds from then on.
-    fn check_shared_time<'t>(
-        &self,
-        names: &[String],
-        columns: impl IntoIterator<Item = &'t Vec<f64>> + Clone,
-    ) -> Result<(), LogError> {
+    fn check_shared_time<'t>(&self, channels: impl Iterator<Item = &'t Channel> + Clone) -> Result<(), LogError> {
         let is_there = |value: Option<&f64>| value.is_some_and(|value| value.is_finite());
-        if columns.clone().into_iter().all(|column| is_there(column.first()) && is_there(column.last())) {
+        if channels.clone().all(|channel| is_there(channel.values.first()) && is_there(channel.values.last())) {
             return Ok(());
         }
         let mut spans: Vec<(f64, f64, usize, &String)> = Vec::new();
-        for (column, name) in columns.into_iter().zip(names) {
-            let mut own = (f64::INFINITY, f64::NEG_INFINITY, 0, name);
-            for (&stamp, _) in self.time.iter().zip(column).filter(|(_, value)| value.is_finite()) {
-                own = (own.0.min(stamp), own.1.max(stamp), own.2 + 1, name);
+        for Channel { column, values, .. } in channels {
+            let mut own = (f64::INFINITY, f64::NEG_INFINITY, 0, column);
+            for (&stamp, _) in self.time.iter().zip(values).filter(|(_, value)| value.is_finite()) {
+                own = (own.0.min(stamp), own.1.max(stamp), own.2 + 1, column);
             }
             spans.push(own);
         }
@@ -259,25 +288,28 @@ impl Table {
     /// Least and largest reading of every channel, then of every rate; those of a rate that is not there are no numbers.
     pub(super) fn extremes(&self) -> Vec<[f64; 2]> {
         let of = |values: &[f64]| values.iter().fold([f64::NAN; 2], |[low, high], &x| [low.min(x), high.max(x)]);
-        let rates = self.rates.iter().map(|rate| of(rate.as_deref().unwrap_or_default()));
-        self.channels.iter().map(|channel| of(channel)).chain(rates).collect()
+        self.each().map(|channel| of(channel.map_or(&[], |channel| &channel.values))).collect()
     }
 
-    /// Reads the columns of a plan.
-    fn of(columns: &mut dyn Columns, path: &str, plan: Plan) -> Result<Self, LogError> {
+    /// Reads the columns of a plan, of which the first are `needed`.
+    fn of(columns: &mut dyn Columns, path: &str, plan: Plan, needed: usize) -> Result<Self, LogError> {
+        let channel = |place: &Place| Channel {
+            column: columns.header()[place.index].text.clone(),
+            values: Vec::new(),
+            numbers: place.numbers(),
+        };
+        let mut all = plan.places.iter().map(|place| place.as_ref().map(channel));
         let mut table = Table {
             path: path.into(),
             header_line: columns.header_line(),
             time: Vec::new(),
             factor: 1.0,
             resolution: Resolution::default(),
-            channels: vec![Vec::new(); plan.places.len()],
-            rates: plan.optional.iter().map(|place| place.as_ref().map(|_| Vec::new())).collect(),
+            channels: all.by_ref().take(needed).flatten().collect(),
+            rates: all.collect(),
             lines: Vec::new(),
             holes: Vec::new(),
             first_hole: String::new(),
-            columns: Vec::new(),
-            numbers: plan.places.iter().chain(plan.optional.iter().flatten()).map(Place::numbers).collect(),
             steps: Vec::new(),
             assumptions: Vec::new(),
         };
@@ -306,18 +338,19 @@ impl Table {
         let mut unread = leave_out_apart(columns, &mut plan, &mut signals);
         let stamps = plan.stamps();
         columns.note_texts(stamps);
-        let mut table = Self::of(columns, path, plan)?;
-        table.channels = std::mem::take(&mut table.rates).into_iter().map(Option::unwrap_or_default).collect();
-        let mut is_text = vec![false; table.columns.len()];
+        let mut table = Self::of(columns, path, plan, 0)?;
+        table.channels = take(&mut table.rates).into_iter().flatten().collect();
+        let mut is_text = vec![false; table.channels.len()];
         for NotedText { field, line, text } in columns.noted_texts() {
             let shown: String = text.chars().take(MOST_SHOWN_TEXT).collect();
+            let channel = field - stamps;
             unread.push(Unread {
-                column: table.columns[field].clone(),
+                column: table.channels[channel].column.clone(),
                 why: format!("`{shown}` in line {line} is no number"),
             });
-            is_text[field] = true;
+            is_text[channel] = true;
         }
-        table.keep(&mut signals, stamps, |channel| !is_text[stamps + channel]);
+        table.keep(&mut signals, |channel| !is_text[channel]);
         Ok((table, signals, unread))
     }
 
@@ -333,58 +366,44 @@ impl Table {
     ) -> Result<(Self, Vec<Signal>, Vec<Unread>), LogError> {
         let (mut table, mut signals, mut unread) = Self::read_every(columns, path, options)?;
         let rows = table.time.len();
-        let stamps = table.columns.len() - table.channels.len();
-        let full: Vec<bool> = table
-            .channels
-            .iter()
-            .map(|values| 2 * values.iter().filter(|value| value.is_finite()).count() > rows)
-            .collect();
+        let is_full = |channel: &Channel| 2 * channel.values.iter().filter(|value| value.is_finite()).count() > rows;
+        let full: Vec<bool> = table.channels.iter().map(is_full).collect();
         let empty = signals.iter().zip(&full).filter(|(_, full)| !**full);
         unread.extend(
             empty
                 .map(|(signal, _)| Unread { column: signal.name.clone(), why: "it has no number in most rows".into() }),
         );
-        table.keep(&mut signals, stamps, |channel| full[channel]);
-        table.leave_out_missing(stamps);
+        table.keep(&mut signals, |channel| full[channel]);
+        table.leave_out_missing();
         Ok((table, signals, unread))
     }
 
-    /// Keeps some of the channels, with their signals and the names of their columns, which stand behind `stamps` of the time.
-    fn keep(&mut self, signals: &mut Vec<Signal>, stamps: usize, keeps: impl Fn(usize) -> bool) {
-        fn retain<T>(of: &mut Vec<T>, from: usize, keeps: &impl Fn(usize) -> bool) {
-            let mut at = 0..;
-            of.retain(|_| at.next().is_none_or(|at: usize| at.checked_sub(from).is_none_or(keeps)));
-        }
-        retain(&mut self.channels, 0, &keeps);
-        retain(&mut self.columns, stamps, &keeps);
-        retain(&mut self.numbers, 0, &keeps);
-        retain(signals, 0, &keeps);
+    /// Keeps some of the channels, with their signals.
+    fn keep(&mut self, signals: &mut Vec<Signal>, keeps: impl Fn(usize) -> bool) {
+        let mut at = (0.., 0..);
+        self.channels.retain(|_| at.0.next().is_none_or(&keeps));
+        signals.retain(|_| at.1.next().is_none_or(&keeps));
     }
 
-    /// Takes the rows in which a channel has no number out of the table; `stamps` columns are those of the time.
-    fn leave_out_missing(&mut self, stamps: usize) {
-        if self.channels.iter().all(|channel| channel.iter().all(|value| value.is_finite())) {
-            return;
-        }
-        let (time, lines) = (std::mem::take(&mut self.time), std::mem::take(&mut self.lines));
-        let channels: Vec<Vec<f64>> = self.channels.iter_mut().map(std::mem::take).collect();
-        let rates: Vec<Option<Vec<f64>>> =
-            self.rates.iter_mut().map(|rate| rate.as_mut().map(std::mem::take)).collect();
-        let mut holes = std::mem::take(&mut self.holes).into_iter().peekable();
-        for (row, (t, line)) in time.iter().zip(&lines).enumerate() {
-            while let Some(hole) = holes.next_if(|hole| hole.before <= row) {
-                self.holes.push(Hole { before: self.time.len(), ..hole });
+    /// Takes the rows in which a channel has no number out of the table.
+    fn leave_out_missing(&mut self) {
+        let missing = |row: usize| self.channels.iter().find(|channel| !channel.values[row].is_finite());
+        let mut stampless = self.holes.iter().cloned().peekable();
+        let (mut holes, mut kept) = (Vec::new(), Vec::with_capacity(self.time.len()));
+        for row in 0..self.time.len() {
+            while let Some(hole) = stampless.next_if(|hole| hole.before <= row) {
+                holes.push(Hole { before: kept.len(), ..hole });
             }
-            if let Some(missing) = channels.iter().position(|channel| !channel[row].is_finite()) {
-                self.miss(*line, stamps + missing);
-                continue;
+            match missing(row) {
+                Some(channel) => miss(&mut holes, kept.len(), self.lines[row], &channel.column),
+                None => kept.push(row),
             }
-            self.time.push(*t);
-            self.lines.push(*line);
-            self.channels.iter_mut().zip(&channels).for_each(|(to, from)| to.push(from[row]));
-            self.rates.iter_mut().flatten().zip(rates.iter().flatten()).for_each(|(to, from)| to.push(from[row]));
         }
-        self.holes.extend(holes.map(|hole| Hole { before: self.time.len(), ..hole }));
+        if kept.len() < self.time.len() {
+            holes.extend(stampless.map(|hole| Hole { before: kept.len(), ..hole }));
+            self.holes = holes;
+            self.take_rows(&kept);
+        }
     }
 
     /// Reads all rows that have a stamp; where a reading is missing a channel has NaN.
@@ -396,28 +415,25 @@ impl Table {
             Time::Rows { .. } => {}
         }
         let stamps = plan.stamps();
-        let needed = plan.places.iter();
-        let present = plan.optional.iter().flatten();
-        wanted.extend(needed.chain(present).map(|place| place.index));
-        self.columns = wanted.iter().map(|&index| columns.header()[index].text.clone()).collect();
+        wanted.extend(plan.places.iter().flatten().map(|place| place.index));
         columns.select(&wanted);
+        let names: Vec<String> = wanted[..stamps].iter().map(|&index| columns.header()[index].text.clone()).collect();
         let mut values = vec![0.0; wanted.len()];
-        let mut readings = Vec::with_capacity(plan.places.len());
-        let required = stamps + plan.places.len();
+        let required = stamps + self.channels.len();
         let (mut first_second, unit) = (None, if let Time::Two { unit, .. } = plan.time { unit } else { 1.0 });
         let (mut row, mut hole) = (0_u64, false);
         while let Some(line) = columns.next_row(&mut values)? {
             row += 1;
-            let scaled = values[stamps..required].iter().zip(&plan.places);
-            readings.clear();
-            readings.extend(scaled.map(|(value, place)| place.factor * value + place.offset));
-            let missing = values[..stamps].iter().chain(&readings).position(|&value| !is_reading(value));
+            for (value, place) in values[stamps..].iter_mut().zip(plan.places.iter().flatten()) {
+                *value = place.factor * *value + place.offset;
+            }
+            let missing = values[..required].iter().position(|&value| !is_reading(value));
             if let Some(column) = missing.filter(|_| !hole) {
                 self.first_hole = columns.text(column);
                 hole = true;
             }
             if let Some(column) = missing.filter(|column| *column < stamps) {
-                self.miss(line, column);
+                miss(&mut self.holes, self.time.len(), line, &names[column]);
                 continue;
             }
             self.time.push(match stamps {
@@ -426,28 +442,12 @@ impl Table {
                 // Whole seconds are subtracted before fractions are added, so that no digit is lost.
                 _ => (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1],
             });
-            let readings = readings.iter().map(|&reading| if is_reading(reading) { reading } else { f64::NAN });
-            self.channels.iter_mut().zip(readings).for_each(|(channel, reading)| channel.push(reading));
-            let present = plan.optional.iter().flatten().zip(&values[required..]);
-            for (rate, (place, value)) in self.rates.iter_mut().flatten().zip(present) {
-                let reading = place.factor * value + place.offset;
-                rate.push(if is_reading(reading) { reading } else { f64::NAN });
+            for (channel, &reading) in self.all_mut().zip(&values[stamps..]) {
+                channel.values.push(if is_reading(reading) { reading } else { f64::NAN });
             }
             self.lines.push(line);
         }
         Ok(())
-    }
-
-    /// Notes a row in which a reading is missing.
-    fn miss(&mut self, line: u64, column: usize) {
-        let before = self.time.len();
-        match self.holes.last_mut() {
-            Some(hole) if hole.before == before => {
-                hole.to_line = line;
-                hole.rows += 1;
-            }
-            _ => self.holes.push(Hole { before, from_line: line, to_line: line, rows: 1, column }),
-        }
     }
 
     /// Finds the unit of the stamps, which may be dates.
@@ -500,7 +500,10 @@ impl Table {
             Err(LogError::Dates { path: self.path.clone(), line: self.header_line, column: column.clone(), why })
         };
         match time {
-            Time::Rows { .. } => fault(&self.columns[0], "are no readings; name another column"),
+            Time::Rows { .. } => fault(
+                self.all().next().map_or(&String::new(), |channel| &channel.column),
+                "are no readings; name another column",
+            ),
             Time::Two { column, .. } => fault(column, "are a whole stamp by themselves; name that column as the time"),
             Time::One { column, scaled: true, .. } => {
                 fault(column, "are read in seconds; state no factor for the time")
@@ -522,7 +525,7 @@ impl Table {
     /// The fault of the first row in which a reading is missing, for those who need a whole record.
     pub(super) fn missing(&self) -> Option<LogError> {
         let hole = self.holes.first()?;
-        let (path, line, column) = (self.path.clone(), hole.from_line, self.columns[hole.column].clone());
+        let (path, line, column) = (self.path.clone(), hole.from_line, hole.column.clone());
         Some(if self.first_hole.is_empty() {
             LogError::Empty { path, line, column }
         } else {
@@ -532,24 +535,22 @@ impl Table {
 
     /// The fault of the first missing reading of a rate, for those who need a whole record.
     pub(super) fn missing_rate(&self) -> Option<LogError> {
-        let names = &self.columns[self.columns.len() - self.rates.iter().flatten().count()..];
-        self.rates.iter().flatten().zip(names).find_map(|(rate, column)| {
-            let at = rate.iter().position(|value| !value.is_finite())?;
+        self.rates.iter().flatten().find_map(|rate| {
+            let at = rate.values.iter().position(|value| !value.is_finite())?;
             Some(LogError::NotANumber {
                 path: self.path.clone(),
                 line: self.lines[at],
-                column: column.clone(),
-                text: rate[at].to_string(),
+                column: rate.column.clone(),
+                text: rate.values[at].to_string(),
             })
         })
     }
 
     /// The fault of a channel that never changes.
     pub(super) fn constant(&self, signals: &[Signal]) -> Option<LogError> {
-        let names = &self.columns[self.columns.len() - self.rates.iter().flatten().count() - self.channels.len()..];
-        self.channels.iter().zip(names).zip(signals).find_map(|((channel, column), signal)| {
-            let value = *channel.first()?;
-            channel.iter().all(|other| *other == value).then(|| LogError::Constant {
+        self.channels.iter().zip(signals).find_map(|(Channel { column, values, .. }, signal)| {
+            let value = *values.first()?;
+            values.iter().all(|other| *other == value).then(|| LogError::Constant {
                 path: self.path.clone(),
                 from: self.lines[0],
                 to: self.lines[self.lines.len() - 1],
@@ -558,5 +559,16 @@ impl Table {
                 value,
             })
         })
+    }
+}
+
+/// Notes a row before a sample in which a reading of a column is missing.
+fn miss(holes: &mut Vec<Hole>, before: usize, line: u64, column: &str) {
+    match holes.last_mut() {
+        Some(hole) if hole.before == before => {
+            hole.to_line = line;
+            hole.rows += 1;
+        }
+        _ => holes.push(Hole { before, from_line: line, to_line: line, rows: 1, column: column.to_owned() }),
     }
 }

@@ -65,7 +65,8 @@ impl Track {
             said.push(format!("{lost} rows without a time are left out, the first is line {}", first.from_line));
         }
         let names = signals.iter().map(|signal| label(signal, options.scale.contains_key(&signal.name)));
-        let signals: Vec<(String, Vec<f64>)> = names.zip(table.channels).collect();
+        let signals: Vec<(String, Vec<f64>)> =
+            names.zip(table.channels.into_iter().map(|channel| channel.values)).collect();
         if signals.iter().any(|(name, _)| name == TIME) {
             return Err(LogError::Format {
                 path,

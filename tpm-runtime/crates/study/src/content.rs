@@ -1,15 +1,39 @@
-//! Harmonics of the regressor's columns along a trajectory, by Jacobi-Anger series
-//! ([`tpm_symbolic::harmonic::content`]).
+//! Harmonics of the regressor's columns along a trajectory. They show which harmonics depend on which parameter.
 
+use crate::report::ShowingHarmonic;
+use crate::series::{Nodes, PeriodicMotion, Wave};
 use tpm_controller::model::Model;
 use tpm_motion::trajectory::{HarmonicSeries, Trajectory};
-use tpm_symbolic::harmonic::bessel::Wave;
-use tpm_symbolic::harmonic::content::{EntryContent, PeriodicMotion, content};
-use tpm_symbolic::harmonic::report::ShowingHarmonic;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// The harmonics of the regressor's entries along a trajectory of the rows' coordinates. `value` gives the value of a
-/// run-time constant by its name.
+/// The harmonics of one entry of the regressor.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct EntryContent {
+    /// Index of the row.
+    pub(super) row: usize,
+    /// Index of the column.
+    pub(super) column: usize,
+    /// Cosine and sine coefficients, unit of the entry.
+    pub(super) wave: Wave,
+    /// A bound of the error of every coefficient, and of every harmonic's amplitude.
+    pub(super) error: f64,
+}
+
+impl EntryContent {
+    /// The amplitude of a harmonic, unit of the entry.
+    fn amplitude(&self, harmonic: usize) -> f64 {
+        let at = |list: &[f64]| list.get(harmonic).copied().unwrap_or(0.0);
+        at(&self.wave.cos).hypot(at(&self.wave.sin))
+    }
+
+    /// Harmonics at which the entry is certainly not zero, in ascending order.
+    fn certain(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.wave.cos.len()).filter(|&harmonic| self.amplitude(harmonic) > self.error)
+    }
+}
+
+/// The harmonics of the regressor's entries along a trajectory of the rows' coordinates, by row and column, without zero entries. `value`
+/// gives the value of a run-time constant by its name. Entries without a series are left out.
 pub(super) fn entries_along(
     prepared: &Prepared,
     rows: &dyn Model<f64>,
@@ -24,7 +48,17 @@ pub(super) fn entries_along(
     let coordinates = model.coordinates.iter().map(|coordinate| wave(coordinate.name.as_str())).collect();
     let motion = PeriodicMotion { frequency: trajectory.frequency, coordinates };
     let constant = |symbol| value(model.quantity(symbol).name.as_str()).unwrap_or(f64::NAN);
-    content(model, &prepared.form, &motion, constant)
+    let mut nodes = Nodes::new(model, &motion, constant);
+    let mut found = Vec::new();
+    for (row, own) in prepared.form.rows.iter().enumerate() {
+        for terms in own.terms.chunk_by(|a, b| a.column == b.column) {
+            let Some(column) = terms.first().and_then(|term| term.column) else { continue };
+            if let Ok(series) = nodes.sum(terms) {
+                found.push(EntryContent { row, column, wave: series.wave(), error: series.error });
+            }
+        }
+    }
+    found
 }
 
 fn wave_of(series: &HarmonicSeries) -> Wave {

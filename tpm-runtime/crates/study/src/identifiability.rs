@@ -10,7 +10,8 @@
 //! error. The error is measured by computing the harmonics from half of the samples as well. A coefficient is written
 //! as a rational number only when it has the same value at every setting.
 
-use crate::content::{entries_along, showing};
+use crate::content::{EntryContent, entries_along, showing};
+use crate::report::{Means, Report, ReportedBase, ReportedParameter, ReportedRow, SCHEMA};
 use std::collections::BTreeMap;
 use tpm_controller::model::{EvalError, Model};
 use tpm_interpret::Interpreted;
@@ -22,9 +23,7 @@ use tpm_numerics::{DMatrix, DVector, tolerance};
 use tpm_report::number;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::generic_point;
-use tpm_symbolic::harmonic::content::EntryContent;
 use tpm_symbolic::harmonic::identifiability::PhysicalIdentifiability;
-use tpm_symbolic::harmonic::report::{Means, Report, ReportedBase, ReportedParameter, ReportedRow, SCHEMA};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::to_f64;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -749,13 +748,13 @@ fn whole(parts: &[(i64, u32)]) -> Vec<i64> {
 #[cfg(test)]
 mod tests {
     use super::{Harmonics, PlayedPattern, Symbols, contents, numerical_identifiability, rational, whole};
+    use crate::report::{Means, Report, ReportedRow};
     use std::collections::BTreeMap;
     use tpm_interpret::Interpreted;
     use tpm_session::DeclaredModel;
     use tpm_symbolic::algebra::fourier::Trig;
     use tpm_symbolic::harmonic::expand::expand;
     use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
-    use tpm_symbolic::harmonic::report::{Means, Report, ReportedRow};
     use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
     fn numerical(model: &DeclaredModel, harmonics: usize) -> (Report, PhysicalIdentifiability) {
@@ -785,7 +784,8 @@ mod tests {
             let Ok(pattern) = model.pattern(None) else { continue };
             let table = expand(&prepared.model, &prepared.form, pattern).expect("finite");
             let highest = table.entries().map(|entry| entry.harmonic).max().unwrap_or(0);
-            let exact = identifiability(&[Experiment::of("it", &prepared.model, &table)]).expect("decided").report();
+            let exact = identifiability(&[Experiment::of("it", &prepared.model, &table)]).expect("decided");
+            let exact = Report::of(&exact);
             let (found, _) = numerical(&model, highest);
             let name = &prepared.model.name;
             assert_eq!((found.rank, found.columns), (exact.rank, exact.columns), "{name}");
@@ -812,6 +812,23 @@ mod tests {
             };
             assert_eq!(free(&found), free(&exact), "{name}");
         }
+    }
+
+    #[test]
+    fn an_exact_report_says_what_is_lumped_into_a_base_parameter() {
+        let model = parsed(include_str!("../../../../models/closed_loop_arm.tpm"));
+        let (prepared, pattern) = (model.prepared(), model.pattern(None).expect("a pattern"));
+        let table = expand(&prepared.model, &prepared.form, pattern).expect("finite");
+        let found = identifiability(&[Experiment::new("one", &table)]).expect("decided");
+        let report = Report::of(&found);
+        let named = |pairs: &[(&str, &str)]| -> BTreeMap<String, String> {
+            pairs.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
+        };
+        let base = report.base.expect("short");
+        assert_eq!((base.len(), base[0].parameter.as_str()), (6, "a10"));
+        assert_eq!(base[0].plus, named(&[("a30", "lambda2/2/lambda1")]));
+        let hidden = named(&[("a10", "lambda2^2"), ("a20", "lambda1^2"), ("a30", "-2*lambda1*lambda2")]);
+        assert!(report.unobservable.expect("short").contains(&hidden));
     }
 
     /// The pendulum of the logs, with the exact sine instead of its Taylor polynomial.

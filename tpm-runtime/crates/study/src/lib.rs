@@ -19,7 +19,9 @@ mod motors;
 mod observed;
 mod path;
 mod projection;
+mod report;
 mod response;
+mod series;
 mod shown;
 mod split;
 mod tally;
@@ -44,12 +46,14 @@ pub use projection::{
     ComparedMotion, Consistency, InputMisfit, MisfitHarmonic, MotionReport, Projection, ProjectionError,
     ProjectionRequest, Way, fitting_experiment, projection,
 };
+pub use report::{Means, Report, ReportedBase, ReportedParameter, ReportedRow, ShowingHarmonic};
 pub use response::{
     FitRequest, MeasuredResponse, ModelResponse, ResponseFault, ResponseFit, ResponseFitError, ResponseTable,
     SegmentSettings, StartedParameter,
 };
+pub use series::{NoSeries, Wave};
 pub use shown::{AnyMotion, AskedPattern, Base, Shown, ShownError, any_motion, shown};
-pub use split::InputParts;
+pub use split::{InputParts, NumericPart, numeric_parts};
 pub use tally::ParameterStudy;
 pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};

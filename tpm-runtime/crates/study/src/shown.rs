@@ -2,6 +2,7 @@
 //! table, and in floating point along the pattern where there is none.
 
 use crate::identifiability::{PlayedPattern, numerical_identifiability};
+use crate::report::Report;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -12,7 +13,6 @@ use tpm_symbolic::expr::graph::Coordinate;
 use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
 use tpm_symbolic::harmonic::nonsmooth::DEFAULT_HARMONICS;
-use tpm_symbolic::harmonic::report::Report;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{BaseParameters, Certificate, Motions, Rest, base_parameters, verify};
@@ -120,7 +120,7 @@ fn exact(
     let common = found.common_factors(&homogeneous(&prepared.form));
     // What is known of physical parameters beyond a common factor is not said where there is one.
     let physical = if common.is_empty() { found.physical(&ParameterMap::new(prepared)) } else { None };
-    Ok(Ok((found.report().with_common_factors(sets(&found.parameters, &common)), physical)))
+    Ok(Ok((Report::of(&found).with_common_factors(sets(&found.parameters, &common)), physical)))
 }
 
 /// The answer in floating point, from the rows along the patterns.

@@ -1,21 +1,20 @@
 //! Identifiability under experiments, as plain data for files and for printing.
 
-use crate::algebra::fourier::Trig;
-use crate::algebra::fraction::display_polynomial;
-use crate::algebra::polynomial::Polynomial;
-use crate::harmonic::identifiability::{BaseParameter, Identifiability, RowLabel};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::collections::BTreeMap;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::algebra::fraction::display_polynomial;
+use tpm_symbolic::algebra::polynomial::Polynomial;
+use tpm_symbolic::harmonic::identifiability::{BaseParameter, Identifiability, RowLabel};
 
 /// The name of the JSON schema of a [`Report`].
-pub const SCHEMA: &str = "tpm.identifiability/1";
+pub(super) const SCHEMA: &str = "tpm.identifiability/1";
 
 /// Method by which a [`Report`] was computed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Means {
     /// From the harmonic table, over the rationals.
-    #[default]
     Exact,
     /// From the rows along the pattern, in floating point.
     Numerical,
@@ -23,12 +22,11 @@ pub enum Means {
 
 /// Identifiability under experiments, as plain data. The coefficients of an [`Identifiability`] are exact, in the model
 /// language.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
     /// The method of computation.
-    #[serde(default)]
     pub method: Means,
     /// The rank.
     pub rank: usize,
@@ -42,7 +40,7 @@ pub struct Report {
     pub indeterminates: Vec<String>,
     /// The values drawn for these symbols, for which coefficients that are no exact numbers hold; empty for exact
     /// results.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub at: BTreeMap<String, String>,
     /// Directions along which nothing is observed; absent when they are too long to print.
     pub unobservable: Option<Vec<BTreeMap<String, String>>>,
@@ -50,34 +48,33 @@ pub struct Report {
     pub base: Option<Vec<ReportedBase>>,
     /// Sets of parameters that are shown only up to a common factor: equations without an input or a known term alone show them. Each takes
     /// one from the rank.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub common_factors: Vec<Vec<String>>,
     /// Every parameter.
     pub parameters: Vec<ReportedParameter>,
 }
 
 /// `parameter + sum plus[other] * other` is observable.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ReportedBase {
     /// The leading parameter.
     pub parameter: String,
     /// The parameters that are lumped into it, with their factors.
     pub plus: BTreeMap<String, String>,
     /// Lowest harmonic up to which the harmonics determine the combination; of numerical answers only.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub harmonics_up_to: Option<usize>,
     /// The harmonics of its regressor that are certainly not zero, by Jacobi-Anger series. They exist for numerical
     /// answers only, and are empty where the regressor contains functions of the motion other than sines and cosines.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub shown_by: Vec<ShowingHarmonic>,
     /// Rows without redundancy: a force in such a row that the model lacks biases the combination and leaves no
     /// residual.
-    #[serde(default)]
     pub unchecked_in: Vec<ReportedRow>,
 }
 
 /// A harmonic that shows a base parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ShowingHarmonic {
     /// The experiment.
     pub experiment: String,
@@ -92,7 +89,7 @@ pub struct ShowingHarmonic {
 }
 
 /// Observability of a parameter.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ReportedParameter {
     /// Its name.
     pub name: String,
@@ -106,12 +103,11 @@ pub struct ReportedParameter {
     pub visible_in: Vec<ReportedRow>,
     /// Rows without redundancy: a force in such a row that the model lacks biases the parameter and leaves no residual.
     /// Empty for a parameter that is not observable.
-    #[serde(default)]
     pub unchecked_in: Vec<ReportedRow>,
 }
 
 /// A row of the table.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ReportedRow {
     /// The experiment.
     pub experiment: String,
@@ -123,57 +119,57 @@ pub struct ReportedRow {
     pub function: Trig,
 }
 
-impl Identifiability {
-    /// The result as plain data, for files and for printing.
+impl Report {
+    /// An exact result as plain data, for files and for printing.
     #[must_use]
-    pub fn report(&self) -> Report {
-        let name = |variable: &usize| self.variables[*variable].clone();
-        let unobservable = self.unobservable.as_ref().map(|directions| {
+    pub fn of(found: &Identifiability) -> Self {
+        let name = |variable: &usize| found.variables[*variable].clone();
+        let unobservable = found.unobservable.as_ref().map(|directions| {
             let entries = |direction: &Vec<Polynomial<usize>>| {
-                let values = self.parameters.iter().zip(direction).filter(|(_, value)| !value.is_zero());
+                let values = found.parameters.iter().zip(direction).filter(|(_, value)| !value.is_zero());
                 values.map(|(parameter, value)| (parameter.clone(), display_polynomial(value, name))).collect()
             };
             directions.iter().map(entries).collect()
         });
         let label = |row: &usize| {
-            let RowLabel { experiment, equation, harmonic, function } = self.rows[*row];
+            let RowLabel { experiment, equation, harmonic, function } = found.rows[*row];
             ReportedRow {
-                experiment: self.experiments[experiment].clone(),
-                equation: self.equations[equation].clone(),
+                experiment: found.experiments[experiment].clone(),
+                equation: found.equations[equation].clone(),
                 harmonic,
                 function,
             }
         };
-        let base = self.base.as_ref().map(|base| {
+        let base = found.base.as_ref().map(|base| {
             let one = |base: &BaseParameter| ReportedBase {
-                parameter: self.parameters[base.column].clone(),
+                parameter: found.parameters[base.column].clone(),
                 plus: base
                     .others
                     .iter()
-                    .map(|(column, factor)| (self.parameters[*column].clone(), factor.display(name)))
+                    .map(|(column, factor)| (found.parameters[*column].clone(), factor.display(name)))
                     .collect(),
                 harmonics_up_to: None,
                 shown_by: Vec::new(),
-                unchecked_in: self.observability[base.column].unchecked.iter().map(label).collect(),
+                unchecked_in: found.observability[base.column].unchecked.iter().map(label).collect(),
             };
             base.iter().map(one).collect()
         });
-        let parameters = self.parameters.iter().zip(&self.observability).map(|(name, found)| ReportedParameter {
+        let parameters = found.parameters.iter().zip(&found.observability).map(|(name, own)| ReportedParameter {
             name: name.clone(),
-            observable: found.observable,
-            harmonics_up_to: found.band,
-            by_itself_in: found.experiments.iter().map(|number| self.experiments[*number].clone()).collect(),
-            visible_in: found.visible.iter().map(label).collect(),
-            unchecked_in: found.unchecked.iter().filter(|_| found.observable).map(label).collect(),
+            observable: own.observable,
+            harmonics_up_to: own.band,
+            by_itself_in: own.experiments.iter().map(|number| found.experiments[*number].clone()).collect(),
+            visible_in: own.visible.iter().map(label).collect(),
+            unchecked_in: own.unchecked.iter().filter(|_| own.observable).map(label).collect(),
         });
-        Report {
+        Self {
             schema: SCHEMA.to_owned(),
             method: Means::Exact,
-            rank: self.rank,
-            columns: self.parameters.len(),
-            rows: self.rows.len(),
-            proven: self.proven,
-            indeterminates: self.variables.clone(),
+            rank: found.rank,
+            columns: found.parameters.len(),
+            rows: found.rows.len(),
+            proven: found.proven,
+            indeterminates: found.variables.clone(),
             at: BTreeMap::new(),
             unobservable,
             base,
@@ -181,9 +177,7 @@ impl Identifiability {
             parameters: parameters.collect(),
         }
     }
-}
 
-impl Report {
     /// The report where these sets of parameters are shown only up to a common factor each.
     #[must_use]
     pub fn with_common_factors(mut self, sets: Vec<Vec<String>>) -> Self {
