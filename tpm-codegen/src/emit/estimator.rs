@@ -249,7 +249,7 @@ impl EstimatorSource {
     ///
     /// # Errors
     /// [`SpecialiseError`], values of another model or incomplete ones, and numbers beyond double precision.
-    pub(crate) fn specialised(&self, identified: Option<&Identified>) -> Result<Self, EmitError> {
+    pub fn specialised(&self, identified: Option<&Identified>) -> Result<Self, EmitError> {
         let identified = identified.ok_or(SpecialiseError::NoValues)?;
         if self.campaign.is_some() {
             return Err(SpecialiseError::Campaign.into());

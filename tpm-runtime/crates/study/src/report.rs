@@ -24,7 +24,7 @@ pub enum Means {
 /// language.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// [`SCHEMA`].
+    /// `tpm.identifiability/1`.
     pub schema: String,
     /// The method of computation.
     pub method: Means,

@@ -3,7 +3,7 @@
 
 use crate::simulation::chain::{Chain, Read};
 use crate::simulation::filter::{smooth, whiten};
-use crate::simulation::noise::{Noise, Steps, most_likely};
+use crate::simulation::noise::{Curvature, Noise, most_likely};
 use crate::simulation::problem::Problem;
 use tpm_numerics::root_mean_square;
 
@@ -101,7 +101,7 @@ fn coordinate(problem: &Problem<'_>, c: usize, order: usize) -> Option<(Vec<f64>
         let [a, b] = found.halves;
         found.logs + a.with(&b).square()[(0, 0)].powi(2)
     };
-    let (noise, _) = most_likely(begun, true, SWEEPS, &mut Steps::default(), &cost);
+    let (noise, _) = most_likely(begun, true, SWEEPS, &mut Curvature::default(), &cost);
     let smoothed = smooth(&chain, &noise, &[]);
     let rate = smoothed.least_deviation.get(1).copied().unwrap_or(0.0);
     Some((smoothed.states, SMOOTHED * rate))

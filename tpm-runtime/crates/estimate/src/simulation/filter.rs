@@ -31,6 +31,9 @@ struct Filter<'a> {
     gain: Vec<f64>,
     work: Vec<f64>,
     weights: Vec<f64>,
+    weighted: Vec<f64>,
+    /// Forcings that are new in a transition.
+    new: Vec<usize>,
 }
 
 impl<'a> Filter<'a> {
@@ -50,6 +53,8 @@ impl<'a> Filter<'a> {
             gain: vec![0.0; order],
             work: Vec::new(),
             weights: Vec::new(),
+            weighted: Vec::new(),
+            new: Vec::new(),
         }
     }
 
@@ -123,30 +128,27 @@ impl<'a> Filter<'a> {
         // What is new: forces of every row and switch, then what is added to noise of the first order.
         self.weights.clear();
         self.weights.extend_from_slice(&self.diagonal);
-        let mut new: Vec<(usize, f64)> = Vec::new();
+        self.new.clear();
         if self.noise.drift.is_none() {
-            let forces = self.noise.force.iter().enumerate().filter(|(_, density)| **density > 0.0);
-            new.extend(forces.map(|(row, density)| (first_force + row, density / after)));
+            for (row, density) in self.noise.force.iter().enumerate().filter(|(_, density)| **density > 0.0) {
+                self.new.push(first_force + row);
+                self.weights.push(density / after);
+            }
         }
-        let loose = &self.chain.loose[k * self.chain.switches..(k + 1) * self.chain.switches];
         let first_switch = first_force + self.chain.rows;
-        new.extend(
-            loose.iter().enumerate().filter(|(_, size)| **size > 0.0).map(|(s, size)| (first_switch + s, size * size)),
-        );
-        self.weights.extend(new.iter().map(|(_, variance)| *variance));
-        let own = n - states;
-        for (at, (share, variance)) in (self.drifts..self.colours)
-            .map(|d| (drift, self.noise.drift.as_ref().map_or(0.0, |own| own.variance[d - self.drifts])))
-            .chain(
-                (self.colours..n)
-                    .map(|e| (colour, self.noise.colour.as_ref().map_or(0.0, |own| own.variance[e - self.colours]))),
-            )
-            .enumerate()
-        {
-            debug_assert!(at < own);
-            self.weights.push(variance * (1.0 - share * share));
+        for (s, size) in self.chain.loose[k * self.chain.switches..(k + 1) * self.chain.switches].iter().enumerate() {
+            if *size > 0.0 {
+                self.new.push(first_switch + s);
+                self.weights.push(size * size);
+            }
         }
-        let width = n + new.len() + own;
+        let added = |own: &Option<crate::simulation::noise::FirstOrder>, share: f64, weights: &mut Vec<f64>| {
+            let variances = own.iter().flat_map(|own| &own.variance);
+            weights.extend(variances.map(|variance| variance * (1.0 - share * share)));
+        };
+        added(&self.noise.drift, drift, &mut self.weights);
+        added(&self.noise.colour, colour, &mut self.weights);
+        let width = self.weights.len();
         self.work.clear();
         self.work.resize(n * width, 0.0);
         for i in 0..n {
@@ -154,34 +156,46 @@ impl<'a> Filter<'a> {
             for l in 0..n {
                 let factor = self.transition[i * n + l];
                 if factor != 0.0 {
-                    let own = &self.upper[l * n + l..(l + 1) * n];
-                    row[l..n].iter_mut().zip(own).for_each(|(to, from)| *to += factor * from);
+                    let own = &self.upper[l * n..(l + 1) * n];
+                    for j in l..n {
+                        row[j] += factor * own[j];
+                    }
                 }
             }
             if i >= states {
-                row[n + new.len() + i - states] = 1.0;
+                row[n + self.new.len() + i - states] = 1.0;
             }
         }
-        for (at, (forcing, _)) in new.iter().enumerate() {
+        for (at, forcing) in self.new.iter().enumerate() {
             for (i, value) in self.chain.forced(k, *forcing).enumerate() {
                 self.work[i * width + n + at] = value;
             }
         }
+        // Rows are short and there are millions of them: indices cost less than iterators that are set up for each.
+        self.weighted.resize(width, 0.0);
         for j in (0..n).rev() {
             let (above, from) = self.work.split_at_mut(j * width);
-            let own = &from[..width];
-            let size: f64 = own.iter().zip(&self.weights).map(|(x, w)| x * x * w).sum();
+            let (own, weighted) = (&from[..width], &mut self.weighted[..width]);
+            let mut size = 0.0;
+            for c in 0..width {
+                weighted[c] = own[c] * self.weights[c];
+                size += own[c] * weighted[c];
+            }
             self.diagonal[j] = size;
             self.upper[j * n + j] = 1.0;
-            for (i, row) in above.chunks_exact_mut(width).enumerate() {
-                let factor = if size > 0.0 {
-                    row.iter().zip(own).zip(&self.weights).map(|((a, b), w)| a * b * w).sum::<f64>() / size
-                } else {
-                    0.0
-                };
+            let inverse = if size > 0.0 { 1.0 / size } else { 0.0 };
+            for i in 0..j {
+                let row = &mut above[i * width..(i + 1) * width];
+                let mut sum = 0.0;
+                for c in 0..width {
+                    sum += row[c] * weighted[c];
+                }
+                let factor = sum * inverse;
                 self.upper[i * n + j] = factor;
                 if factor != 0.0 {
-                    row.iter_mut().zip(own).for_each(|(a, b)| *a -= factor * b);
+                    for c in 0..width {
+                        row[c] -= factor * own[c];
+                    }
                 }
             }
         }
@@ -257,11 +271,15 @@ pub(super) fn whiten(chain: &Chain, noise: &Noise, columns: &[usize]) -> Whitene
         }
         filter.advance(k);
         next.fill(0.0);
-        for (i, to) in next.chunks_exact_mut(width).enumerate() {
-            for (l, from) in depend.chunks_exact(width).enumerate() {
+        for i in 0..n {
+            let to = &mut next[i * width..(i + 1) * width];
+            for l in 0..n {
                 let factor = filter.transition[i * n + l];
                 if factor != 0.0 {
-                    to.iter_mut().zip(from).for_each(|(to, from)| *to += factor * from);
+                    let from = &depend[l * width..(l + 1) * width];
+                    for c in 0..width {
+                        to[c] += factor * from[c];
+                    }
                 }
             }
         }

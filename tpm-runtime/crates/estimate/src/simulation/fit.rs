@@ -7,7 +7,7 @@ use crate::likelihood::{Components, Products, Solved, Split, Term, TermKind};
 use crate::output_error::{Half, OutputErrorFault};
 use crate::simulation::chain::Chain;
 use crate::simulation::filter::{smooth, whiten};
-use crate::simulation::noise::{FirstOrder, Noise, Steps, most_likely};
+use crate::simulation::noise::{Curvature, FirstOrder, Noise, most_likely};
 use crate::simulation::problem::{Column, Point, Problem};
 use crate::simulation::terms::Library;
 use crate::simulation::triangle::Triangle;
@@ -23,16 +23,18 @@ pub(super) struct Params {
     /// Settled when no parameter moves by more than this share of its deviation, and the cost by no more than this.
     pub(super) settled: f64,
     pub(super) settled_cost: f64,
-    /// Most sweeps of the search for the noise in the first pass, and in later ones.
-    pub(super) sweeps: [usize; 2],
+    /// Most steps of the search for the noise in the first pass, and in later ones.
+    pub(super) searched: [usize; 2],
 }
 
 /// Found on simulated machines: two passes settle a right model, twelve one that begins wrong by a factor of 300.
 pub(super) const PARAMS: Params =
-    Params { passes: 14, near: 8, longest_step: 0.6, settled: 0.15, settled_cost: 1.0, sweeps: [5, 3] };
+    Params { passes: 14, near: 8, longest_step: 0.6, settled: 0.15, settled_cost: 1.0, searched: [12, 6] };
 
 /// Share of the force of a row that the noise of its force is taken for at first.
 const FIRST_FORCE_NOISE: f64 = 0.03;
+/// Share of that variance below which no noise of a force falls while all else still moves: from nothing at all no slope leads back.
+const LEAST_LIFTED: f64 = 1e-4;
 /// Share of a sensor's white noise, and samples, that its coloured noise is taken for at first.
 const FIRST_COLOUR: (f64, f64) = (0.3, 10.0);
 /// Least factor on the variance that a sensor states.
@@ -270,59 +272,93 @@ impl Fit<'_> {
     pub(super) fn settle(&self, begun: State, how: How) -> Result<Reached, OutputErrorFault> {
         let mut state = begun;
         let (mut before, mut sizes) = (f64::INFINITY, Vec::<f64>::new());
-        let mut steps = Steps::default();
+        let mut curvature = Curvature::default();
         // Whether all candidates are asked for in the next pass; between, only those that take part are.
         let mut wide = true;
+        // Whether the parameters still move.
+        let mut far = false;
+        // Whether the noise is looked for along the whole record, which it is once all else stands still.
+        let mut whole = false;
+        // The lowest place at which the terms that take part stood still, from which all candidates are asked for.
+        let mut rest: Option<Reached> = None;
         for pass in 0..PARAMS.passes {
+            if far {
+                state.noise.lift(&self.first_noise(), LEAST_LIFTED);
+            }
             let look = self.look(&state, self.candidates(&state, how, wide))?;
             if sizes.is_empty() {
                 let (square, _) =
                     self.triangle((&look, &look.chain), &state.noise, &(0..look.fixed).collect::<Vec<_>>(), &[]);
                 sizes = (0..look.fixed).map(|j| square.column(j).norm()).collect();
             }
-            let place = |own: &Active| look.candidates.iter().position(|term| *term == own.term);
-            let taken: Vec<usize> = state.active.iter().filter_map(place).collect();
-            let prior: Vec<f64> = state.active.iter().map(|own| own.prior).collect();
-            let part = look.chain.blocks(SEARCHED.0, SEARCHED.1);
-            let chain = part.as_ref().unwrap_or(&look.chain);
-            let cost = |noise: &Noise| self.cost((&look, chain), noise, (&taken, &prior), &sizes);
-            let sweeps = PARAMS.sweeps[usize::from(pass > 0)];
-            let before_search = state.noise.clone();
-            let (noise, least) = most_likely(state.noise.clone(), how.forces, sweeps, &mut steps, &cost);
-            state.noise = noise;
-            if pass == 0 && state.noise.colour.is_none() && how.forces {
-                let (coloured, with) =
-                    most_likely(self.coloured(&before_search), how.forces, sweeps, &mut Steps::default(), &cost);
-                if with < least - alarm::LIKELIHOOD_GAIN {
-                    state.noise = coloured;
-                }
-            }
+            state.noise = self.noise(&look, &state, (how, pass, whole), (&sizes, &mut curvature));
             let weighed = self.weigh(&look, &state.noise, how, &sizes)?;
             let terms_before: Vec<Term> = state.active.iter().map(|own| own.term).collect();
             let fixed_before = state.fixed.len();
             let moved = self.step(&mut state, &look, &weighed, pass)?;
+            far = moved > 1.0;
             let still = moved < PARAMS.settled && (before - weighed.cost).abs() < PARAMS.settled_cost;
             before = weighed.cost;
             let same = state.fixed.len() == fixed_before
                 && state.active.len() == terms_before.len()
                 && state.active.iter().all(|own| terms_before.contains(&own.term));
-            if !same || moved > 1.0 {
-                steps.again();
+            let reached = |state: &State| Reached {
+                cost: weighed.cost,
+                covariance: weighed.solved.covariance.clone(),
+                settled: !far,
+                passes: pass + 1,
+                state: state.clone(),
+            };
+            if pass + 1 == PARAMS.passes && rest.is_none() {
+                return Ok(reached(&state));
             }
-            let last = pass + 1 == PARAMS.passes;
-            if last || still && pass > 0 && (wide || !how.terms) && same {
-                return Ok(Reached {
-                    cost: weighed.cost,
-                    covariance: weighed.solved.covariance,
-                    settled: moved < 1.0,
-                    passes: pass + 1,
-                    state,
-                });
+            if still && pass > 0 && same {
+                if whole && (wide || !how.terms) {
+                    return Ok(reached(&state));
+                }
+                if whole {
+                    // All candidates were asked for from a place like this before, and led back to it.
+                    if rest.as_ref().is_some_and(|rest| weighed.cost > rest.cost - alarm::LIKELIHOOD_GAIN) {
+                        break;
+                    }
+                    rest = Some(reached(&state));
+                }
+                // Once the terms that take part stand still, all are asked for once more.
+                wide = whole;
+                whole = true;
+                continue;
             }
-            // Once the terms that take part stand still, all are asked for once more.
-            wide = still && !wide;
+            (wide, whole) = (false, whole && !far);
         }
-        Err(OutputErrorFault::NotConverged { steps: PARAMS.passes })
+        rest.ok_or(OutputErrorFault::NotConverged { steps: PARAMS.passes })
+    }
+
+    /// The noise with which a record is most likely, as far as a pass looks for it: along blocks, and `whole` along all of it.
+    fn noise(
+        &self,
+        look: &Look,
+        state: &State,
+        (how, pass, whole): (How, usize, bool),
+        (sizes, curvature): (&[f64], &mut Curvature),
+    ) -> Noise {
+        let place = |own: &Active| look.candidates.iter().position(|term| *term == own.term);
+        let taken: Vec<usize> = state.active.iter().filter_map(place).collect();
+        let prior: Vec<f64> = state.active.iter().map(|own| own.prior).collect();
+        let part = if whole { None } else { look.chain.blocks(SEARCHED.0, SEARCHED.1) };
+        let chain = part.as_ref().unwrap_or(&look.chain);
+        let cost = |noise: &Noise| self.cost((look, chain), noise, (&taken, &prior), sizes);
+        let steps = PARAMS.searched[usize::from(pass > 0)];
+        let (noise, least) = most_likely(state.noise.clone(), how.forces, steps, curvature, &cost);
+        if pass > 0 || state.noise.colour.is_some() || !how.forces {
+            return noise;
+        }
+        let mut other = Curvature::default();
+        let (coloured, with) = most_likely(self.coloured(&state.noise), how.forces, steps, &mut other, &cost);
+        if with < least - alarm::LIKELIHOOD_GAIN {
+            *curvature = other;
+            return coloured;
+        }
+        noise
     }
 
     /// The candidates of a pass.

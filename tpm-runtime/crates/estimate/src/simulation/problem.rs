@@ -2,7 +2,7 @@
 
 use crate::output_error::{Differentiable, OutputErrorFault};
 use crate::simulation::chain::{Chain, Read};
-use crate::simulation::record::{Instants, Record};
+use crate::simulation::record::{Instants, Piece, Record};
 use crate::transition::{SHORTEST_PASSAGE, TRANSITIONS_PER_TASK, integral, loose, multiply, needed_steps, states};
 use rayon::prelude::*;
 use tpm_controller::harmonics::Hold;
@@ -75,6 +75,8 @@ struct Now {
     motion: Vec<f64>,
     inputs: Vec<f64>,
     forward: Vec<f64>,
+    /// Where every input was asked for last.
+    pieces: Vec<Piece>,
 }
 
 /// What the evaluation of a transition needs.
@@ -144,6 +146,7 @@ impl<'a> Problem<'a> {
                 motion: vec![0.0; dims.motion_len()],
                 inputs: vec![0.0; dims.inputs],
                 forward: vec![0.0; model.forward_workspace_len()],
+                pieces: vec![Piece::default(); dims.inputs],
             },
             rows: vec![0.0; derivatives.workspace_len()],
             model: vec![0.0; model.workspace_len()],
@@ -169,9 +172,9 @@ impl<'a> Problem<'a> {
     }
 
     /// An input as it acts at a time, and how fast it changes then.
-    fn acting(&self, input: usize, point: &Point, k: usize, time: f64) -> (f64, f64) {
+    fn acting(&self, input: usize, point: &Point, (k, time): (usize, f64), piece: &mut Piece) -> (f64, f64) {
         let own = (input, &self.record.inputs[input]);
-        let (value, rate) = self.instants.input(own, self.record.hold, k, time - point.delays[input]);
+        let (value, rate) = self.instants.input(own, self.record.hold, (k, time - point.delays[input]), piece);
         let limit = point.limits[input];
         if value.abs() > limit { (value.clamp(-limit, limit), 0.0) } else { (value, rate) }
     }
@@ -179,7 +182,7 @@ impl<'a> Problem<'a> {
     /// Takes a state and the inputs at a time after instant k, and solves the rows for the highest derivatives.
     fn at(&self, (k, time): (usize, f64), state: &[f64], point: &Point, now: &mut Now) -> Result<(), EvalError> {
         for i in 0..self.record.inputs.len() {
-            now.inputs[i] = self.acting(i, point, k, time).0;
+            now.inputs[i] = self.acting(i, point, (k, time), &mut now.pieces[i]).0;
         }
         for (&of, &value) in self.states.iter().zip(state) {
             now.motion[self.place(of)] = value;
@@ -505,7 +508,7 @@ impl<'a> Problem<'a> {
     /// By how much an input is less, on the average of a step of length `h`, when it acts later, per s.
     fn later(&self, input: usize, point: &Point, (k, from, to): (usize, f64, f64), h: f64) -> f64 {
         if self.record.hold == Hold::None {
-            return -self.acting(input, point, k, 0.5 * (from + to)).1;
+            return -self.acting(input, point, (k, 0.5 * (from + to)), &mut Piece::default()).1;
         }
         // A held input that jumps at the begin of the step keeps its old value a little longer. Jumps within a transition are at begins.
         let own = (input, &self.record.inputs[input]);
@@ -559,7 +562,8 @@ impl<'a> Problem<'a> {
                 model.input_map(&scratch.now.motion, self.constants, &mut scratch.model, map)?;
                 let (inputs, rest) = rest.split_at_mut(2 * dims.inputs);
                 for i in 0..dims.inputs {
-                    (inputs[i], inputs[dims.inputs + i]) = self.acting(i, point, k, time);
+                    let piece = &mut scratch.now.pieces[i];
+                    (inputs[i], inputs[dims.inputs + i]) = self.acting(i, point, (k, time), piece);
                 }
                 model.known(&scratch.now.motion, self.constants, &mut scratch.model, rest)?;
             }

@@ -183,18 +183,21 @@ impl Instants {
         k + 1 < self.len() && !self.begins[k + 1]
     }
 
-    /// An input, and how fast it changes, at a time of the block of instant k.
-    pub(super) fn input(&self, (input, channel): (usize, &Channel), hold: Hold, k: usize, time: f64) -> (f64, f64) {
-        let (first, last) = self.spans[input][self.block[k]];
-        let (stamps, values) = (&channel.time[first..=last], &channel.value[first..=last]);
-        let after = stamps.partition_point(|stamp| *stamp <= time);
-        let Some(at) = after.checked_sub(1) else { return (values[0], 0.0) };
-        if hold == Hold::Zoh || after >= stamps.len() {
-            return (values[at], 0.0);
+    /// An input, and how fast it changes, at a time of the block of instant k. `piece` is where it was asked for last.
+    pub(super) fn input(
+        &self,
+        (input, channel): (usize, &Channel),
+        hold: Hold,
+        (k, time): (usize, f64),
+        piece: &mut Piece,
+    ) -> (f64, f64) {
+        let block = self.block[k];
+        if piece.block != block || time < piece.since || time >= piece.until {
+            let (first, last) = self.spans[input][block];
+            *piece = Piece::new(&channel.time[first..=last], &channel.value[first..=last], hold, time);
+            piece.block = block;
         }
-        let nodes = INTERPOLATED.min(stamps.len());
-        let from = at.saturating_sub(nodes / 2 - 1).min(stamps.len() - nodes);
-        polynomial(&stamps[from..from + nodes], &values[from..from + nodes], time)
+        piece.at(time)
     }
 
     /// Stamps of a held input strictly between two times of the block of instant k, each with the values before and after.
@@ -212,25 +215,68 @@ impl Instants {
     }
 }
 
-/// Value and rate, at a time, of the polynomial through stamps (Neville).
-fn polynomial(stamps: &[f64], values: &[f64], time: f64) -> (f64, f64) {
-    let (mut value, mut rate) = ([0.0; INTERPOLATED], [0.0; INTERPOLATED]);
-    let nodes = stamps.len();
-    value[..nodes].copy_from_slice(values);
-    for level in 1..nodes {
-        for i in 0..nodes - level {
-            let wide = stamps[i + level] - stamps[i];
-            let (left, right) = (time - stamps[i], time - stamps[i + level]);
-            rate[i] = (value[i + 1] - value[i] + left * rate[i + 1] - right * rate[i]) / wide;
-            value[i] = (left * value[i + 1] - right * value[i]) / wide;
-        }
+/// An input between two of its stamps: the polynomial through those about it, in Newton's form.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    block: usize,
+    /// It holds from here on, and up to here.
+    since: f64,
+    until: f64,
+    stamps: [f64; INTERPOLATED],
+    coefficients: [f64; INTERPOLATED],
+    nodes: usize,
+}
+
+impl Default for Piece {
+    /// One that holds nowhere.
+    fn default() -> Self {
+        let (stamps, coefficients) = ([0.0; INTERPOLATED], [0.0; INTERPOLATED]);
+        Piece { block: 0, since: f64::INFINITY, until: f64::NEG_INFINITY, stamps, coefficients, nodes: 1 }
     }
-    (value[0], rate[0])
+}
+
+impl Piece {
+    /// The piece of an input in which a time lies: before the first stamp and behind the last one it stays as it is there.
+    fn new(stamps: &[f64], values: &[f64], hold: Hold, time: f64) -> Self {
+        let after = stamps.partition_point(|stamp| *stamp <= time);
+        let at = after.checked_sub(1);
+        let nodes = if hold == Hold::Zoh || at.is_none() || after >= stamps.len() { 1 } else { INTERPOLATED };
+        let nodes = nodes.min(stamps.len());
+        let at = at.unwrap_or(0);
+        let from = if nodes > 1 { at.saturating_sub(nodes / 2 - 1).min(stamps.len() - nodes) } else { at };
+        let mut piece = Piece {
+            since: if after > 0 { stamps[at] } else { f64::NEG_INFINITY },
+            until: stamps.get(after).copied().unwrap_or(f64::INFINITY),
+            nodes,
+            ..Piece::default()
+        };
+        piece.stamps[..nodes].copy_from_slice(&stamps[from..from + nodes]);
+        piece.coefficients[..nodes].copy_from_slice(&values[from..from + nodes]);
+        for level in 1..nodes {
+            for i in (level..nodes).rev() {
+                let wide = piece.stamps[i] - piece.stamps[i - level];
+                piece.coefficients[i] = (piece.coefficients[i] - piece.coefficients[i - 1]) / wide;
+            }
+        }
+        piece
+    }
+
+    /// Value and rate at a time.
+    fn at(&self, time: f64) -> (f64, f64) {
+        let last = self.nodes - 1;
+        let (mut value, mut rate) = (self.coefficients[last], 0.0);
+        for i in (0..last).rev() {
+            let past = time - self.stamps[i];
+            rate = rate * past + value;
+            value = value * past + self.coefficients[i];
+        }
+        (value, rate)
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{Reading, Record};
+    use super::{Piece, Reading, Record};
     use crate::recorded::Channel;
     use tpm_controller::harmonics::Hold;
 
@@ -250,9 +296,10 @@ mod tests {
         let record = Record { inputs: vec![input.clone()], sensors: vec![sensor], hold: Hold::None, breaks: vec![2.0] };
         let instants = record.instants();
         assert_eq!(instants.begins.iter().filter(|begins| **begins).count(), 2);
+        let mut piece = Piece::default();
         for k in (0..instants.len()).filter(|&k| instants.goes_on(k)) {
             let time = instants.time[k] + 0.3 * instants.after(k);
-            let (value, rate) = instants.input((0, &input), Hold::None, k, time);
+            let (value, rate) = instants.input((0, &input), Hold::None, (k, time), &mut piece);
             assert!((value - of(time)).abs() < 1e-9, "{time}: {value}");
             assert!((rate - (2.0 - time - 3.0 * time * time)).abs() < 1e-8, "{time}: {rate}");
         }

@@ -220,16 +220,14 @@ fn lower(
     }
 }
 
-/// The lowest of all, where the model alone comes first unless another gains more than chance would.
+/// The lowest of all, where the model alone, and then the model with forces that go on, come first unless another gains more than chance
+/// would.
 fn chosen(reached: &[(Variant, Reached)]) -> Option<usize> {
-    let least = |among: &dyn Fn(&Variant) -> bool| {
-        (0..reached.len())
-            .filter(|&i| among(&reached[i].0))
-            .min_by(|&a, &b| reached[a].1.cost.total_cmp(&reached[b].1.cost))
+    let best = (0..reached.len()).min_by(|&a, &b| reached[a].1.cost.total_cmp(&reached[b].1.cost))?;
+    let near = |variant: Variant| {
+        reached.iter().position(|(own, it)| *own == variant && it.cost < reached[best].1.cost + GAIN)
     };
-    let plain = least(&|variant| matches!(variant, Variant::Model | Variant::Drift));
-    let best = least(&|_| true)?;
-    Some(plain.filter(|&plain| reached[plain].1.cost < reached[best].1.cost + GAIN).unwrap_or(best))
+    Some(near(Variant::Model).or_else(|| near(Variant::Drift)).unwrap_or(best))
 }
 
 /// A record with a model along it, ready to be fitted.
