@@ -193,20 +193,13 @@ fn refine(
     let report = RefinementReport {
         used: found.iterations.is_some(),
         note: found.iterations.is_none().then_some(NotRefined::WithoutTerm),
-        samples: signals.coordinates.first().map_or(0, |c| c.len()),
-        averaged: excerpt.averaged,
-        blocks: excerpt.blocks,
-        runs: 0,
-        of: excerpt.of,
         steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),
         input_noise: found.input_noise.clone(),
-        force_left: Vec::new(),
-        ways: Vec::new(),
         rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
         residual: found.residual.clone(),
-        before: estimate.values.clone(),
         missing: misfit.terms.iter().map(|term| missing(model, term)).collect(),
+        ..RefinementReport::of(&estimate.values, excerpt)
     };
     // What moves nothing by more than this is too small to look for, however surely it is there.
     let matters = |moved: &dyn Fn(usize) -> f64| {
@@ -275,13 +268,6 @@ fn by_likelihood(
     };
     let found = Simulation::fit(&question, &record(conditions.hold))?;
     let report = RefinementReport {
-        used: true,
-        note: None,
-        samples: excerpt.samples(),
-        averaged: excerpt.averaged,
-        blocks: excerpt.blocks,
-        runs: 0,
-        of: excerpt.of,
         steps: found.passes,
         sensor_noise: found.sensor_noise.clone(),
         input_noise: vec![0.0; dims.inputs],
@@ -289,8 +275,8 @@ fn by_likelihood(
         ways: found.tried.clone(),
         rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
         residual: found.residual.clone(),
-        before: estimate.values.clone(),
         missing: found.lacking.iter().map(|own| lacking(model, own)).collect(),
+        ..RefinementReport::of(&estimate.values, excerpt)
     };
     let shifted = |own: &&Lacking| {
         own.term.kind == TermKind::Delay && HALF_A_SAMPLE.contains(&(own.value.abs() / start.sample_time))

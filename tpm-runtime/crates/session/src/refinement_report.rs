@@ -1,5 +1,6 @@
 //! What a refinement by output error did with a log or a campaign.
 
+use crate::excerpt::Excerpt;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_controller::model::Model;
@@ -190,6 +191,18 @@ impl RefinementReport {
     /// Whether no parameters were found with which the model follows the record.
     pub(super) const fn is_unsettled(&self) -> bool {
         matches!(self.note, Some(NotRefined::Fault(OutputErrorFault::NotConverged { .. })))
+    }
+
+    /// A refinement from given values by an excerpt of a record, before anything is known of it.
+    pub(super) fn of(values: &[f64], excerpt: &Excerpt<'_>) -> Self {
+        RefinementReport {
+            used: true,
+            samples: excerpt.samples(),
+            averaged: excerpt.averaged,
+            blocks: excerpt.blocks,
+            of: excerpt.of,
+            ..Self::refused(values, &OutputErrorFault::NotSimulable)
+        }
     }
 
     /// A refinement that was not begun.

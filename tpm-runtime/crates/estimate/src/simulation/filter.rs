@@ -12,7 +12,7 @@
 //! transition, so that an unstable machine costs no digits.
 
 use crate::simulation::chain::{Chain, Read};
-use crate::simulation::noise::Noise;
+use crate::simulation::noise::{FirstOrder, Noise};
 use crate::simulation::triangle::Triangle;
 
 /// The filter at an instant.
@@ -121,7 +121,7 @@ impl<'a> Filter<'a> {
                 self.transition[i * n + d] = value;
             }
         }
-        let kept = |own: &Option<crate::simulation::noise::FirstOrder>| own.as_ref().map_or(0.0, |own| own.kept(after));
+        let kept = |own: &Option<FirstOrder>| own.as_ref().map_or(0.0, |own| own.kept(after));
         let (drift, colour) = (kept(&self.noise.drift), kept(&self.noise.colour));
         (self.drifts..self.colours).for_each(|d| self.transition[d * n + d] = drift);
         (self.colours..n).for_each(|e| self.transition[e * n + e] = colour);
@@ -142,7 +142,7 @@ impl<'a> Filter<'a> {
                 self.weights.push(size * size);
             }
         }
-        let added = |own: &Option<crate::simulation::noise::FirstOrder>, share: f64, weights: &mut Vec<f64>| {
+        let added = |own: &Option<FirstOrder>, share: f64, weights: &mut Vec<f64>| {
             let variances = own.iter().flat_map(|own| &own.variance);
             weights.extend(variances.map(|variance| variance * (1.0 - share * share)));
         };

@@ -9,6 +9,7 @@ use crate::simulation::chain::Chain;
 use crate::simulation::filter::{smooth, whiten};
 use crate::simulation::noise::{Curvature, FirstOrder, Noise, most_likely};
 use crate::simulation::problem::{Column, Point, Problem};
+use crate::simulation::record::Reading;
 use crate::simulation::terms::Library;
 use crate::simulation::triangle::Triangle;
 use tpm_numerics::{Cholesky, DMatrix, alarm, root_mean_square};
@@ -396,7 +397,7 @@ impl Fit<'_> {
 
     /// A noise whose sensors have a colour, too.
     fn coloured(&self, noise: &Noise) -> Noise {
-        let of = |(s, sensor): (usize, &crate::simulation::record::Reading)| {
+        let of = |(s, sensor): (usize, &Reading)| {
             let count = sensor.variance.len().max(1) as f64;
             FIRST_COLOUR.0 * noise.white[s] * sensor.variance.iter().sum::<f64>() / count
         };

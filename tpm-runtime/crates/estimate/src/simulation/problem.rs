@@ -2,7 +2,7 @@
 
 use crate::output_error::{Differentiable, OutputErrorFault};
 use crate::simulation::chain::{Chain, Read};
-use crate::simulation::record::{Instants, Piece, Record};
+use crate::simulation::record::{Instants, Piece, Reading, Record};
 use crate::transition::{SHORTEST_PASSAGE, TRANSITIONS_PER_TASK, integral, loose, multiply, needed_steps, states};
 use rayon::prelude::*;
 use tpm_controller::harmonics::Hold;
@@ -118,9 +118,7 @@ impl<'a> Problem<'a> {
         typical_period: f64,
     ) -> Result<Self, OutputErrorFault> {
         let states = states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
-        let place = |own: &crate::simulation::record::Reading| {
-            states.iter().position(|state| *state == (own.coordinate, own.derivative))
-        };
+        let place = |own: &Reading| states.iter().position(|state| *state == (own.coordinate, own.derivative));
         let sensors = record.sensors.iter().map(place).collect::<Option<_>>().ok_or(OutputErrorFault::NotSimulable)?;
         let instants = record.instants();
         let longest_step = instants.usual_step;
