@@ -90,7 +90,12 @@ impl Spelling for Keywords {
 pub(crate) fn remedy(found: &Remedy) -> Option<String> {
     Some(match found {
         Remedy::MapColumn { signal } => format!("map={{\"{signal}\": COLUMN}}"),
-        Remedy::Time => "map={\"t_s\": COLUMN}; without such a column sample_time=SECONDS".to_owned(),
+        Remedy::Columns { columns, timeless } => {
+            let column = |(signal, column): &(String, String)| format!("{signal:?}: {column:?}");
+            let map = (!columns.is_empty()).then(|| format!("map={{{}}}", columns.iter().map(column).collect::<Vec<_>>().join(", ")));
+            let time = timeless.then(|| "sample_time=SECONDS".to_owned());
+            map.into_iter().chain(time).collect::<Vec<_>>().join(", ")
+        }
         Remedy::MapColumns { signals } => {
             let columns: Vec<String> = signals.iter().map(|signal| format!("\"{signal}\": COLUMN")).collect();
             format!("map={{{}}}", columns.join(", "))

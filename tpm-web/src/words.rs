@@ -55,7 +55,13 @@ pub(crate) fn remedy(found: &Remedy) -> Option<String> {
     Some(match found {
         Remedy::MapColumn { signal } => format!("choose the column of {signal} under Signals"),
         Remedy::MapColumns { signals } => format!("choose the columns of {} under Signals", signals.join(", ")),
-        Remedy::Time => "choose the column of the time under Signals, or give the time from row to row".to_owned(),
+        Remedy::Columns { timeless: true, .. } => {
+            "choose the column of the time under Signals, or give the time from row to row".to_owned()
+        }
+        Remedy::Columns { columns, .. } => {
+            let signals: Vec<&str> = columns.iter().map(|(signal, _)| signal.as_str()).collect();
+            format!("choose the columns of {} under Signals", signals.join(", "))
+        }
         Remedy::Scale { signal } => format!("give the factor of {signal} under Signals"),
         Remedy::Scales { signals } => format!("give the factors of {} under Signals", signals.join(", ")),
         Remedy::PeriodAndStart => "give the period and the first sample under More settings".to_owned(),

@@ -79,7 +79,8 @@ fn what_is_wrong_is_said_with_its_remedy_as_data() {
     let log = folder.path().join("run.csv");
     std::fs::write(&log, swinging().replace("t_s,q,tau", "t_s,angle,tau")).expect("written");
     let error = session::from_log(&Pendulum, log.as_path()).expect_err("no such column");
-    assert_eq!(error.remedy(), Some(Remedy::MapColumn { signal: "q".to_owned() }));
+    let guess = vec![("q".to_owned(), "angle".to_owned())];
+    assert_eq!(error.remedy(), Some(Remedy::Columns { columns: guess, timeless: false }));
     assert!(!error.to_string().contains("--"), "{error}");
     let mapped = session::from_log(&Pendulum, LogRequest::new(&log).map("q", "angle")).expect("identifies");
     assert!(!mapped.warnings.iter().any(|warning| matches!(warning, Warning::Unexplained { .. })));

@@ -1,5 +1,6 @@
 //! Remedies and settings of the libraries as flags of this command line.
 
+use crate::render::quoted::command;
 use tpm_runtime::log::LogError;
 use tpm_runtime::plant::actuator::FileFault;
 use tpm_runtime::report::{Remedy, number};
@@ -11,6 +12,31 @@ struct Flags;
 impl Spelling for Flags {
     fn remedy(&self, found: &Remedy) -> Option<String> {
         remedy(found)
+    }
+
+    /// Where columns have to be named, the whole command with those that may be meant, to be pasted.
+    fn with(&self, message: &str, found: Option<&Remedy>) -> String {
+        match found {
+            Some(Remedy::Columns { columns, timeless }) => {
+                let named = |flag: &str| columns.iter().any(|(signal, _)| flag.starts_with(&format!("{signal}=")));
+                let mut words = vec!["tpm".to_owned()];
+                let mut typed = std::env::args().skip(1).peekable();
+                while let Some(word) = typed.next() {
+                    // What was typed for one of these signals gives way.
+                    if word == "--map" && typed.peek().is_some_and(|flag| named(flag)) {
+                        typed.next();
+                    } else if !word.strip_prefix("--map=").is_some_and(named) {
+                        words.push(word);
+                    }
+                }
+                words.extend(column_flags(columns, *timeless));
+                format!("{message}; if these are meant, paste\n  {}", command(&words))
+            }
+            _ => match found.and_then(remedy) {
+                Some(words) => format!("{message} ({words})"),
+                None => message.to_owned(),
+            },
+        }
     }
 
     fn given(&self, given: Given, name: Option<&str>) -> String {
@@ -31,11 +57,20 @@ impl Spelling for Flags {
     }
 }
 
+/// The flags that name columns.
+fn column_flags(columns: &[(String, String)], timeless: bool) -> Vec<String> {
+    let of = |(signal, column): &(String, String)| {
+        ["--map".to_owned(), format!("{signal}={}", if column.is_empty() { "COLUMN" } else { column })]
+    };
+    let time = if timeless { &["--sample-time", "SECONDS"][..] } else { &[] };
+    columns.iter().flat_map(of).chain(time.iter().map(|word| (*word).to_owned())).collect()
+}
+
 /// The flag for a remedy, as text that stands in brackets behind a message.
 pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
     Some(match remedy {
         Remedy::MapColumn { signal } => format!("--map {signal}=COLUMN"),
-        Remedy::Time => "--map t_s=COLUMN; without such a column --sample-time SECONDS".to_owned(),
+        Remedy::Columns { columns, timeless } => command(&column_flags(columns, *timeless)),
         Remedy::MapColumns { signals } => {
             signals.iter().map(|signal| format!("--map {signal}=COLUMN")).collect::<Vec<_>>().join(" ")
         }

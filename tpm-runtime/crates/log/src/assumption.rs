@@ -91,6 +91,29 @@ pub enum Assumption {
         /// Line of the first.
         first: u64,
     },
+    /// Rows have fewer fields than the header.
+    ShortRows {
+        /// How many there are.
+        count: u64,
+        /// Line of the first.
+        first: u64,
+    },
+    /// Lines of a recorder that are of no kind which is known.
+    NotRead {
+        /// What the file is.
+        recorder: &'static str,
+        /// How many there are.
+        count: u64,
+        /// Line of the first.
+        first: u64,
+    },
+    /// Columns of one name, which are told apart by a number.
+    RepeatedName {
+        /// The name.
+        column: String,
+        /// How many columns have it.
+        count: usize,
+    },
     /// The stamps are dates with times of day.
     Dates {
         /// The column.
@@ -187,6 +210,20 @@ impl fmt::Display for Assumption {
                 f,
                 "{count} lines are text between rows, the first is line {first}; they are left out, and the record is split there"
             ),
+            Assumption::ShortRows { count: 1, first } => {
+                write!(f, "line {first} has fewer fields than the header; it is left out, and the record is split there")
+            }
+            Assumption::ShortRows { count, first } => write!(
+                f,
+                "{count} rows have fewer fields than the header, the first is line {first}: in rows that go on so the last columns are blank, others are left out, and the record is split there"
+            ),
+            Assumption::NotRead { recorder, count, first } => {
+                write!(f, "{count} of the lines are not read, the first is line {first}: they are of no form that {recorder} has")
+            }
+            Assumption::RepeatedName { column, count } => {
+                write!(f, "{count} columns are called `{column}`; from left to right they are `{column}`, `{column}.2`")?;
+                if *count > 2 { write!(f, " up to `{column}.{count}`") } else { Ok(()) }
+            }
             Assumption::Dates { column } => {
                 write!(f, "time is column `{column}`, dates and times of day; it is counted from the first one")
             }
@@ -214,7 +251,7 @@ impl fmt::Display for Assumption {
             ),
             Assumption::Time { column, unit, stated: true } => write!(f, "time is column `{column}` in {unit}"),
             Assumption::Time { column, unit, stated: false } => {
-                write!(f, "time is column `{column}`, which states no unit: read as {unit}, as its steps suggest")
+                write!(f, "time is column `{column}`, which states no unit: read as {unit} by its steps; if it is in another, state the factor to seconds")
             }
             Assumption::OwnTimes { reference, held } => {
                 write!(f, "columns have times of their own: rows are those of `{reference}`, ")?;

@@ -3,6 +3,7 @@
 use crate::assumption::Assumption;
 use crate::error::LogError;
 use crate::stamps::Resolution;
+use std::collections::HashMap;
 
 /// Name of a column as the file states it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -13,6 +14,10 @@ pub(super) struct ColumnName {
     pub(super) unit: Option<String>,
     /// Whether the name is an expression over others, which holds no unit.
     pub(super) computed: bool,
+    /// Whether several columns of the file have the name, which a number tells apart.
+    pub(super) repeated: bool,
+    /// Whether the first reading is a date with a time of day.
+    pub(super) dated: bool,
 }
 
 impl ColumnName {
@@ -20,6 +25,22 @@ impl ColumnName {
     pub(super) fn new(text: impl Into<String>) -> Self {
         Self { text: text.into(), ..Self::default() }
     }
+}
+
+/// Gives names that occur several times a number, `x`, `x.2`, `x.3`, and says which they are. Columns without a name have none.
+pub(super) fn distinct(header: &mut [ColumnName]) -> Vec<Assumption> {
+    let mut counts: HashMap<String, usize> = HashMap::new();
+    for column in header.iter_mut().filter(|column| !column.text.is_empty()) {
+        let count = counts.entry(column.text.clone()).or_default();
+        *count += 1;
+        if *count > 1 {
+            column.text = format!("{}.{count}", column.text);
+        }
+    }
+    header.iter_mut().for_each(|column| column.repeated = counts.get(&column.text).is_some_and(|count| *count > 1));
+    let mut repeated: Vec<(String, usize)> = counts.into_iter().filter(|(_, count)| *count > 1).collect();
+    repeated.sort();
+    repeated.into_iter().map(|(column, count)| Assumption::RepeatedName { column, count }).collect()
 }
 
 /// A text where a number belongs.
@@ -41,6 +62,11 @@ pub(super) trait Columns {
 
     /// Line of the header, for messages.
     fn header_line(&self) -> u64;
+
+    /// What the file is, for messages.
+    fn kind(&self) -> String {
+        "a table".to_owned()
+    }
 
     /// Line of the units of the columns, for messages: that of the header where they have no row of their own.
     fn units_line(&self) -> u64 {

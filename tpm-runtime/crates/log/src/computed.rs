@@ -65,7 +65,7 @@ impl<'c> Computed<'c> {
             let columns =
                 places.map(|(column, name)| column.ok_or_else(|| names.missing_in(signal, name, Box::default())));
             let columns = columns.collect::<Result<_, LogError>>()?;
-            header.push(ColumnName { text: wanted.clone(), unit: None, computed: true });
+            header.push(ColumnName { computed: true, ..ColumnName::new(wanted) });
             expressions.push((expression, columns));
         }
         Ok(Computed {
@@ -114,6 +114,10 @@ impl Columns for Computed<'_> {
 
     fn header_line(&self) -> u64 {
         self.inner.header_line()
+    }
+
+    fn kind(&self) -> String {
+        self.inner.kind()
     }
 
     fn units_line(&self) -> u64 {

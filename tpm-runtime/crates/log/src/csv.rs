@@ -128,7 +128,11 @@ pub(super) struct Csv<R> {
     epoch: Option<i64>,
     /// Number of lines of text between rows, and the first of them.
     between: (u64, u64),
-    /// Whether the last line is text.
+    /// Number of rows with fewer fields than the header, and the first of them.
+    short: (u64, u64),
+    /// Fields of the rows that go on so, and of the last of those rows.
+    short_fields: [Option<usize>; 2],
+    /// Whether the last line is text, or has lost fields.
     is_text: bool,
     /// The place among the selected columns from which on texts are noted; nothing where they are faults.
     noted_from: Option<usize>,
@@ -186,6 +190,8 @@ impl<R: Read> Csv<R> {
             cut: None,
             epoch: None,
             between: (0, 0),
+            short: (0, 0),
+            short_fields: [None; 2],
             is_text: false,
             noted_from: None,
             noted: BTreeMap::new(),
@@ -268,17 +274,6 @@ impl<R: Read> Csv<R> {
         is_text
     }
 
-    /// Whether no row follows, which takes the lines that are left up to the next row.
-    fn nothing_follows(&mut self) -> Result<bool, LogError> {
-        while let Some((range, _)) = self.take()? {
-            let text = &self.lines.buffer[range];
-            if !text.trim_ascii().is_empty() && !is_comment(text) {
-                return Ok(false);
-            }
-        }
-        Ok(true)
-    }
-
     /// Whether a text is a number with another decimal sign than the numbers before.
     fn has_other_sign(&self, text: &str) -> bool {
         let other = match self.dialect.decimal {
@@ -344,6 +339,10 @@ impl<R: Read> Columns for Csv<R> {
         self.dialect.header_line
     }
 
+    fn kind(&self) -> String {
+        format!("a table of text whose fields are separated by {}", self.dialect.separator)
+    }
+
     fn units_line(&self) -> u64 {
         let row = self.dialect.assumptions.iter().find_map(|of| match of {
             Assumption::UnitsRow { line } => Some(*line),
@@ -392,18 +391,28 @@ impl<R: Read> Columns for Csv<R> {
                     return Ok(Some(self.line));
                 }
                 let quotes = self.lines.buffer[self.last.clone()].iter().filter(|byte| **byte == b'"').count();
-                let (line, found, quote) = (self.line, self.fields.len(), quotes % 2 == 1);
-                if found < columns && !quote && self.nothing_follows()? {
-                    self.cut = Some(line);
-                    return Ok(None);
+                let (found, quote) = (self.fields.len(), quotes % 2 == 1);
+                if found > columns || quote {
+                    return Err(LogError::FieldCount {
+                        quote,
+                        path: self.path.clone(),
+                        line: self.line,
+                        found: found as u64,
+                        expected: columns as u64,
+                    });
                 }
-                return Err(LogError::FieldCount {
-                    quote,
-                    path: self.path.clone(),
-                    line,
-                    found: found as u64,
-                    expected: columns as u64,
-                });
+                // Where rows go on with fewer fields, columns have ended. One alone has lost something, nobody knows where.
+                self.short = (self.short.0 + 1, if self.short.0 == 0 { self.line } else { self.short.1 });
+                let [run, last] = self.short_fields;
+                self.short_fields = [if run.is_none() && last == Some(found) { last } else { run }, Some(found)];
+                if self.short_fields[0] != Some(found) {
+                    self.is_text = true;
+                    values.fill(f64::NAN);
+                    return Ok(Some(self.line));
+                }
+                self.fields.resize(columns, (0, 0));
+            } else {
+                self.short_fields = [None; 2];
             }
             let mut has_numbers = false;
             for field in 0..self.wanted.len() {
@@ -463,6 +472,9 @@ impl<R: Read> Columns for Csv<R> {
         }
         if self.between.0 > 0 {
             assumptions.push(Assumption::TextBetweenRows { count: self.between.0, first: self.between.1 });
+        }
+        if self.short.0 > 0 {
+            assumptions.push(Assumption::ShortRows { count: self.short.0, first: self.short.1 });
         }
         assumptions.extend(self.cut.map(|line| Assumption::CutLine { line }));
         assumptions

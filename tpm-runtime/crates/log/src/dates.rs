@@ -1,7 +1,8 @@
 //! Stamps that are dates with times of day, as ISO 8601 writes them: `2026-03-01T10:00:00.125+01:00`.
 //!
-//! Between date and time stands a `T` or a blank, the date may be separated by `-` or `/`, seconds and their fraction may be missing, and
-//! a zone may follow: `Z`, `+01:00`, `+0100` or `+01`. A stamp without a zone is read as one of UTC: only differences are used.
+//! Between date and time stands a `T` or a blank, the date may be separated by `-` or `/`, or be written as `01.03.2026`, seconds and their
+//! fraction may be missing, and a zone may follow: `Z`, `+01:00`, `+0100` or `+01`. A stamp without a zone is read as one of UTC: only differences are used.
+//! A time of day alone, with its seconds, is one of the first day: `10:00:00.125`.
 
 use crate::stamps::last_digit;
 use chrono::{DateTime, NaiveDateTime};
@@ -21,8 +22,11 @@ impl Date {
     /// The date in a field; nothing for any other text.
     pub(super) fn of(field: &[u8]) -> Option<Self> {
         let text = std::str::from_utf8(field).ok()?.trim();
+        if text.as_bytes().get(2) == Some(&b':') && text.as_bytes().get(5) == Some(&b':') {
+            return Date::of(format!("1970-01-01 {text}").as_bytes());
+        }
         let (date, time) = text.split_at_checked(10).filter(|_| text.as_bytes()[0].is_ascii_digit())?;
-        let time = time.strip_prefix(['T', 't', ' '])?;
+        let time = time.strip_prefix(['T', 't', ' '])?.trim_start();
         // The digits of the clock, of the fraction and the zone.
         let clock = time.find(|sign: char| !sign.is_ascii_digit() && sign != ':').unwrap_or(time.len());
         let (clock, rest) = time.split_at(clock);
@@ -33,10 +37,14 @@ impl Date {
         if decimals.is_empty() {
             return None;
         }
-        let (date_form, separator) = if date.as_bytes()[4] == b'/' { ("%Y/%m/%d", "/") } else { ("%Y-%m-%d", "-") };
+        let (date_form, separator, digits) = match date.as_bytes()[4] {
+            b'/' => ("%Y/%m/%d", "/", [4, 2, 2]),
+            b'-' => ("%Y-%m-%d", "-", [4, 2, 2]),
+            _ => ("%d.%m.%Y", ".", [2, 2, 4]),
+        };
         let clock_form = if clock.len() > 5 { "%H:%M:%S" } else { "%H:%M" };
         // Years of four digits and months and days of two; the library would take fewer.
-        if date.split(separator).map(str::len).ne([4, 2, 2]) || !matches!(clock.len(), 5 | 8) {
+        if date.split(separator).map(str::len).ne(digits) || !matches!(clock.len(), 5 | 8) {
             return None;
         }
         let (text, form) = (format!("{date} {clock}"), format!("{date_form} {clock_form}"));

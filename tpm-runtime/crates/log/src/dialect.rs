@@ -1,7 +1,7 @@
 //! The dialect of a table of text: separator, decimal sign, header and units, found from its first lines.
 
 use crate::assumption::{Assumption, Separator};
-use crate::columns::ColumnName;
+use crate::columns::{ColumnName, distinct};
 use crate::dates::Date;
 use crate::unit::unit_of;
 
@@ -281,6 +281,13 @@ impl Dialect {
             }
             assumptions.push(Assumption::UnitsRow { line: data_line });
             data_line = header_at.and_then(|at| text.get(at + 2)).map_or(u64::MAX, |(line, _)| *line);
+        }
+        assumptions.extend(distinct(&mut header));
+        if let Some((_, first)) = text.get(data_at) {
+            split(first, separator, &mut places);
+            for (column, &(from, to)) in header.iter_mut().zip(&places) {
+                column.dated = Date::of(&first[from as usize..to as usize]).is_some();
+            }
         }
         // 5. The decimal sign is decided by the first fraction; whole numbers leave it open.
         let fraction = |line: &[u8]| {

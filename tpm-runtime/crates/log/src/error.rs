@@ -71,7 +71,7 @@ pub enum LogError {
         message: String,
     },
     /// A signal of the model has no column.
-    #[error("{path}:{line}: there is no column `{column}` for `{name}`; {}{}", columns(.available), of_rate(.name, .rates))]
+    #[error("{path}:{line}: {}; the file is {kind}, and {}{}", lacks(.name, .column), columns(.available), of_rate(.name, .rates))]
     MissingColumn {
         /// The file.
         path: String,
@@ -85,19 +85,13 @@ pub enum LogError {
         available: Vec<String>,
         /// Those of them that have the unit of the signal's rate.
         rates: Box<[String]>,
-    },
-    /// Two columns have the name that is looked for.
-    #[error("{path}:{line}: the column `{column}` occurs twice; rename one of them")]
-    DuplicateColumn {
-        /// The file.
-        path: String,
-        /// Line of the header.
-        line: u64,
-        /// The column.
-        column: String,
+        /// What the file is.
+        kind: String,
+        /// What may be meant.
+        guess: Box<Remedy>,
     },
     /// Several columns may be meant.
-    #[error("{path}:{line}: `{name}` may be {}; say which", .columns.iter().map(|column| format!("`{column}`")).collect::<Vec<_>>().join(" or "))]
+    #[error("{path}:{line}: {} may be {}; say which", if name == TIME { "the time".to_owned() } else { format!("`{name}`") }, .columns.iter().map(|column| format!("`{column}`")).collect::<Vec<_>>().join(" or "))]
     AmbiguousColumn {
         /// The file.
         path: String,
@@ -107,6 +101,8 @@ pub enum LogError {
         name: String,
         /// The columns that may be meant.
         columns: Vec<String>,
+        /// One way to say it, with the columns of all signals that have none.
+        guess: Box<Remedy>,
     },
     /// A column has a unit that is not converted to that of its signal.
     #[error("{path}:{line}: {mismatch}")]
@@ -120,7 +116,7 @@ pub enum LogError {
     },
     /// The unit of the time stamps is not stated, and cannot be inferred.
     #[error(
-        "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row, which may be in several units; state the factor to seconds"
+        "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row, which may be in several units; state the factor to seconds, such as 0.001 for milliseconds"
     )]
     TimeUnit {
         /// The file.
@@ -399,10 +395,20 @@ pub enum LogError {
     },
 }
 
+/// What a file lacks.
+fn lacks(name: &str, column: &str) -> String {
+    match (name == TIME, name == column) {
+        (true, true) => "no column is recognised as the time".into(),
+        (true, false) => format!("there is no column `{column}` for the time"),
+        (false, true) => format!("there is no column `{name}`"),
+        (false, false) => format!("there is no column `{column}` for `{name}`"),
+    }
+}
+
 /// The columns of a file, as a message lists them.
 fn columns(available: &[String]) -> String {
     if available.iter().all(String::is_empty) {
-        return "the file has no columns, is it the right one?".into();
+        return "it has no columns, is it the right one?".into();
     }
     let mut shown: Vec<String> =
         available.iter().take(MOST_LISTED_COLUMNS).map(|name| name.chars().take(LONGEST_NAME).collect()).collect();
@@ -440,12 +446,10 @@ impl LogError {
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
-            LogError::MissingColumn { name, .. } if name == TIME => Some(Remedy::Time),
-            LogError::MissingColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
+            LogError::MissingColumn { guess, .. } | LogError::AmbiguousColumn { guess, .. } => Some((**guess).clone()),
             LogError::Constant { signal, .. } | LogError::NoReading { signal, .. } => {
                 Some(Remedy::MapColumn { signal: signal.clone() })
             }
-            LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
             LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
             LogError::Jitter { expected, .. } if *expected <= 0.0 => Some(Remedy::MapColumn { signal: "t_s".into() }),
             LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),

@@ -1,19 +1,21 @@
 //! Logs in JSON: columns by name, records one after another, and the shapes that other programs write.
 //!
 //! An object of lists is a table of columns (`{"t": [...], "x": [...]}`), a list of objects one of records, whether in one list or a
-//! record a line; what lies deeper is called by its path, `joint.position`, and the k-th number of a list within a record `q[k]`. A list
-//! of lists is a matrix, its longer side being time. So are `columns` beside `data`, and columns whose rows are keyed by their number, as
+//! record a line; what lies deeper is called by its path, `joint.position`, and the k-th number of a list within a record `q[k]`. Records
+//! that are runs, with lists longer than there are records, have columns of their own: `run[2].position`. A list of lists is a matrix, its longer side being time. So are `columns` beside `data`, and columns whose rows are keyed by their number, as
 //! pandas writes them, and the tests of SysId of WPILib, rows one test behind the other. Null is a reading that is missing, text a number
 //! or a date, else a reading that is missing.
 
 use crate::dates::Date;
 use crate::error::LogError;
 use crate::stored::{Stored, StoredColumn};
+use crate::table::LEAST_SAMPLES;
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fmt;
 use std::io::Read;
+use std::mem::take;
 
 /// Tests of SysId, in small letters.
 const TESTS: [&str; 8] = [
@@ -74,6 +76,8 @@ struct Records {
     rows: usize,
     columns: Vec<(String, Readings)>,
     index: HashMap<String, usize>,
+    /// Lists of numbers by their paths: the record and its list.
+    lists: BTreeMap<String, Vec<(usize, Vec<f64>)>>,
 }
 
 impl Records {
@@ -105,23 +109,43 @@ impl Records {
             match value {
                 Node::Number(value) => self.at(&path).values.push(value),
                 Node::Text(text) => self.at(&path).push_text(&text),
-                Node::Numbers(values) if values.len() <= MOST_PARTS => {
-                    for (k, value) in values.into_iter().enumerate() {
-                        self.at(&format!("{path}[{}]", k + 1)).values.push(value);
-                    }
-                }
+                Node::Numbers(values) => self.lists.entry(path).or_default().push((self.rows, values)),
                 Node::Object(inner) => self.place(&path, inner),
-                Node::Numbers(_) | Node::Texts(_) | Node::Rows(_) | Node::Records(_) | Node::Other => {}
+                Node::Texts(_) | Node::Rows(_) | Node::Records(_) | Node::Other => {}
             }
         }
     }
 
-    fn columns(self, prefix: &str) -> impl Iterator<Item = StoredColumn<'static>> {
+    /// The columns of all records; where each is a run of its own, the columns of every one.
+    fn columns(mut self, prefix: &str) -> impl Iterator<Item = StoredColumn<'static>> {
         let (rows, prefix) = (self.rows, prefix.to_owned());
-        self.columns.into_iter().map(move |(path, mut readings)| {
+        let mut runs: Vec<(usize, StoredColumn<'static>)> = Vec::new();
+        for (path, lists) in take(&mut self.lists) {
+            let lengths = || lists.iter().map(|(_, list)| list.len()).filter(|length| *length > 0);
+            let (longest, shortest) = (lengths().max().unwrap_or(0), lengths().min().unwrap_or(0));
+            if longest > rows && (rows < LEAST_SAMPLES || shortest < longest) || longest > MOST_PARTS {
+                for (record, list) in lists.into_iter().filter(|(_, list)| list.len() > 1) {
+                    let own = if rows == 1 { prefix.clone() } else { format!("{prefix}[{}]", record + 1) };
+                    runs.push((record, StoredColumn::of(joined(&own, &path), list)));
+                }
+                continue;
+            }
+            for k in 0..longest {
+                let mut values = vec![f64::NAN; rows];
+                for (record, list) in &lists {
+                    list.get(k).map(|value| values[*record] = *value);
+                }
+                self.columns.push((format!("{path}[{}]", k + 1), Readings { values, first: None }));
+            }
+        }
+        runs.sort_by_key(|(record, _)| *record);
+        let runs = runs.into_iter().map(|(_, column)| column);
+        // A number of a run is a setting, not a signal.
+        let of_rows = if runs.len() > 0 && rows < LEAST_SAMPLES { Vec::new() } else { self.columns };
+        of_rows.into_iter().map(move |(path, mut readings)| {
             readings.values.resize(rows, f64::NAN);
             readings.column(joined(&prefix, &path))
-        })
+        }).chain(runs)
     }
 }
 

@@ -44,6 +44,7 @@ mod read;
 mod reading_tests;
 #[cfg(test)]
 mod recorded_tests;
+mod recorders;
 mod recording;
 mod repeated;
 mod report;

@@ -48,7 +48,7 @@ impl Long {
             let at = match index.get(&*name) {
                 Some(at) => *at,
                 None => {
-                    columns.push(Timed { name: name.to_string(), readings: Vec::new() });
+                    columns.push(Timed { name: ColumnName::new(&*name), readings: Vec::new() });
                     index.insert(name.into_owned(), columns.len() - 1);
                     columns.len() - 1
                 }

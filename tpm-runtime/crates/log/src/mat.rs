@@ -2,7 +2,8 @@
 //!
 //! A file is a header of 128 bytes and a list of elements, each with its type and its length; an element may be compressed (zlib). A
 //! numeric variable is a column for every one of its columns: `q` for a vector, `q[1]`, `q[2]`, ... for a matrix, whose longer
-//! side is time. Variables that are no numeric arrays, such as structures, are not read.
+//! side is time. What lies in structures and cells is called by its path, `log.signals.values`; where Simulink states a label beside the
+//! values, by that. Other variables, such as objects, are not read.
 
 use crate::error::LogError;
 use crate::packed::{MOST_UNPACKED, Room};
@@ -16,6 +17,10 @@ const BYTE_ORDER_AT: usize = 126;
 /// Types of elements.
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+/// Classes of arrays of cells and of structures, and how deep they are followed.
+const CELL: u32 = 1;
+const STRUCTURE: u32 = 2;
+const MOST_DEPTH: usize = 32;
 /// Classes of arrays of real numbers: double, single, and the integers.
 const NUMERIC: std::ops::RangeInclusive<u32> = 6..=15;
 /// Flag of an array with an imaginary part.
@@ -90,30 +95,112 @@ fn numbers(element: &Element<'_>, order: Order) -> Option<Vec<f64>> {
     }
 }
 
-/// The content of a variable.
-enum Variable {
-    Columns(Vec<StoredColumn<'static>>),
-    /// The name of a variable that is no array of real numbers.
-    Other(String),
+/// What was found in the variables of a file.
+#[derive(Default)]
+struct Found {
+    columns: Vec<StoredColumn<'static>>,
+    /// The names of arrays that are not of real numbers.
+    others: Vec<String>,
 }
 
-/// A variable of the bytes of a matrix; nothing where they are cut short.
-fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
-    let flags = element(&mut rest, order)?;
-    let class = order.u32(flags.bytes.get(..4)?.try_into().ok()?);
-    let dimensions = numbers(&element(&mut rest, order)?, order)?;
-    let name = element(&mut rest, order)?;
-    let name: String = String::from_utf8_lossy(name.bytes).trim_end_matches('\0').into();
-    if !NUMERIC.contains(&(class & 0xff)) || class & COMPLEX != 0 {
-        return Some(Variable::Other(name));
+impl Found {
+    /// Takes in the variable of the bytes of a matrix, by its own name or, within another, by its path; nothing where they are cut short.
+    fn take(&mut self, mut rest: &[u8], order: Order, path: Option<&str>, depth: usize) -> Option<()> {
+        let flags = element(&mut rest, order)?;
+        let class = order.u32(flags.bytes.get(..4)?.try_into().ok()?);
+        let dimensions = numbers(&element(&mut rest, order)?, order)?;
+        let count = dimensions.iter().try_fold(1_usize, |count, size| count.checked_mul(*size as usize))?;
+        let own = element(&mut rest, order)?;
+        let name = path.map_or_else(|| text(own.bytes), str::to_owned);
+        match class & 0xff {
+            STRUCTURE | CELL if depth < MOST_DEPTH => {
+                let fields = if class & 0xff == STRUCTURE { fields(&mut rest, order)? } else { vec![String::new()] };
+                self.take_parts(rest, order, &name, &fields, (count, depth + 1))
+            }
+            kind if !NUMERIC.contains(&kind) || class & COMPLEX != 0 => {
+                self.others.push(name);
+                Some(())
+            }
+            _ => {
+                let values = numbers(&element(&mut rest, order)?, order)?;
+                if count != values.len() {
+                    return None;
+                }
+                // Of more than two dimensions the last one is time.
+                let columns = dimensions.last().map_or(0, |columns| *columns as usize);
+                self.columns.extend(StoredColumn::of_matrix(&name, values, count.checked_div(columns).unwrap_or(0), columns));
+                Some(())
+            }
+        }
     }
-    let [rows, columns] = dimensions[..] else { return Some(Variable::Other(name)) };
-    let (rows, columns) = (rows as usize, columns as usize);
-    let values = numbers(&element(&mut rest, order)?, order)?;
-    if rows.checked_mul(columns)? != values.len() {
-        return None;
+
+    /// Takes in the parts of a structure, of an array of structures or of a cell by their paths: `a.b`, `a[2].b`, `a{2}`.
+    fn take_parts(
+        &mut self,
+        mut rest: &[u8],
+        order: Order,
+        name: &str,
+        fields: &[String],
+        (count, depth): (usize, usize),
+    ) -> Option<()> {
+        for k in 1..=count {
+            let (mut label, mut of_values) = (None, 0..0);
+            for field in fields {
+                let part = element(&mut rest, order)?;
+                let path = match (field.as_str(), count) {
+                    ("", _) => format!("{name}{{{k}}}"),
+                    (field, 1) => format!("{name}.{field}"),
+                    (field, _) => format!("{name}[{k}].{field}"),
+                };
+                if part.bytes.is_empty() {
+                    continue;
+                }
+                if field == "label" {
+                    label = characters(part.bytes, order);
+                }
+                let before = self.columns.len();
+                self.take(part.bytes, order, Some(&path), depth)?;
+                if field == "values" {
+                    of_values = before..self.columns.len();
+                }
+            }
+            // Simulink names the columns of `values` in a label beside them.
+            let labels = label.unwrap_or_default();
+            let labels: Vec<&str> = labels.split(',').map(|label| label.trim().trim_matches(['<', '>'])).collect();
+            if labels.len() == of_values.len() && labels.iter().all(|label| !label.is_empty()) {
+                for (column, label) in self.columns[of_values].iter_mut().zip(labels) {
+                    let stem = column.name.text.rfind(".values").map_or(0, |at| at + 1);
+                    column.name.text = format!("{}{label}", &column.name.text[..stem]);
+                }
+            }
+        }
+        Some(())
     }
-    Some(Variable::Columns(StoredColumn::of_matrix(&name, values, rows, columns)))
+}
+
+/// The names of the fields of a structure.
+fn fields(rest: &mut &[u8], order: Order) -> Option<Vec<String>> {
+    let length = numbers(&element(rest, order)?, order)?.first().map(|length| *length as usize)?;
+    let names = element(rest, order)?;
+    (length > 0).then(|| names.bytes.chunks(length).map(text).collect())
+}
+
+fn text(bytes: &[u8]) -> String {
+    let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+    String::from_utf8_lossy(&bytes[..end]).into()
+}
+
+/// The text of an array of characters.
+fn characters(mut rest: &[u8], order: Order) -> Option<String> {
+    for _ in 0..3 {
+        element(&mut rest, order)?;
+    }
+    let signs = element(&mut rest, order)?;
+    // UTF-8, or a number for every sign.
+    if signs.kind == 16 {
+        return Some(text(signs.bytes));
+    }
+    numbers(&signs, order)?.into_iter().map(|code| char::from_u32(code as u32)).collect()
 }
 
 /// Reads the numeric variables of a MAT-file; messages call it `path`.
@@ -135,7 +222,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
         Some(b"MI") => Order::Big,
         _ => return Err(cut()),
     };
-    let (mut columns, mut others, mut room) = (Vec::new(), Vec::new(), Room::new());
+    let (mut found, mut room) = (Found::default(), Room::new());
     loop {
         let mut tag = Vec::new();
         input.by_ref().take(8).read_to_end(&mut tag).map_err(io)?;
@@ -165,16 +252,13 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, 
             }
             _ => continue,
         };
-        match variable(&matrix, order).ok_or_else(cut)? {
-            Variable::Columns(own) => columns.extend(own),
-            Variable::Other(name) => others.push(name),
-        }
+        found.take(&matrix, order, None, 0).ok_or_else(cut)?;
     }
-    if columns.is_empty() {
-        let found = if others.is_empty() { String::new() } else { format!(", only {}", others.join(", ")) };
-        return Err(fault(format!("the MAT-file has no vectors of real numbers{found}")));
+    if found.columns.is_empty() {
+        let only = if found.others.is_empty() { String::new() } else { format!(", only {}", found.others.join(", ")) };
+        return Err(fault(format!("the MAT-file has no vectors of real numbers{only}")));
     }
-    Ok(Stored::new(path, columns))
+    Ok(Stored::new(path, found.columns))
 }
 
 #[cfg(test)]

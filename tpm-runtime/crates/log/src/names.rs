@@ -11,10 +11,26 @@ use crate::error::{Adjustment, LogError, UnitMismatch};
 use crate::options::{ReadingSettings, TIME, rate_of};
 use crate::paths;
 use crate::steps::Numbers;
+use tpm_report::Remedy;
 use crate::unit::{UnitFault, conversion, unit_of};
 
 /// Names of columns of time, in small letters, as English and other European programs write them.
-const TIMES: [&str; 10] = ["t", "time", "timestamp", "stamp", "datetime", "zeit", "temps", "tiempo", "tempo", "tijd"];
+const TIMES: [&str; 13] = [
+    "t", "time", "timestamp", "stamp", "datetime", "zeit", "zeitstempel", "uhrzeit", "temps", "tiempo", "tempo", "tijd", "x_value",
+];
+/// Names of columns of dates, which may have a time of day: the time where no column has a name of it.
+const DATES: [&str; 3] = ["date", "datum", "fecha"];
+/// Parts of names of columns that hold quantities of a unit, in small letters.
+const WORDS: [(&str, &[&str]); 8] = [
+    ("rad", &["angle", "pos", "theta", "phi", "winkel", "enc", "joint"]),
+    ("m", &["pos", "dist", "weg", "enc", "height"]),
+    ("rad/s", &["speed", "vel", "omega", "rate", "gyr", "drehzahl"]),
+    ("m/s", &["speed", "vel", "geschw"]),
+    ("V", &["volt", "pwm", "spannung", "drive", "cmd"]),
+    ("A", &["curr", "amp", "strom"]),
+    ("N", &["force", "load", "kraft"]),
+    ("N*m", &["torque", "tau", "effort", "moment", "curr"]),
+];
 /// Ends of the names of the two columns of a stamp, in small letters: seconds, and fractions with their size in seconds.
 const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "tv_sec"];
 const FRACTIONS: [(&str, f64); 8] = [
@@ -128,6 +144,8 @@ pub(super) struct Fitting<'a> {
 pub(super) struct Names<'a> {
     pub(super) path: &'a str,
     pub(super) header: &'a [ColumnName],
+    /// What the file is, for messages.
+    kind: String,
     /// Line of the header.
     pub(super) line: u64,
     /// Line of the units of the columns where they have a row of their own, otherwise that of the header.
@@ -138,7 +156,14 @@ pub(super) struct Names<'a> {
 impl<'a> Names<'a> {
     /// The columns of the file at `path`.
     pub(super) fn of(columns: &'a dyn Columns, path: &'a str, options: &'a ReadingSettings) -> Self {
-        Names { path, header: columns.header(), line: columns.header_line(), units_line: columns.units_line(), options }
+        Names {
+            path,
+            header: columns.header(),
+            kind: columns.kind(),
+            line: columns.header_line(),
+            units_line: columns.units_line(),
+            options,
+        }
     }
 }
 
@@ -148,6 +173,54 @@ impl Names<'_> {
     /// # Errors
     /// [`LogError`] for a column that is missing or ambiguous, a unit that is not converted, a setting of an unknown name.
     pub(super) fn settle(&self, signals: &[Signal], optional: &[Signal]) -> Result<Plan, LogError> {
+        self.settled(signals, optional).map_err(|fault| self.guessed(fault, signals))
+    }
+
+    /// A fault with the columns that may be meant by all signals that have none.
+    fn guessed(&self, mut fault: LogError, signals: &[Signal]) -> LogError {
+        if let LogError::MissingColumn { guess, .. } | LogError::AmbiguousColumn { guess, .. } = &mut fault {
+            let of_file = || self.of_file().map(|(index, column)| (index, column.text.as_str()));
+            let mut taken: Vec<usize> = Vec::new();
+            let mut columns = Vec::new();
+            let time = match self.time(&mut Vec::new()) {
+                Ok(Time::One { index, .. }) => Some(index),
+                Ok(_) => None,
+                Err(LogError::AmbiguousColumn { columns, .. }) => of_file().find(|(_, own)| columns.contains(&(*own).into())).map(|of| of.0),
+                Err(_) => of_file().find(|(_, own)| may_be_time(own)).map(|of| of.0),
+            };
+            let has_time = self.time(&mut Vec::new()).is_ok();
+            taken.extend(time);
+            if let Some(index) = time.filter(|_| !has_time) {
+                columns.push((TIME.to_owned(), self.header[index].text.clone()));
+            }
+            taken.extend(signals.iter().filter_map(|signal| Some(self.column(signal).ok()??.index)));
+            for signal in signals.iter().filter(|signal| !matches!(self.column(signal), Ok(Some(_)))) {
+                let wanted = self.wanted(&signal.name).to_lowercase();
+                let in_unit = |index: usize| {
+                    let (_, unit, bracketed) = split_unit(&self.header[index].text);
+                    let unit = self.stated(&Fitting { index, unit, bracketed });
+                    unit.zip(signal.unit.as_deref()).is_some_and(|((unit, _), own)| conversion(unit, own).is_ok())
+                };
+                let words = WORDS.iter().find(|(unit, _)| Some(*unit) == signal.unit.as_deref()).map_or(&[][..], |of| of.1);
+                let ways: [&dyn Fn(usize, &str) -> bool; 5] = [
+                    &|_, own| own == wanted,
+                    &|_, own| wanted.len() > 1 && own.contains(&wanted),
+                    &|index, _| in_unit(index),
+                    &|_, own| words.iter().any(|word| own.contains(word)),
+                    &|_, _| true,
+                ];
+                let free = || of_file().filter(|(index, own)| !taken.contains(index) && !may_be_time(own));
+                let found = ways.iter().find_map(|fits| free().find(|(index, own)| fits(*index, &own.to_lowercase())));
+                let found = found.map(|(index, own)| (index, own.to_owned()));
+                taken.extend(found.iter().map(|of| of.0));
+                columns.push((signal.name.clone(), found.map_or(String::new(), |of| of.1)));
+            }
+            **guess = Remedy::Columns { columns, timeless: time.is_none() && !has_time };
+        }
+        fault
+    }
+
+    fn settled(&self, signals: &[Signal], optional: &[Signal]) -> Result<Plan, LogError> {
         let names: Vec<String> = signals.iter().chain(optional).map(|signal| signal.name.clone()).collect();
         check_names(&names, self.options)?;
         let mut assumptions = Vec::new();
@@ -176,6 +249,10 @@ impl Names<'_> {
     /// # Errors
     /// [`LogError`] for a time that is missing or ambiguous, or a setting of an unknown name.
     pub(super) fn settle_all(&self) -> Result<(Plan, Vec<Signal>), LogError> {
+        self.settled_all().map_err(|fault| self.guessed(fault, &[]))
+    }
+
+    fn settled_all(&self) -> Result<(Plan, Vec<Signal>), LogError> {
         let names: Vec<String> = self.header.iter().map(|column| column.text.clone()).collect();
         let unknown = |adjustment: Adjustment, name: &String| LogError::UnknownColumn {
             adjustment,
@@ -233,7 +310,7 @@ impl Names<'_> {
     /// Whether there is a column of a coordinate's rate, and none of the coordinate.
     ///
     /// # Errors
-    /// [`LogError::AmbiguousColumn`], [`LogError::DuplicateColumn`].
+    /// [`LogError::AmbiguousColumn`].
     pub(super) fn has_rate_alone(&self, coordinate: &Signal, rate: &Signal) -> Result<bool, LogError> {
         let stated = self.options.map.contains_key(&coordinate.name);
         Ok(!stated && self.column(coordinate)?.is_none() && self.column(rate)?.is_some())
@@ -260,6 +337,8 @@ impl Names<'_> {
             column: column.into(),
             available: of_file.map(|column| column.text.clone()).collect(),
             rates,
+            kind: self.kind.clone(),
+            guess: Box::new(no_guess(signal)),
         }
     }
 
@@ -267,7 +346,14 @@ impl Names<'_> {
     pub(super) fn find(&self, wanted: &str, signal: &str, unit: Option<&str>) -> Result<Option<Fitting<'_>>, LogError> {
         let exact: Vec<usize> = self.indices(|column| column.text == wanted).collect();
         match exact[..] {
-            [index] => {
+            [index] if self.header[index].repeated && !self.options.map.contains_key(signal) => {
+                let numbered = |column: &&ColumnName| {
+                    let number = column.text.strip_prefix(wanted).and_then(|rest| rest.strip_prefix('.'));
+                    column.text == wanted || number.is_some_and(|number| number.parse::<usize>().is_ok())
+                };
+                Err(self.ambiguous(signal, self.header.iter().filter(numbered).map(|column| column.text.clone()).collect()))
+            }
+            [index, ..] => {
                 // The signal's own name holds no unit; the name of a column that was stated may.
                 let unitless = wanted == signal || self.header[index].computed;
                 let text = &self.header[index].text;
@@ -275,17 +361,14 @@ impl Names<'_> {
                 // A column that is called `rpm` is in revolutions per minute; single letters are names of many things.
                 let is_unit = |unit: &str| !unitless && text.len() > 1 && conversion(text, unit).is_ok();
                 let unit = own.or(unit.filter(|unit| is_unit(unit)).map(|_| text.as_str()));
-                return Ok(Some(Fitting { index, unit, bracketed }));
+                Ok(Some(Fitting { index, unit, bracketed }))
             }
-            [] => {}
-            _ => {
-                return Err(LogError::DuplicateColumn {
-                    path: self.path.into(),
-                    line: self.line,
-                    column: wanted.into(),
-                });
-            }
+            [] => self.with_unit(wanted, signal, unit),
         }
+    }
+
+    /// The only column that is called so with a unit.
+    fn with_unit(&self, wanted: &str, signal: &str, unit: Option<&str>) -> Result<Option<Fitting<'_>>, LogError> {
         let fitting = self.of_file().filter_map(|(index, column)| {
             let (base, unit, bracketed) = split_unit(&column.text);
             let fits = base == wanted && (bracketed || unit.is_some());
@@ -320,14 +403,16 @@ impl Names<'_> {
 
     fn only<'a>(&self, mut fitting: Vec<Fitting<'a>>, signal: &str) -> Result<Option<Fitting<'a>>, LogError> {
         if fitting.len() > 1 {
-            return Err(LogError::AmbiguousColumn {
-                path: self.path.into(),
-                line: self.line,
-                name: signal.into(),
-                columns: fitting.iter().map(|of| self.header[of.index].text.clone()).collect(),
-            });
+            let columns = fitting.iter().map(|of| self.header[of.index].text.clone()).collect();
+            return Err(self.ambiguous(signal, columns));
         }
         Ok(fitting.pop())
+    }
+
+    /// The fault of a signal for which several columns may be meant.
+    fn ambiguous(&self, signal: &str, columns: Vec<String>) -> LogError {
+        let guess = Box::new(no_guess(signal));
+        LogError::AmbiguousColumn { path: self.path.into(), line: self.line, name: signal.into(), columns, guess }
     }
 
     fn indices<'a>(&'a self, fits: impl Fn(&ColumnName) -> bool + 'a) -> impl Iterator<Item = usize> + 'a {
@@ -428,29 +513,13 @@ impl Names<'_> {
                 None => None,
             },
             None => {
-                let own = |column: &ColumnName| {
-                    let (base, unit, _) = split_unit(&column.text);
-                    let is =
-                        |name: &str| TIMES.iter().any(|time| time.eq_ignore_ascii_case(name.trim_start_matches('_')));
-                    let path = column.text.to_ascii_lowercase().replace(['/', '.'], "_");
-                    is(&column.text) || is(base) && unit.is_some_and(is_time) || path.ends_with("header_stamp")
-                };
                 let two = self.two(None)?;
                 let in_two = |index: usize| matches!(two, Some(Time::Two { seconds, fractions, .. }) if [seconds, fractions].contains(&index));
-                let fitting = self.indices(own).filter(|index| !in_two(*index)).map(|index| {
-                    let (_, unit, bracketed) = split_unit(&self.header[index].text);
-                    Fitting { index, unit, bracketed }
-                });
-                let found = self.only(fitting.collect(), TIME)?;
+                let found = self.named_time(&in_two)?;
                 match (found, two) {
                     (Some(one), Some(two)) => {
                         let columns = vec![self.header[one.index].text.clone(), pair_name(&two)];
-                        return Err(LogError::AmbiguousColumn {
-                            path: self.path.into(),
-                            line: self.line,
-                            name: TIME.into(),
-                            columns,
-                        });
+                        return Err(self.ambiguous(TIME, columns));
                     }
                     (None, Some(two)) => return Ok(self.said_two(two, scale, said)),
                     (found, None) => found,
@@ -491,6 +560,44 @@ impl Names<'_> {
             });
         }
         Ok(Time::One { index: found.index, column, factor, scaled: scale.is_some() })
+    }
+
+    /// The column of the time by its name or, failing that, by its first reading: a name of the time, one of a date, one of the time at the
+    /// end of a path, one that begins with the time and has its unit in it, at last a column of dates.
+    fn named_time(&self, is_taken: &dyn Fn(usize) -> bool) -> Result<Option<Fitting<'_>>, LogError> {
+        let last = |text: &str| text.rfind(['.', '/', ':']).map_or(0, |at| at + 1);
+        let is_date = |text: &str| DATES.iter().any(|date| date.eq_ignore_ascii_case(text));
+        let ways: [&dyn Fn(&ColumnName) -> bool; 5] = [
+            &|column| is_time_name(&column.text),
+            &|column| is_date(&column.text),
+            &|column| is_time_name(&column.text[last(&column.text)..]),
+            &|column| unit_within(&column.text).is_some(),
+            &|column| column.dated,
+        ];
+        for (way, fits) in ways.iter().enumerate() {
+            let mut found: Vec<usize> = self.indices(fits).filter(|index| !is_taken(*index)).collect();
+            if way == 4 {
+                found.truncate(1);
+            }
+            // Of the times of several records the one counts that the columns which were named belong to.
+            let own = |index: &usize| {
+                let text = &self.header[*index].text;
+                let record = &text[..last(text)];
+                self.options.map.values().all(|column| column.starts_with(record)) && !self.options.map.is_empty()
+            };
+            if found.len() > 1 && found.iter().filter(|index| own(index)).count() == 1 {
+                found.retain(own);
+            }
+            let fitting = found.into_iter().map(|index| {
+                let text = &self.header[index].text;
+                let (_, unit, bracketed) = split_unit(&text[last(text)..]);
+                Fitting { index, unit: unit.filter(|unit| is_time(unit)).or_else(|| unit_within(text)), bracketed }
+            });
+            if let Some(found) = self.only(fitting.collect(), TIME)? {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
     }
 
     fn said_two(&self, two: Time, scale: Option<f64>, said: &mut Vec<Assumption>) -> Time {
@@ -542,15 +649,38 @@ impl Names<'_> {
             }
         }
         if found.len() > 1 {
-            return Err(LogError::AmbiguousColumn {
-                path: self.path.into(),
-                line: self.line,
-                name: TIME.into(),
-                columns: found.iter().map(pair_name).collect(),
-            });
+            return Err(self.ambiguous(TIME, found.iter().map(pair_name).collect()));
         }
         Ok(found.pop())
     }
+}
+
+/// Whether a column of this name may be the time, for a guess that the user is asked about.
+fn may_be_time(text: &str) -> bool {
+    let small = text.to_lowercase();
+    is_time_name(text)
+        || ["time", "stamp", "zeit", "clock", "millis", "micros", "tick", "date", "uhr"].iter().any(|word| small.contains(word))
+        || ["ts", "ms", "sec", "secs", "seconds", "s"].contains(&small.as_str())
+}
+
+/// What is asked for a signal before anything is known of its column.
+fn no_guess(signal: &str) -> Remedy {
+    Remedy::Columns { columns: vec![(signal.into(), String::new())], timeless: false }
+}
+
+/// Whether a column of this name is the time: one of the words for it, with a unit or without.
+pub(super) fn is_time_name(text: &str) -> bool {
+    let (base, unit, _) = split_unit(text);
+    let is = |name: &str| TIMES.iter().any(|time| time.eq_ignore_ascii_case(name.trim_start_matches('_')));
+    let path = text.to_ascii_lowercase().replace(['/', '.'], "_");
+    is(text) || is(base) && unit.is_some_and(is_time) || path.ends_with("header_stamp")
+}
+
+/// The unit of time among the words of a name that begins with the time: `time_ms_since_boot`.
+fn unit_within(text: &str) -> Option<&str> {
+    let mut words = text.split(['_', ' ', '-']);
+    let begins = words.next().is_some_and(|word| word.len() > 1 && is_time_name(word));
+    words.find(|word| begins && is_time(word))
 }
 
 fn pair_name(time: &Time) -> String {

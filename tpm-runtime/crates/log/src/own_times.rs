@@ -3,14 +3,14 @@
 //! A row is a stamp at which any of the selected columns has a reading; the others have none there.
 
 use crate::assumption::Assumption;
-use crate::columns::{ColumnName, Columns};
+use crate::columns::{ColumnName, Columns, distinct};
 use crate::error::LogError;
 use crate::stamps::Resolution;
 
 /// Readings of one quantity, each with its stamp, in the order of the file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Timed {
-    pub(super) name: String,
+    pub(super) name: ColumnName,
     pub(super) readings: Vec<(f64, f64)>,
 }
 
@@ -26,27 +26,37 @@ pub(super) struct OwnTimes {
     delivered: Vec<usize>,
     row: u64,
     texts: Vec<f64>,
+    kind: &'static str,
 }
 
 impl OwnTimes {
     /// Columns with the name of their time.
     pub(super) fn new(columns: Vec<Timed>, time: ColumnName) -> Self {
-        let names = columns.iter().map(|column| ColumnName::new(&column.name));
+        let names = columns.iter().map(|column| column.name.clone());
+        let mut header: Vec<ColumnName> = [time].into_iter().chain(names).collect();
+        let repeated = distinct(&mut header);
         OwnTimes {
-            header: [time].into_iter().chain(names).collect(),
+            header,
             delivered: vec![0; columns.len()],
             columns,
             resolution: Resolution::default(),
-            assumptions: Vec::new(),
+            assumptions: repeated,
             wanted: Vec::new(),
             row: 0,
             texts: Vec::new(),
+            kind: "a table whose columns have times of their own",
         }
     }
 
     /// The columns of a text, with what is known of its stamps and was assumed of it.
     pub(super) fn of_text(self, resolution: Resolution, assumptions: Vec<Assumption>) -> Self {
+        let assumptions = assumptions.into_iter().chain(self.assumptions).collect();
         OwnTimes { resolution, assumptions, ..self }
+    }
+
+    /// The columns of a file that messages call so.
+    pub(super) fn of_kind(self, kind: &'static str) -> Self {
+        OwnTimes { kind, ..self }
     }
 
     /// The next reading of a column.
@@ -62,6 +72,10 @@ impl Columns for OwnTimes {
 
     fn header_line(&self) -> u64 {
         1
+    }
+
+    fn kind(&self) -> String {
+        self.kind.to_owned()
     }
 
     fn select(&mut self, wanted: &[usize]) {
@@ -116,7 +130,7 @@ mod tests {
 
     #[test]
     fn rows_are_the_stamps_of_the_selected_columns() {
-        let column = |name: &str, readings: &[(f64, f64)]| Timed { name: name.into(), readings: readings.to_vec() };
+        let column = |name: &str, readings: &[(f64, f64)]| Timed { name: ColumnName::new(name), readings: readings.to_vec() };
         let mut file = OwnTimes::new(
             vec![
                 column("a", &[(0.0, 1.0), (20.0, 2.0)]),

@@ -343,7 +343,7 @@ mod tests {
         assert!(fault(&with(5, "0.005,nan,1\n")).starts_with("run.csv:7: column `x` holds `nan`"));
         assert!(fault(&with(5, "0.005,1e999,1\n")).starts_with("run.csv:7: column `x`"));
         assert!(fault(&with(5, "0.005,,1\n")).starts_with("run.csv:7: column `x` is empty"));
-        assert!(fault(&with(5, "0.005,1\n")).starts_with("run.csv:7: 2 fields, the header has 3"));
+        assert!(fault(&with(5, "0.005,1,1,1\n")).starts_with("run.csv:7: 4 fields, the header has 3"));
         let message = fault(&with(5, "0.0052,1,1\n"));
         assert!(message.starts_with("run.csv:7: time advances by") && message.contains("20.0"), "{message}");
         // A dropped sample; then one that was written twice. A stamp that was not read again lies between its neighbours.
@@ -354,9 +354,9 @@ mod tests {
         let error =
             read(&text(good).replace("t_s,x,u", "t_s,y,u"), &ReadingSettings::default()).expect_err("no such column");
         assert!(format!("{error}").contains("no column `x`"), "{error}");
-        assert_eq!(error.remedy(), Some(Remedy::MapColumn { signal: "x".into() }));
+        assert_eq!(error.remedy(), Some(Remedy::Columns { columns: vec![("x".into(), "y".into())], timeless: false }));
         assert!(fault("t_s,x,u\n0,1,2\n").starts_with("run.csv:2: the log ends after 1 samples"));
-        assert!(fault("").contains("no column `t_s`"));
+        assert!(fault("").contains("no column is recognised as the time"));
         let message = fault(&text(|i| format!("{:.3},0.5,{i}\n", i as f64 * 1e-3)));
         assert!(message.starts_with("run.csv:2-41: column `x` is 0.5 throughout"), "{message}");
         let message = fault(&text(|i| format!("{:.6},{i},{i}\n", i as f64 * 1e-3 * (1.0 + 1e-3 * i as f64))));

@@ -210,10 +210,16 @@ fn factors_stand_in_place_of_units() {
     let mut options = ReadingSettings::default();
     options.scale.insert("t_s".into(), 1e-3);
     holds_samples(Style { head: "t_s,x,u\n", factors: [1e3, 1.0, 1.0], ..PLAIN }.text(40).as_bytes(), &options);
-    // Steps of 2 are milliseconds in any machine's log; steps of 100 may be microseconds too.
+    // Steps of two are seconds; where whole numbers differ by less than a step they are counts of something smaller.
     let whole = Style { head: "t,x,u\n", factors: [1e3, 1.0, 1.0], ..PLAIN };
-    let said = remarks(whole.text(40).as_bytes(), &ReadingSettings::default());
-    assert!(said[0].contains("`t`, which states no unit: read as ms"), "{said:?}");
+    let recording = read(whole.text(40).as_bytes(), &ReadingSettings::default()).expect("seconds");
+    assert_eq!(recording.segments[0].sample_time, 2.0);
+    let said = recording.report.remarks();
+    assert!(said[0].contains("`t`, which states no unit: read as s by its steps"), "{said:?}");
+    let counted = |i: usize| format!("{},{},{}\n", 10 * i + i % 3 % 2, (0.1 * i as f64).sin(), i % 7);
+    let text = String::from("t,x,u\n") + &(0..400).map(counted).collect::<String>();
+    let said = read(text.as_bytes(), &ReadingSettings::default()).expect("milliseconds").report.remarks();
+    assert!(said[0].contains("`t`, which states no unit: read as ms by its steps"), "{said:?}");
     let doubtful = Style { factors: [5e4, 1.0, 1.0], ..whole };
     let error =
         read(doubtful.text(40).as_bytes(), &ReadingSettings::default()).expect_err("microseconds or milliseconds");
@@ -255,7 +261,7 @@ fn nothing_is_guessed_where_several_columns_may_be_meant() {
     for (head, parts) in [
         ("t_s,x [mm],x_cm,u", vec!["`x` may be `x [mm]` or `x_cm`"]),
         ("time,timestamp,x,u", vec!["`t_s` may be `time` or `timestamp`"]),
-        ("t_s,x,x,u", vec!["`x` occurs twice"]),
+        ("t_s,x,x,u", vec!["`x` may be `x` or `x.2`"]),
         ("t_s,y,z,u", vec!["no column `x`", "t_s, y, z, u; name the right one"]),
         ("t_s,v [mm/s],w_rad,u", vec!["or that of its rate, `dot(x)`, which `v [mm/s]` may be"]),
     ] {
@@ -356,8 +362,8 @@ fn uneven_stamps_are_told_from_uneven_readings() {
 #[test]
 fn faults_name_place_and_remedy() {
     for (text, parts) in [
-        ("", vec!["run.csv:1: there is no column `t_s`", "has no columns"]),
-        ("\n\n\n", vec!["no column `t_s`"]),
+        ("", vec!["run.csv:1: no column is recognised as the time; the file is a table of text", "has no columns"]),
+        ("\n\n\n", vec!["no column is recognised as the time"]),
         ("t_s,x,u\n", vec!["run.csv:1: the log ends after 0 samples"]),
         ("t_s\n0\n1\n2\n", vec!["no column `x`"]),
         ("t_s,x,u\n0,1,off\n", vec!["run.csv:2: column `u` holds `off`"]),
@@ -365,7 +371,7 @@ fn faults_name_place_and_remedy() {
         ("t_s,x,u\ns,kg,N\n0,1,2\n", vec!["run.csv:2: column `x` is in `kg`", "different quantities", "factor"]),
         ("t_s;x;u\n0;1,5;2\n1;2,5;3\n2;2.5;3\n", vec!["run.csv:4: column `x` holds `2.5`", "comma before"]),
         ("t_s,x,u\n0,1,2\n1,\u{0}2,3\n", vec!["run.csv:3: the text holds a byte of value zero"]),
-        ("just a text\nof two lines\n", vec!["no column `t_s`"]),
+        ("just a text\nof two lines\n", vec!["no column is recognised as the time"]),
         ("t_s;x;u\n0;1.234,5;2\n1;2,5;3\n2;2,5;3\n", vec!["run.csv:2: column `x` holds `1.234,5`"]),
         ("\u{1}\u{2}\u{3}\u{4}", vec!["run.csv: the file is no text"]),
     ] {

@@ -59,7 +59,8 @@ fn a_table_without_time_is_read_with_its_sample_time() {
     assert!((recording.report.segments[1].start - 0.302).abs() < 1e-12);
     // Without it the error names the setting.
     let error = read(&text, &ReadingSettings::default()).expect_err("no time");
-    assert_eq!(error.remedy(), Some(tpm_report::Remedy::Time), "{error}");
+    let remedy = tpm_report::Remedy::Columns { columns: Vec::new(), timeless: true };
+    assert_eq!(error.remedy(), Some(remedy), "{error}");
     for seconds in [0.0, -0.1, f64::NAN, f64::INFINITY] {
         let options = ReadingSettings { sample_time: Some(seconds), ..ReadingSettings::default() };
         assert!(matches!(read(&text, &options), Err(LogError::SampleTime { .. })), "{seconds}");
@@ -107,8 +108,8 @@ fn lines_of_a_console_are_left_out() {
         let said = Assumption::TextBetweenRows { count: 1, first: 202 };
         assert!(recording.report.assumptions.contains(&said), "{between}: {:?}", recording.report);
     }
-    // A row that lacks a field, one with a letter in a number and the header of another table are no text.
-    for (row, fault) in [("0.4,1", "2 fields"), ("0.4,1o,2", "`1o`"), ("t_s,u,x", "`t_s`")] {
+    // A row with a field too many, one with a letter in a number and the header of another table are no text.
+    for (row, fault) in [("0.4,1,2,3", "4 fields"), ("0.4,1o,2", "`1o`"), ("t_s,u,x", "`t_s`")] {
         let mut lines: Vec<String> = table("t_s,x,u", plain).lines().map(str::to_owned).collect();
         lines.insert(201, row.to_owned());
         let error = read(&(lines.join("\n") + "\n"), &options).expect_err(row);
@@ -117,16 +118,28 @@ fn lines_of_a_console_are_left_out() {
 }
 
 #[test]
+fn rows_that_go_on_with_fewer_fields_have_blanks_at_the_end() {
+    let text = table("t_s,x,u,slow", |i, x, u| match i {
+        0..100 => format!("{},{i}", plain(i, x, u)),
+        // A row that lost a field among the others may have lost any.
+        300 => format!("{},{x}", 0.002 * i as f64),
+        _ => plain(i, x, u),
+    });
+    let recording = read(&text, &ReadingSettings::default()).expect("sound");
+    holds(&recording, &[(0, 100), (101, 300), (301, ROWS)]);
+    let said = Assumption::ShortRows { count: ROWS as u64 - 100, first: 102 };
+    assert!(recording.report.assumptions.contains(&said), "{:?}", recording.report);
+}
+
+#[test]
 fn a_last_row_that_lacks_fields_was_cut_off() {
     for end in ["0.4,1.2", "0.4,1.2\n", "0.4,1.2\n\n", "0.4\n# stopped\n"] {
         let recording = read(&(table("t_s,x,u", plain) + end), &ReadingSettings::default()).expect(end);
         holds(&recording, &[(0, ROWS)]);
         let line = ROWS as u64 + 2;
-        assert!(
-            recording.report.assumptions.contains(&Assumption::CutLine { line }),
-            "{end:?}: {:?}",
-            recording.report
-        );
+        let said = [Assumption::CutLine { line }, Assumption::ShortRows { count: 1, first: line }];
+        let all = &recording.report.assumptions;
+        assert_eq!(all.iter().filter(|of| said.contains(of)).count(), 1, "{end:?}: {:?}", recording.report);
     }
 }
 

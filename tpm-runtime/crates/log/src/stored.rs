@@ -1,7 +1,7 @@
 //! Columns that a reader holds in memory.
 
 use crate::assumption::Assumption;
-use crate::columns::{ColumnName, Columns};
+use crate::columns::{ColumnName, Columns, distinct};
 use crate::error::LogError;
 use std::borrow::Cow;
 
@@ -54,13 +54,15 @@ pub(super) struct Stored<'a> {
     assumptions: Vec<Assumption>,
     wanted: Vec<usize>,
     row: usize,
+    kind: &'static str,
 }
 
 impl<'a> Stored<'a> {
     /// The columns of a file, which messages call `path`.
     pub(super) fn new(path: &str, columns: Vec<StoredColumn<'a>>) -> Self {
-        let header = columns.iter().map(|column| column.name.clone()).collect();
-        Stored { path: path.into(), header, columns, assumptions: Vec::new(), wanted: Vec::new(), row: 0 }
+        let mut header: Vec<ColumnName> = columns.iter().map(|column| column.name.clone()).collect();
+        let assumptions = distinct(&mut header);
+        Stored { path: path.into(), header, columns, assumptions, wanted: Vec::new(), row: 0, kind: "a table" }
     }
 
     /// The columns of a file that names none of them: they are called by their number.
@@ -70,6 +72,11 @@ impl<'a> Stored<'a> {
         }
         let assumptions = vec![Assumption::NumberedColumns { columns: columns.len() }];
         Stored { assumptions, ..Stored::new(path, columns) }
+    }
+
+    /// The columns of a file that messages call so.
+    pub(super) fn of_kind(self, kind: &'static str) -> Self {
+        Stored { kind, ..self }
     }
 
     /// Whether the selected columns are of one length.
@@ -100,6 +107,10 @@ impl Columns for Stored<'_> {
 
     fn header_line(&self) -> u64 {
         1
+    }
+
+    fn kind(&self) -> String {
+        self.kind.to_owned()
     }
 
     fn select(&mut self, wanted: &[usize]) {

@@ -19,9 +19,14 @@ pub(super) const LEAST_SAMPLES: usize = 16;
 /// As seconds such stamps would lie thousands of years ahead.
 const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3)];
 
-/// Range of plausible sample times of machines, s. A column of time without a unit is taken to be in the unit that puts
-/// its steps into this range, if there is only one such unit. Steps below one are seconds.
+/// Range of plausible sample times of machines, s. Stamps that count small units are taken to be in the unit that puts their steps into this
+/// range, if there is only one such unit.
 const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
+/// Step from which on a time without a unit is not taken for seconds.
+const LONGEST_STEP: f64 = 100.0;
+/// Stamps count small units where one step in so many differs from the others, and so many at least.
+const LEAST_JITTER_SHARE: usize = 100;
+const LEAST_JITTERS: usize = 3;
 
 /// Largest magnitude of a reading, in the model's unit. Products of squares of larger readings would overflow.
 const LARGEST_READING: f64 = 1e100;
@@ -476,10 +481,11 @@ impl Table {
         let plausible =
             |(_, _, factor): &&(f64, &str, f64)| step * factor >= SAMPLE_TIMES.0 && step * factor <= SAMPLE_TIMES.1;
         let mut candidates = EPOCHS.iter().filter(plausible);
+        // A clock that counts small units is read when a row is written, so that its steps differ by a few counts.
         let (unit, factor) = match (epoch, candidates.next(), candidates.next()) {
             (Some((_, unit, factor)), ..) => (*unit, *factor),
-            _ if step < 1.0 => ("s", 1.0),
-            (None, Some((_, unit, factor)), None) => (*unit, *factor),
+            (None, Some((_, unit, factor)), None) if self.is_counted(step) => (*unit, *factor),
+            _ if step < LONGEST_STEP && !self.is_counted(step) => ("s", 1.0),
             _ => {
                 return Err(LogError::TimeUnit {
                     path: self.path.clone(),
@@ -492,6 +498,14 @@ impl Table {
         self.factor = factor;
         self.assumptions.push(Assumption::Time { column: index_name.clone(), unit: unit.to_owned(), stated: false });
         Ok(())
+    }
+
+    /// Whether stamps are whole numbers whose steps differ by less than one of them: those of a clock that counts small units. Of steps of a
+    /// few seconds none would.
+    fn is_counted(&self, step: f64) -> bool {
+        let differs = |pair: &&[f64]| (0.5..0.5 * step).contains(&((pair[1] - pair[0]) - step).abs());
+        let many = (1 + self.time.len() / LEAST_JITTER_SHARE).max(LEAST_JITTERS);
+        self.time.iter().all(|stamp| stamp.fract() == 0.0) && self.time.windows(2).filter(differs).take(many).count() == many
     }
 
     /// Dates are seconds, whatever the name of their column says.

@@ -125,7 +125,7 @@ impl Log {
             let key = (name.clone(), list.then_some(place));
             let at = *self.index.entry(key).or_insert_with(|| {
                 let name = if list { format!("{name}[{}]", place + 1) } else { name.clone() };
-                self.columns.push(Timed { name, readings: Vec::new() });
+                self.columns.push(Timed { name: ColumnName::new(name), readings: Vec::new() });
                 self.columns.len() - 1
             });
             self.columns[at].readings.push((stamp, kind.number(bytes)?));

@@ -15,8 +15,14 @@ pub enum Remedy {
         /// The signal, as the model names it.
         signal: String,
     },
-    /// Name the column of the time, or state the time from row to row of a file that has none.
-    Time,
+    /// Name the columns of signals: those of the file that fit best, by their names and units.
+    Columns {
+        /// Every signal that has none yet, as the model names it (`t_s` for the time), and the column that may be meant; an empty
+        /// name where none is left.
+        columns: Vec<(String, String)>,
+        /// Whether the time from row to row has to be stated, since no column may be the time.
+        timeless: bool,
+    },
     /// Name the columns of the file in which these signals of the model stand.
     MapColumns {
         /// The signals, as the model names them.
