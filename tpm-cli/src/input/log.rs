@@ -29,17 +29,17 @@ pub(crate) fn hold() -> impl TypedValueParser<Value = Hold> {
 #[derive(clap::Args)]
 pub(crate) struct ColumnArgs {
     /// Column of a coordinate or input (or of t_s) that is named otherwise in the log, or an expression over columns.
-    #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
+    #[arg(long, value_name = "NAME=COLUMN", value_parser = assignment)]
     map: Vec<(String, String)>,
     /// Factor from a column's numbers (or those of t_s) to the model's unit, such as pi/180 or 2*pi/4096; a unit in the header is then
     /// not converted.
-    #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = factor_assignment)]
+    #[arg(long, value_name = "NAME=FACTOR", value_parser = factor_assignment)]
     scale: Vec<(String, f64)>,
     /// Added to a column after its factor; a number or an expression such as -pi.
-    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = factor_assignment)]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = factor_assignment)]
     offset: Vec<(String, f64)>,
     /// Time from row to row, of a log without a column of time.
-    #[arg(long, value_name = "SECONDS", requires = "log")]
+    #[arg(long, value_name = "SECONDS")]
     sample_time: Option<f64>,
 }
 
@@ -49,6 +49,23 @@ impl ColumnArgs {
         let mut request = LogRequest::new(path);
         request.reading.columns = self.settings()?;
         Ok(request)
+    }
+
+    /// The options as they are typed.
+    pub(crate) fn typed(&self) -> Vec<String> {
+        let factor = |flag: &str, of: &(String, f64)| [flag.to_owned(), format!("{}={}", of.0, of.1)];
+        let map = self.map.iter().flat_map(|(name, column)| ["--map".to_owned(), format!("{name}={column}")]);
+        let scale = self.scale.iter().flat_map(|of| factor("--scale", of));
+        let offset = self.offset.iter().flat_map(|of| factor("--offset", of));
+        let time = self.sample_time.iter().flat_map(|time| ["--sample-time".to_owned(), time.to_string()]);
+        map.chain(scale).chain(offset).chain(time).collect()
+    }
+
+    /// Refuses these options where no log is read.
+    pub(crate) fn needs_log(&self) -> Result<(), Failure> {
+        self.typed().first().map_or(Ok(()), |flag| {
+            Err(Failure::Input(format!("{flag} is about the columns of a log; name the log (`--log LOG`)")))
+        })
     }
 
     /// How its columns become signals.
@@ -67,7 +84,7 @@ impl ColumnArgs {
 #[derive(clap::Args)]
 pub(crate) struct LogArgs {
     #[command(flatten)]
-    columns: ColumnArgs,
+    pub(crate) columns: ColumnArgs,
     /// First sample to use, from 0; found when not given.
     #[arg(long, value_name = "N", requires = "log")]
     from_sample: Option<usize>,

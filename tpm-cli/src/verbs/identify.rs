@@ -124,7 +124,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let logs: Vec<&PathBuf> = args.flagged.iter().chain(&args.behind).collect();
     match logs.as_slice() {
         [] if is_log(&args.file) => propose(args),
-        [] => simulated(args),
+        [] => {
+            args.reading.columns.needs_log()?;
+            simulated(args)
+        }
         paths => {
             let simulated = &args.simulated;
             if simulated.experiment.is_some() || simulated.pattern.is_some() || !simulated.set.is_empty() {
@@ -195,13 +198,19 @@ fn command(step: Step, model: &Path, result: Option<&Path>) -> Option<String> {
 /// Whether a file in the model's place is a log: neither its name nor its text is that of another kind of file.
 fn is_log(path: &Path) -> bool {
     let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
-    if extension.is_some_and(|extension| ["tpm", "toml", "json", "urdf", "xml"].contains(&extension.as_str())) {
+    if extension.is_some_and(|extension| ["tpm", "toml", "urdf", "xml"].contains(&extension.as_str())) {
         return false;
     }
     // A model may have any name. What is no text, such as MAT or Parquet, is none. Pipes can be read but once.
     let mut head = Vec::new();
     let mut read = || std::fs::File::open(path).and_then(|file| file.take(MOST_HEAD_BYTES).read_to_end(&mut head));
-    path.is_file() && read().is_ok() && !String::from_utf8_lossy(&head).lines().any(declares_model)
+    if !path.is_file() || read().is_err() {
+        return false;
+    }
+    // What this program writes in JSON says so at its beginning.
+    let text = String::from_utf8_lossy(&head);
+    let is_own = text.trim_start().starts_with('{') && text.contains("\"schema\"") && text.contains("\"tpm.");
+    !is_own && !text.lines().any(declares_model)
 }
 
 /// Whether a line of a file begins a model: `model Name`, with or without the bracket.
@@ -220,7 +229,7 @@ fn propose(args: &Args) -> Outcome {
     }
     let found = inspect(args.reading.request_without_model(&args.file)?)?;
     let fitting = proposals(&found);
-    file::emit(args.output.as_deref(), &templates::shown(&found, &fitting, &args.file))?;
+    file::emit(args.output.as_deref(), &templates::shown(&found, &fitting, &args.file, &args.reading.columns.typed()))?;
     let next = if fitting.is_empty() {
         "no template fits these columns; `tpm init NAME` writes a model to change, whose signals --map takes from columns"
     } else {

@@ -1,6 +1,7 @@
 //! `tpm init`: a commented model with an experiment that run as they are, to be changed into one's own.
 
 use crate::failure::{Failure, Outcome};
+use crate::input::log::ColumnArgs;
 use crate::output::file;
 use crate::render::{quoted, templates};
 use crate::verbs::import;
@@ -16,6 +17,8 @@ pub(crate) struct Args {
     /// Begin with this log: its columns stand in the model's comments, and the command that identifies from it is printed.
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     log: Option<PathBuf>,
+    #[command(flatten)]
+    columns: ColumnArgs,
     /// The machine that the log is of; the template that fits the columns best when not given (`tpm identify LOG` shows all that fit).
     #[arg(long, value_enum, requires = "log")]
     template: Option<TemplateChoice>,
@@ -59,6 +62,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     let experiment = target.with_extension("toml");
     let model = MODEL.replace("ModelName", &camel(&stem));
+    if args.log.is_none() {
+        args.columns.needs_log()?;
+    }
     match (&args.from, &args.log) {
         (Some(description), _) => {
             begin(&import::files(description, &target)?)?;
@@ -73,9 +79,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
             ))
         }
         (None, Some(log)) => {
-            let found = inspect(log.as_path())?;
+            let found = inspect(args.columns.request(log)?)?;
             let proposal = proposal(&found, args.template)?;
-            let command = templates::identify(&proposal, &target, log);
+            let command = templates::identify(&proposal, &target, log, &args.columns.typed());
             let columns: Vec<&str> = found.channels.iter().map(|channel| channel.name.as_str()).collect();
             let head = [
                 format!("Columns of {}: {}.", log.display(), columns.join(", ")),

@@ -32,6 +32,9 @@ pub(crate) struct MachineArgs {
 
 /// Runs the command; nothing where no log is to be held against a result.
 pub(crate) fn run(model: &Path, args: &MachineArgs) -> Option<Outcome> {
+    if let (None, Err(failure)) = (&args.log, args.reading.columns.needs_log()) {
+        return Some(Err(failure));
+    }
     let (log, earlier) = (args.log.as_deref()?, args.against.as_deref()?);
     Some(held_against(model, args, log, earlier))
 }

@@ -211,17 +211,29 @@ impl fmt::Display for Assumption {
                 "{count} lines are text between rows, the first is line {first}; they are left out, and the record is split there"
             ),
             Assumption::ShortRows { count: 1, first } => {
-                write!(f, "line {first} has fewer fields than the header; it is left out, and the record is split there")
+                write!(
+                    f,
+                    "line {first} has fewer fields than the header; it is left out, and the record is split there"
+                )
             }
             Assumption::ShortRows { count, first } => write!(
                 f,
                 "{count} rows have fewer fields than the header, the first is line {first}: in rows that go on so the last columns are blank, others are left out, and the record is split there"
             ),
+            Assumption::NotRead { recorder, count: 1, first } => {
+                write!(f, "line {first} is not read: it has no form that {recorder} has")
+            }
             Assumption::NotRead { recorder, count, first } => {
-                write!(f, "{count} of the lines are not read, the first is line {first}: they are of no form that {recorder} has")
+                write!(
+                    f,
+                    "{count} lines are not read, the first is line {first}: they have no form that {recorder} has"
+                )
             }
             Assumption::RepeatedName { column, count } => {
-                write!(f, "{count} columns are called `{column}`; from left to right they are `{column}`, `{column}.2`")?;
+                write!(
+                    f,
+                    "{count} columns are called `{column}`; from left to right they are `{column}`, `{column}.2`"
+                )?;
                 if *count > 2 { write!(f, " up to `{column}.{count}`") } else { Ok(()) }
             }
             Assumption::Dates { column } => {
@@ -251,7 +263,10 @@ impl fmt::Display for Assumption {
             ),
             Assumption::Time { column, unit, stated: true } => write!(f, "time is column `{column}` in {unit}"),
             Assumption::Time { column, unit, stated: false } => {
-                write!(f, "time is column `{column}`, which states no unit: read as {unit} by its steps; if it is in another, state the factor to seconds")
+                write!(
+                    f,
+                    "time is column `{column}`, which states no unit: read as {unit} by its steps; if it is in another, state the factor to seconds"
+                )
             }
             Assumption::OwnTimes { reference, held } => {
                 write!(f, "columns have times of their own: rows are those of `{reference}`, ")?;

@@ -16,8 +16,8 @@ pub(super) struct ColumnName {
     pub(super) computed: bool,
     /// Whether several columns of the file have the name, which a number tells apart.
     pub(super) repeated: bool,
-    /// Whether the first reading is a date with a time of day.
-    pub(super) dated: bool,
+    /// Whether the column is the time by its place or its readings, which are dates, whatever its name is.
+    pub(super) is_time: bool,
 }
 
 impl ColumnName {

@@ -274,6 +274,14 @@ impl<R: Read> Csv<R> {
         is_text
     }
 
+    /// Whether no row follows the last line, whose text is given up.
+    fn nothing_follows(&mut self) -> Result<bool, LogError> {
+        self.last = 0..0;
+        let end = self.lines.terminator;
+        let rest = self.lines.fill(HEAD_BYTES).map_err(|source| LogError::Io { path: self.path.clone(), source })?;
+        Ok(rest.split(|byte| *byte == end).all(|line| line.trim_ascii().is_empty() || is_comment(line)))
+    }
+
     /// Whether a text is a number with another decimal sign than the numbers before.
     fn has_other_sign(&self, text: &str) -> bool {
         let other = match self.dialect.decimal {
@@ -400,6 +408,10 @@ impl<R: Read> Columns for Csv<R> {
                         found: found as u64,
                         expected: columns as u64,
                     });
+                }
+                if self.short_fields == [None; 2] && self.nothing_follows()? {
+                    self.cut = Some(self.line);
+                    return Ok(None);
                 }
                 // Where rows go on with fewer fields, columns have ended. One alone has lost something, nobody knows where.
                 self.short = (self.short.0 + 1, if self.short.0 == 0 { self.line } else { self.short.1 });

@@ -286,7 +286,7 @@ impl Dialect {
         if let Some((_, first)) = text.get(data_at) {
             split(first, separator, &mut places);
             for (column, &(from, to)) in header.iter_mut().zip(&places) {
-                column.dated = Date::of(&first[from as usize..to as usize]).is_some();
+                column.is_time = Date::of(&first[from as usize..to as usize]).is_some();
             }
         }
         // 5. The decimal sign is decided by the first fraction; whole numbers leave it open.

@@ -47,7 +47,8 @@ enum Mark {
 }
 
 const SAVE: &str = "save the table as UTF-8 text in columns (CSV)";
-const MESSAGES: &str = "write the messages that are needed as CSV: `mavlogdump.py --format csv --types ATT FILE > run.csv`";
+const MESSAGES: &str =
+    "write the messages that are needed as CSV: `mavlogdump.py --format csv --types ATT FILE > run.csv`";
 
 /// The remedy where a format is not built in.
 #[cfg(not(all(feature = "mcap", feature = "parquet")))]
@@ -108,7 +109,9 @@ const KNOWN: [(Mark, Format); 41] = {
         (Bytes(b"\xfe\xff"), Other("the text is UTF-16", UTF16)),
         (Lines(is_candump), Other("the file is a log of candump: raw frames of a CAN bus", DECODE)),
         (
-            Lines(|lines| matches!(lines, [first, second, ..] if first.starts_with("date ") && second.starts_with("base "))),
+            Lines(
+                |lines| matches!(lines, [first, second, ..] if first.starts_with("date ") && second.starts_with("base ")),
+            ),
             Other("the file is a log of Vector (ASC): raw frames of a bus", DECODE),
         ),
         (
@@ -116,7 +119,9 @@ const KNOWN: [(Mark, Format); 41] = {
             Other("the file is a trace of PEAK (TRC): raw frames of a CAN bus", DECODE),
         ),
         (
-            Lines(|lines| lines.first().is_some_and(|line| line.contains(": ") && line.contains(" {") && line.contains(" : "))),
+            Lines(|lines| {
+                lines.first().is_some_and(|line| line.contains(": ") && line.contains(" {") && line.contains(" : "))
+            }),
             Other("the file is what mavlogdump prints of a log of ArduPilot", MESSAGES),
         ),
         (
@@ -124,7 +129,10 @@ const KNOWN: [(Mark, Format); 41] = {
             Other("the file is a blackbox log of Betaflight", "write it as CSV: `blackbox_decode FILE`"),
         ),
         (
-            Lines(|lines| lines.first() == Some(&"header:") && lines.contains(&"---") || lines.starts_with(&["header:", "  seq:"])),
+            Lines(|lines| {
+                lines.first() == Some(&"header:") && lines.contains(&"---")
+                    || lines.get(1).is_some_and(|line| line.starts_with("  seq:")) && lines[0] == "header:"
+            }),
             Other("the file is what ROS prints of a topic", "print it as CSV: `ros2 topic echo --csv TOPIC > run.csv`"),
         ),
         (
@@ -222,7 +230,9 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
         Format::Sqlite => Ok(Box::new(rosbag::read(lines.into_rest(), path)?.of_kind("a ROS 2 bag of joint states"))),
         Format::Mat => Ok(Box::new(crate::mat::read(lines.into_rest(), path)?.of_kind("a MAT-file"))),
         #[cfg(feature = "mcap")]
-        Format::Mcap => Ok(Box::new(crate::mcap::read(lines.into_rest(), path)?.of_kind("an MCAP file of joint states"))),
+        Format::Mcap => {
+            Ok(Box::new(crate::mcap::read(lines.into_rest(), path)?.of_kind("an MCAP file of joint states")))
+        }
         #[cfg(not(feature = "mcap"))]
         Format::Mcap => Err(without(path, "MCAP", "mcap", SAVE_CSV)),
         #[cfg(feature = "parquet")]
@@ -230,7 +240,9 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
         #[cfg(not(feature = "parquet"))]
         Format::Parquet => Err(without(path, "Parquet", "parquet", SAVE_CSV)),
         #[cfg(feature = "mat73")]
-        Format::Hdf5 => Ok(Box::new(crate::mat73::read(lines.into_rest(), path)?.of_kind("a MAT-file of MATLAB 7.3, or HDF5"))),
+        Format::Hdf5 => {
+            Ok(Box::new(crate::mat73::read(lines.into_rest(), path)?.of_kind("a MAT-file of MATLAB 7.3, or HDF5")))
+        }
         #[cfg(not(feature = "mat73"))]
         Format::Hdf5 => Err(without(path, "HDF5, such as a MAT-file of MATLAB 7.3", "mat73", RESAVE)),
         Format::Other(what, remedy) => match lone_zero(head) {
@@ -279,5 +291,27 @@ mod tests {
         assert_eq!(Format::of(b"\x93NUMPY\x01\x00"), Format::Npy);
         assert_eq!(Format::of(b"{\"t\": [0, 1]}"), Format::Json);
         assert!(matches!(Format::of(b"ULog\x01\x12\x35\x01"), Format::Other("the file is a ULog of PX4", _)));
+        for (text, part) in [
+            ("(1700000000.000000) can0 201#0011AABB\n(1700000000.010000) can0 201#0011\n", "candump"),
+            ("(1700000000.000000) vcan1 18FEF100##1AABB\n", "candump"),
+            ("  can0  201   [4]  00 11 22 33\n  can0  1F0   [0]\n", "candump"),
+            (" (010.5)  can0  201   [4]  00 11 22 33\n", "candump"),
+            ("date Mon Jan 1 10:00:00 2024\nbase hex  timestamps absolute\n", "Vector"),
+            (";$FILEVERSION=1.1\n;\n", "PEAK"),
+            ("2024-01-01 10:00:00.00: ATT {TimeUS : 1, Roll : 0.5}\n", "mavlogdump"),
+            ("header:\n  seq: 1\n", "ROS"),
+        ] {
+            assert!(matches!(Format::of(text.as_bytes()), Format::Other(what, _) if what.contains(part)), "{text}");
+        }
+        for text in ["Name,Value\na,1\n", "Name;x\nCart;1\n", "can0,201\n1,2\n", "t,FMT\n1,2\n", "key,value\n1,2\n"] {
+            assert_eq!(Format::of(text.as_bytes()), Format::Text, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_format_that_is_not_read_says_a_command_for_the_file() {
+        let error =
+            super::open_columns(&b"ULog\x01\x12\x35\x01"[..], "my run.ulg").err().expect("not read").to_string();
+        assert_eq!(error, "my run.ulg: the file is a ULog of PX4; convert it to CSV: `ulog2csv 'my run.ulg'`");
     }
 }

@@ -142,10 +142,13 @@ impl Records {
         let runs = runs.into_iter().map(|(_, column)| column);
         // A number of a run is a setting, not a signal.
         let of_rows = if runs.len() > 0 && rows < LEAST_SAMPLES { Vec::new() } else { self.columns };
-        of_rows.into_iter().map(move |(path, mut readings)| {
-            readings.values.resize(rows, f64::NAN);
-            readings.column(joined(&prefix, &path))
-        }).chain(runs)
+        of_rows
+            .into_iter()
+            .map(move |(path, mut readings)| {
+                readings.values.resize(rows, f64::NAN);
+                readings.column(joined(&prefix, &path))
+            })
+            .chain(runs)
     }
 }
 
@@ -432,6 +435,46 @@ mod tests {
             rows.push(values.clone());
         }
         (names, rows)
+    }
+
+    #[test]
+    fn records_with_lists_longer_than_their_number_are_runs() {
+        let (names, rows) =
+            table(r#"{"rate": 50, "data": [{"kind": "step", "k": 2, "u": [0, 1, 2], "x": [3, 4, 5]}]}"#);
+        assert_eq!((names, rows.len()), (vec!["data.u".to_owned(), "data.x".into()], 3));
+        let text = r#"{"data": [{"u": [0, 1], "x": [3, 4]}, {"u": [0, 1, 2], "x": [3, 4, 5]}]}"#;
+        let file = read(text.as_bytes(), "run.json").expect("sound");
+        let names: Vec<&str> = file.header().iter().map(|column| column.text.as_str()).collect();
+        assert_eq!(names, ["data[1].u", "data[1].x", "data[2].u", "data[2].x"]);
+        // Joints of a robot are numbers of a row.
+        let rows: String = (0..20).map(|k| format!(r#"{{"t": {k}, "q": [1, {k}, 3], "v": []}},"#)).collect();
+        let (names, rows) = table(&format!("[{}]", rows.trim_end_matches(',')));
+        assert_eq!((names.join(" "), rows[4].clone()), ("t q[1] q[2] q[3]".to_owned(), vec![4.0, 1.0, 4.0, 3.0]));
+    }
+
+    #[test]
+    fn the_time_of_records_is_the_one_beside_what_is_named() {
+        use crate::{ReadingSettings, Recording};
+        use tpm_test_support::models::MassSpringDrag;
+        let record = |scale: f64| -> String {
+            let one = |k: i32| {
+                format!(
+                    r#"{{"pos": {}, "volts": {}, "timestamp": {}}}"#,
+                    (0.1 * f64::from(k)).sin(),
+                    k % 7,
+                    scale * f64::from(k)
+                )
+            };
+            (0..40).map(one).collect::<Vec<_>>().join(",")
+        };
+        let map = [("x", "right.pos"), ("u", "right.volts")].map(|(signal, column)| (signal.into(), column.into()));
+        let mut options = ReadingSettings { map: map.into(), ..ReadingSettings::default() };
+        let text = format!(r#"{{"left": [{}], "right": [{}]}}"#, record(0.01), record(0.02));
+        let read = |options: &ReadingSettings| Recording::read(text.as_bytes(), "run.json", &MassSpringDrag, options);
+        assert!((read(&options).expect("its own time").segments[0].sample_time - 0.02).abs() < 1e-12);
+        options.map.insert("u".into(), "left.volts".into());
+        let error = read(&options).expect_err("two records").to_string();
+        assert!(error.contains("the time may be `left.timestamp` or `right.timestamp`"), "{error}");
     }
 
     #[test]

@@ -114,8 +114,9 @@ impl Found {
         let name = path.map_or_else(|| text(own.bytes), str::to_owned);
         match class & 0xff {
             STRUCTURE | CELL if depth < MOST_DEPTH => {
-                let fields = if class & 0xff == STRUCTURE { fields(&mut rest, order)? } else { vec![String::new()] };
-                self.take_parts(rest, order, &name, &fields, (count, depth + 1))
+                let fields =
+                    if class & 0xff == STRUCTURE { fields(&mut rest, order) } else { Some(vec![String::new()]) };
+                fields.map_or(Some(()), |fields| self.take_parts(rest, order, &name, &fields, (count, depth + 1)))
             }
             kind if !NUMERIC.contains(&kind) || class & COMPLEX != 0 => {
                 self.others.push(name);
@@ -128,7 +129,12 @@ impl Found {
                 }
                 // Of more than two dimensions the last one is time.
                 let columns = dimensions.last().map_or(0, |columns| *columns as usize);
-                self.columns.extend(StoredColumn::of_matrix(&name, values, count.checked_div(columns).unwrap_or(0), columns));
+                self.columns.extend(StoredColumn::of_matrix(
+                    &name,
+                    values,
+                    count.checked_div(columns).unwrap_or(0),
+                    columns,
+                ));
                 Some(())
             }
         }
@@ -182,7 +188,8 @@ impl Found {
 fn fields(rest: &mut &[u8], order: Order) -> Option<Vec<String>> {
     let length = numbers(&element(rest, order)?, order)?.first().map(|length| *length as usize)?;
     let names = element(rest, order)?;
-    (length > 0).then(|| names.bytes.chunks(length).map(text).collect())
+    // Structures without fields hold nothing, however many there are.
+    (length > 0 && !names.bytes.is_empty()).then(|| names.bytes.chunks(length).map(text).collect())
 }
 
 fn text(bytes: &[u8]) -> String {
@@ -295,6 +302,55 @@ mod tests {
             let turned: Vec<u8> = bytes.iter().rev().copied().collect();
             for (bytes, order) in [(bytes, Order::Little), (&turned[..], Order::Big)] {
                 assert_eq!(numbers(&Element { kind, bytes }, order), Some(vec![number]), "{kind}");
+            }
+        }
+    }
+
+    /// An element: its type and its bytes, filled up to eight.
+    fn part(kind: u32, bytes: &[u8]) -> Vec<u8> {
+        let mut all = [kind.to_le_bytes(), (bytes.len() as u32).to_le_bytes()].concat();
+        all.extend_from_slice(bytes);
+        all.resize(all.len().next_multiple_of(8), 0);
+        all
+    }
+
+    /// An array of a class with its dimensions and what follows them.
+    fn array(class: u32, name: &str, dimensions: [i32; 2], rest: &[u8]) -> Vec<u8> {
+        let flags = part(6, &[class.to_le_bytes(), [0; 4]].concat());
+        let sizes = part(5, &dimensions.map(i32::to_le_bytes).concat());
+        part(14, &[flags, sizes, part(1, name.as_bytes()), rest.to_vec()].concat())
+    }
+
+    fn doubles(dimensions: [i32; 2]) -> Vec<u8> {
+        let values: Vec<u8> = (0..dimensions[0] * dimensions[1]).flat_map(|k| f64::from(k).to_le_bytes()).collect();
+        array(6, "", dimensions, &part(9, &values))
+    }
+
+    fn structure(name: &str, dimensions: [i32; 2], fields: &[&str], values: &[Vec<u8>]) -> Vec<u8> {
+        let names: Vec<u8> = fields.iter().flat_map(|field| format!("{field:\0<16}").into_bytes()).collect();
+        array(2, name, dimensions, &[part(5, &16_i32.to_le_bytes()), part(1, &names), values.concat()].concat())
+    }
+
+    #[test]
+    fn structures_are_followed_by_their_paths_and_labels() {
+        let label = |text: &str| array(4, "", [1, text.len() as i32], &part(16, text.as_bytes()));
+        let both = structure("", [1, 1], &["values", "label"], &[doubles([5, 2]), label("u, <x>")]);
+        let each =
+            structure("", [1, 2], &["values", "label"], &[doubles([5, 1]), label("a"), doubles([5, 2]), label("")]);
+        let time =
+            |name: &str, signals: Vec<u8>| structure(name, [1, 1], &["time", "signals"], &[doubles([5, 1]), signals]);
+        let mut file = FIXTURE[..128].to_vec();
+        file.extend([time("out", both), time("more", each), array(1, "c", [1, 1], &doubles([1, 5]))].concat());
+        let read_all = read(&file[..], "run.mat").expect("sound");
+        let names: Vec<&str> = read_all.header().iter().map(|column| column.text.as_str()).collect();
+        let more = ["more.time", "more.signals[1].a", "more.signals[2].values[1]", "more.signals[2].values[2]", "c{1}"];
+        assert_eq!(names, [&["out.time", "out.signals.u", "out.signals.x"][..], &more].concat());
+        // Wherever such a file is damaged it is refused or read, at once.
+        for at in 128..file.len() {
+            for damaged in [0xff, 0x01] {
+                let mut file = file.clone();
+                file[at] ^= damaged;
+                let _ = read(&file[..], "run.mat");
             }
         }
     }

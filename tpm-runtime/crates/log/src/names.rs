@@ -11,12 +11,24 @@ use crate::error::{Adjustment, LogError, UnitMismatch};
 use crate::options::{ReadingSettings, TIME, rate_of};
 use crate::paths;
 use crate::steps::Numbers;
-use tpm_report::Remedy;
 use crate::unit::{UnitFault, conversion, unit_of};
+use tpm_report::Remedy;
 
 /// Names of columns of time, in small letters, as English and other European programs write them.
 const TIMES: [&str; 13] = [
-    "t", "time", "timestamp", "stamp", "datetime", "zeit", "zeitstempel", "uhrzeit", "temps", "tiempo", "tempo", "tijd", "x_value",
+    "t",
+    "time",
+    "timestamp",
+    "stamp",
+    "datetime",
+    "zeit",
+    "zeitstempel",
+    "uhrzeit",
+    "temps",
+    "tiempo",
+    "tempo",
+    "tijd",
+    "x_value",
 ];
 /// Names of columns of dates, which may have a time of day: the time where no column has a name of it.
 const DATES: [&str; 3] = ["date", "datum", "fecha"];
@@ -110,6 +122,8 @@ pub(super) struct Plan {
     pub(super) places: Vec<Option<Place>>,
     /// Assumptions about names and units.
     pub(super) assumptions: Vec<Assumption>,
+    /// Whether a signal is a motion by its unit.
+    pub(super) moves: bool,
 }
 
 impl Plan {
@@ -185,7 +199,9 @@ impl Names<'_> {
             let time = match self.time(&mut Vec::new()) {
                 Ok(Time::One { index, .. }) => Some(index),
                 Ok(_) => None,
-                Err(LogError::AmbiguousColumn { columns, .. }) => of_file().find(|(_, own)| columns.contains(&(*own).into())).map(|of| of.0),
+                Err(LogError::AmbiguousColumn { columns, .. }) => {
+                    of_file().find(|(_, own)| columns.contains(&(*own).into())).map(|of| of.0)
+                }
                 Err(_) => of_file().find(|(_, own)| may_be_time(own)).map(|of| of.0),
             };
             let has_time = self.time(&mut Vec::new()).is_ok();
@@ -201,7 +217,8 @@ impl Names<'_> {
                     let unit = self.stated(&Fitting { index, unit, bracketed });
                     unit.zip(signal.unit.as_deref()).is_some_and(|((unit, _), own)| conversion(unit, own).is_ok())
                 };
-                let words = WORDS.iter().find(|(unit, _)| Some(*unit) == signal.unit.as_deref()).map_or(&[][..], |of| of.1);
+                let words =
+                    WORDS.iter().find(|(unit, _)| Some(*unit) == signal.unit.as_deref()).map_or(&[][..], |of| of.1);
                 let ways: [&dyn Fn(usize, &str) -> bool; 5] = [
                     &|_, own| own == wanted,
                     &|_, own| wanted.len() > 1 && own.contains(&wanted),
@@ -240,7 +257,7 @@ impl Names<'_> {
             }
             places.push(found);
         }
-        Ok(Plan { time, places, assumptions })
+        Ok(Plan { time, places, assumptions, moves: any_moves(signals) })
     }
 
     /// Finds the column of the time, and takes every other column for a signal of the column's own name and unit. Factors and offsets are
@@ -291,7 +308,7 @@ impl Names<'_> {
             let offset = self.options.offset.get(name).copied().unwrap_or(0.0);
             places.push(Some(Place { index, factor, offset }));
         }
-        Ok((Plan { time, places, assumptions }, signals))
+        Ok((Plan { time, places, assumptions, moves: any_moves(&signals) }, signals))
     }
 
     /// The column that is looked for as a signal.
@@ -351,7 +368,8 @@ impl Names<'_> {
                     let number = column.text.strip_prefix(wanted).and_then(|rest| rest.strip_prefix('.'));
                     column.text == wanted || number.is_some_and(|number| number.parse::<usize>().is_ok())
                 };
-                Err(self.ambiguous(signal, self.header.iter().filter(numbered).map(|column| column.text.clone()).collect()))
+                Err(self
+                    .ambiguous(signal, self.header.iter().filter(numbered).map(|column| column.text.clone()).collect()))
             }
             [index, ..] => {
                 // The signal's own name holds no unit; the name of a column that was stated may.
@@ -572,7 +590,7 @@ impl Names<'_> {
             &|column| is_date(&column.text),
             &|column| is_time_name(&column.text[last(&column.text)..]),
             &|column| unit_within(&column.text).is_some(),
-            &|column| column.dated,
+            &|column| column.is_time,
         ];
         for (way, fits) in ways.iter().enumerate() {
             let mut found: Vec<usize> = self.indices(fits).filter(|index| !is_taken(*index)).collect();
@@ -655,11 +673,19 @@ impl Names<'_> {
     }
 }
 
+/// Whether one of the signals is a length, an angle or their rate by its unit.
+fn any_moves(signals: &[Signal]) -> bool {
+    let moves = |unit: &str| ["m", "rad", "m/s", "rad/s"].iter().any(|own| conversion(unit, own).is_ok());
+    signals.iter().filter_map(|signal| signal.unit.as_deref()).any(moves)
+}
+
 /// Whether a column of this name may be the time, for a guess that the user is asked about.
 fn may_be_time(text: &str) -> bool {
     let small = text.to_lowercase();
     is_time_name(text)
-        || ["time", "stamp", "zeit", "clock", "millis", "micros", "tick", "date", "uhr"].iter().any(|word| small.contains(word))
+        || ["time", "stamp", "zeit", "clock", "millis", "micros", "tick", "date", "uhr"]
+            .iter()
+            .any(|word| small.contains(word))
         || ["ts", "ms", "sec", "secs", "seconds", "s"].contains(&small.as_str())
 }
 

@@ -130,7 +130,8 @@ mod tests {
 
     #[test]
     fn rows_are_the_stamps_of_the_selected_columns() {
-        let column = |name: &str, readings: &[(f64, f64)]| Timed { name: ColumnName::new(name), readings: readings.to_vec() };
+        let column =
+            |name: &str, readings: &[(f64, f64)]| Timed { name: ColumnName::new(name), readings: readings.to_vec() };
         let mut file = OwnTimes::new(
             vec![
                 column("a", &[(0.0, 1.0), (20.0, 2.0)]),

@@ -75,7 +75,8 @@ impl Paired {
                 }
             }
         }
-        Ok(OwnTimes::new(columns, ColumnName { repeated: false, ..time }).of_text(table.resolution(), table.assumptions()))
+        Ok(OwnTimes::new(columns, ColumnName { repeated: false, ..time })
+            .of_text(table.resolution(), table.assumptions()))
     }
 }
 

@@ -210,16 +210,29 @@ fn factors_stand_in_place_of_units() {
     let mut options = ReadingSettings::default();
     options.scale.insert("t_s".into(), 1e-3);
     holds_samples(Style { head: "t_s,x,u\n", factors: [1e3, 1.0, 1.0], ..PLAIN }.text(40).as_bytes(), &options);
-    // Steps of two are seconds; where whole numbers differ by less than a step they are counts of something smaller.
+    // Steps of 2 are milliseconds where something moves; steps of 100 may be microseconds too.
     let whole = Style { head: "t,x,u\n", factors: [1e3, 1.0, 1.0], ..PLAIN };
-    let recording = read(whole.text(40).as_bytes(), &ReadingSettings::default()).expect("seconds");
-    assert_eq!(recording.segments[0].sample_time, 2.0);
-    let said = recording.report.remarks();
-    assert!(said[0].contains("`t`, which states no unit: read as s by its steps"), "{said:?}");
-    let counted = |i: usize| format!("{},{},{}\n", 10 * i + i % 3 % 2, (0.1 * i as f64).sin(), i % 7);
-    let text = String::from("t,x,u\n") + &(0..400).map(counted).collect::<String>();
-    let said = read(text.as_bytes(), &ReadingSettings::default()).expect("milliseconds").report.remarks();
+    let said = remarks(whole.text(40).as_bytes(), &ReadingSettings::default());
     assert!(said[0].contains("`t`, which states no unit: read as ms by its steps"), "{said:?}");
+    // Of a temperature they are seconds, unless whole numbers differ by a few counts.
+    let unit_of = |row: &dyn Fn(usize) -> String| {
+        let text = String::from("t,x,u\n") + &(0..400).map(row).collect::<String>();
+        let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
+        let signals = [signal("x", "K"), signal("u", "V")];
+        let mut columns = open_columns(text.as_bytes(), "run.csv").expect("text");
+        let read = Recording::of_columns(
+            &mut *columns,
+            "run.csv",
+            (&signals[..1], &signals),
+            &[],
+            &ReadingSettings::default(),
+        );
+        read.expect("sound").report.remarks().remove(0)
+    };
+    let even = unit_of(&|i| format!("{:.1},{},{}\n", 2.0 * i as f64, (0.1 * i as f64).sin(), i % 7));
+    assert!(even.contains("`t`, which states no unit: read as s by its steps"), "{even}");
+    let counted = unit_of(&|i| format!("{},{},{}\n", 10 * i + i % 3 % 2, (0.1 * i as f64).sin(), i % 7));
+    assert!(counted.contains("`t`, which states no unit: read as ms by its steps"), "{counted}");
     let doubtful = Style { factors: [5e4, 1.0, 1.0], ..whole };
     let error =
         read(doubtful.text(40).as_bytes(), &ReadingSettings::default()).expect_err("microseconds or milliseconds");
@@ -260,7 +273,7 @@ fn joints_are_found_at_the_ends_of_paths() {
 fn nothing_is_guessed_where_several_columns_may_be_meant() {
     for (head, parts) in [
         ("t_s,x [mm],x_cm,u", vec!["`x` may be `x [mm]` or `x_cm`"]),
-        ("time,timestamp,x,u", vec!["`t_s` may be `time` or `timestamp`"]),
+        ("time,timestamp,x,u", vec!["the time may be `time` or `timestamp`"]),
         ("t_s,x,x,u", vec!["`x` may be `x` or `x.2`"]),
         ("t_s,y,z,u", vec!["no column `x`", "t_s, y, z, u; name the right one"]),
         ("t_s,v [mm/s],w_rad,u", vec!["or that of its rate, `dot(x)`, which `v [mm/s]` may be"]),

@@ -137,9 +137,11 @@ fn a_last_row_that_lacks_fields_was_cut_off() {
         let recording = read(&(table("t_s,x,u", plain) + end), &ReadingSettings::default()).expect(end);
         holds(&recording, &[(0, ROWS)]);
         let line = ROWS as u64 + 2;
-        let said = [Assumption::CutLine { line }, Assumption::ShortRows { count: 1, first: line }];
-        let all = &recording.report.assumptions;
-        assert_eq!(all.iter().filter(|of| said.contains(of)).count(), 1, "{end:?}: {:?}", recording.report);
+        assert!(
+            recording.report.assumptions.contains(&Assumption::CutLine { line }),
+            "{end:?}: {:?}",
+            recording.report
+        );
     }
 }
 

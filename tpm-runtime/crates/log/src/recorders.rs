@@ -139,13 +139,18 @@ impl Recorder {
             Err(other) => other.into_bytes().iter().map(|byte| char::from(*byte)).collect(),
         };
         let text = text.trim_start_matches('\u{feff}');
-        let (gathered, unit) = match self {
-            Recorder::TwinCat => (scope(text), "ms"),
-            Recorder::Codesys => trace(text),
-            Recorder::LabView => (measurement(text), "s"),
-            Recorder::ArduPilot => (messages(text), "us"),
+        let (mut gathered, name, unit) = match self {
+            Recorder::TwinCat => (scope(text), "Name", "ms"),
+            Recorder::Codesys => {
+                let (gathered, unit) = trace(text);
+                (gathered, "time", unit)
+            }
+            Recorder::LabView => (measurement(text), "X_Value", "s"),
+            Recorder::ArduPilot => (messages(text), "TimeUS", "us"),
         };
-        if gathered.columns.iter().all(|column| column.readings.is_empty()) {
+        // Texts, such as messages, are no columns.
+        gathered.columns.retain(|column| !column.readings.is_empty());
+        if gathered.columns.is_empty() {
             return Err(LogError::Format {
                 path: path.into(),
                 what: format!("the file is {}, and holds no reading that could be read", self.kind()),
@@ -156,10 +161,8 @@ impl Recorder {
             (0, _) => Vec::new(),
             (count, first) => vec![Assumption::NotRead { recorder: self.kind(), count, first }],
         };
-        let time = ColumnName { unit: Some(unit.into()), ..ColumnName::new("time") };
-        Ok(OwnTimes::new(gathered.columns, time)
-            .of_text(gathered.resolution, assumptions)
-            .of_kind(self.kind()))
+        let time = ColumnName { unit: Some(unit.into()), is_time: true, ..ColumnName::new(name) };
+        Ok(OwnTimes::new(gathered.columns, time).of_text(gathered.resolution, assumptions).of_kind(self.kind()))
     }
 }
 
@@ -175,9 +178,8 @@ fn scope(text: &str) -> Gathered {
     for (at, line) in text.lines().enumerate() {
         let row = fields(line, all.sign);
         let is_row = !header.is_empty()
-            && (0..row.len()).any(|k| {
-                header.get(k) == Some(&"Name") && scope_number(row[k], all.sign).is_some_and(f64::is_finite)
-            });
+            && (0..row.len())
+                .any(|k| header.get(k) == Some(&"Name") && scope_number(row[k], all.sign).is_some_and(f64::is_finite));
         if is_row && places.is_empty() {
             let mut time = 0;
             for (k, name) in header.iter().enumerate() {
@@ -290,7 +292,8 @@ fn measurement(text: &str) -> Gathered {
                         time = Some(field);
                     } else if named(&name) {
                         let channel = channels.len();
-                        let number_of = |key| scope_number(stated(key, field, channel)?, sign).filter(|x| x.is_finite());
+                        let number_of =
+                            |key| scope_number(stated(key, field, channel)?, sign).filter(|x| x.is_finite());
                         let grid = number_of("Delta_X").map(|step| (number_of("X0").unwrap_or(0.0), step));
                         let unit = stated("Y_Unit_Label", field, channel);
                         let column = *columns.entry((channel, name)).or_insert_with(|| all.column(name, unit));
@@ -302,9 +305,8 @@ fn measurement(text: &str) -> Gathered {
                 let date = Date::of(format!("{} {}", first("Date"), first("Time")).as_bytes());
                 start = start.or(date);
                 let both = start.zip(date).filter(|_| first("Time_Pref") != "Absolute");
-                shift = both.map_or(0.0, |(first, own)| {
-                    (own.seconds - first.seconds) as f64 + (own.fraction - first.fraction)
-                });
+                shift = both
+                    .map_or(0.0, |(first, own)| (own.seconds - first.seconds) as f64 + (own.fraction - first.fraction));
                 (names_next, rows) = (false, 0.0);
             }
             // A segment with a header of its own begins so.
@@ -355,7 +357,8 @@ fn messages(text: &str) -> Gathered {
     let mut types: HashMap<&str, &str> = HashMap::new();
     let (mut units, mut factors): (HashMap<char, &str>, HashMap<char, f64>) = Default::default();
     let mut columns: HashMap<(&str, &str, &str), (usize, f64)> = HashMap::new();
-    let letter = |code: &str| code.parse::<u8>().ok().filter(|_| code.len() > 1).map(char::from).or(code.chars().next());
+    let letter =
+        |code: &str| code.parse::<u8>().ok().filter(|_| code.len() > 1).map(char::from).or(code.chars().next());
     for (at, line) in text.lines().enumerate() {
         let row = fields(line, ',');
         match row[..] {
@@ -390,18 +393,17 @@ fn messages(text: &str) -> Gathered {
         let is_time = |name: &&str| ["TimeUS", "TimeMS"].contains(name);
         let Some(time) = message.columns.iter().position(|name| is_time(&name)) else { continue };
         // A text at the end may hold commas; numbers that are missing were cut off.
-        let Some(stamp) = own.get(time).and_then(|field| all.stamp(field)).filter(|_| own.len() >= message.columns.len())
+        let Some(stamp) =
+            own.get(time).and_then(|field| all.stamp(field)).filter(|_| own.len() >= message.columns.len())
         else {
             all.not_read(at);
             continue;
         };
         let stamp = if message.columns[time] == "TimeMS" { stamp * 1e3 } else { stamp };
-        let sensor = match message.units.find('#') {
-            Some(place) => own.get(place),
-            None => message.columns.iter().position(|name| ["I", "Instance"].contains(name)).map(|place| &own[place]),
-        };
-        let sensor = sensor.copied().unwrap_or("");
-        for (k, name) in message.columns.iter().enumerate().filter(|(_, name)| !is_time(name)) {
+        let named = || message.columns.iter().position(|name| ["I", "Instance"].contains(name));
+        let number = message.units.find('#').or_else(named);
+        let sensor = number.and_then(|place| own.get(place)).copied().unwrap_or("");
+        for (k, name) in message.columns.iter().enumerate().filter(|(k, name)| !is_time(name) && Some(*k) != number) {
             let (column, factor) = *columns.entry((message.name, name, sensor)).or_insert_with(|| {
                 let at = |letters: &str| letters.chars().nth(k).unwrap_or('-');
                 // Formats of hundredths and of degrees are written in their unit, others as the integers that they are.
@@ -416,4 +418,177 @@ fn messages(text: &str) -> Gathered {
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::assumption::Assumption;
+    use crate::columns::Columns;
+    use crate::format::open_columns;
+    use crate::names::Signal;
+    use crate::{ReadingSettings, Recording};
+
+    /// What is moved and what moves it, at a time in seconds.
+    fn x(t: f64) -> f64 {
+        (3.0 * t).sin()
+    }
+
+    fn u(t: f64) -> f64 {
+        (2.0 * t).floor() - 1.0
+    }
+
+    fn read(text: &str, map: &[(&str, &str)]) -> Result<Recording, String> {
+        let map = map.iter().map(|(signal, column)| ((*signal).into(), (*column).into())).collect();
+        let options = ReadingSettings { map, ..ReadingSettings::default() };
+        let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
+        let signals = [signal("x", "m"), signal("u", "N")];
+        let read = |mut columns: Box<dyn Columns + '_>| {
+            Recording::of_columns(&mut *columns, "run", (&signals[..1], &signals), &[], &options)
+        };
+        open_columns(text.as_bytes(), "run").and_then(read).map_err(|error| error.to_string())
+    }
+
+    /// The text is one record of these samples at these steps.
+    fn holds(text: &str, map: &[(&str, &str)], samples: usize, step: f64) -> Recording {
+        let start = &text[..text.len().min(80)];
+        let recording = read(text, map).unwrap_or_else(|error| panic!("{start}: {error}"));
+        let [log] = &recording.segments[..] else { panic!("{start}: {:?}", recording.report) };
+        assert!(
+            (log.sample_time - step).abs() < 1e-9 && log.len() == samples,
+            "{start}: {} {}",
+            log.sample_time,
+            log.len()
+        );
+        for k in 0..log.len() {
+            let t = step * k as f64;
+            let [own, force] = [log.channels[0][k], log.channels[1][k]];
+            assert!((own - x(t)).abs() < 1e-5 && (force - u(t + 1e-9)).abs() < 1e-9, "{start}, {k}: {own} {}", x(t));
+        }
+        recording
+    }
+
+    /// A text of TwinCAT Scope with a group of 10 ms and one of 50 ms.
+    fn scope(sign: char, decimal: &str, slow_first: bool, is_full: bool) -> String {
+        let groups = |fast: &str, slow: &str| {
+            let (fast, slow) = (fast.replace('|', &sign.to_string()), slow.replace('|', &sign.to_string()));
+            if slow_first { format!("{slow}{sign}{fast}\n") } else { format!("{fast}{sign}{slow}\n") }
+        };
+        let names = groups("Name|Axis.x|Axis.u", "Name|Temperature");
+        let mut text = names.clone();
+        if is_full {
+            let line =
+                |key: &str, fast: &str, slow: &str| groups(&format!("{key}|{fast}|{fast}"), &format!("{key}|{slow}"));
+            text =
+                format!("Name{sign}Project\nFile{sign}a.csv\nStarttime of export{sign}132959733843760000\n\n{names}");
+            text += &line("SampleTime[ms]", "10", "50");
+            text += &line("ScaleFactor", "1", "1");
+            text += &groups("Unit|mm (Length)|N (Force)", "Unit|(None)");
+            text += "\n";
+        }
+        for k in 0..200 {
+            let t = 0.01 * f64::from(k);
+            let factor = if is_full { 1e3 } else { 1.0 };
+            let fast = format!("{}|{:.6}|{:.1}", 10 * k, factor * x(t), u(t + 1e-9));
+            let slow = if k < 40 { format!("{}|20.5", 50 * k) } else { "|".to_owned() };
+            // Commas would separate where they are decimal signs too.
+            text += &groups(&fast.replace('.', decimal), &slow.replace('.', decimal));
+        }
+        text
+    }
+
+    #[test]
+    fn scopes_have_a_time_before_every_group() {
+        for (sign, decimal) in [('\t', ","), ('\t', "."), (';', ","), (',', ".")] {
+            for (slow_first, is_full) in [(false, true), (true, true), (false, false)] {
+                let text = scope(sign, decimal, slow_first, is_full);
+                holds(&text, &[], 200, 0.01);
+                holds(&format!("\u{feff}{text}EOF\n"), &[], 200, 0.01);
+            }
+        }
+        let error = read(&scope('\t', ",", false, true), &[("x", "Axis.y")]).expect_err("no such channel");
+        assert!(
+            error.contains("an export of TwinCAT Scope, and the columns are Name, Axis.x, Axis.u, Temperature"),
+            "{error}"
+        );
+        let error = read("Name\tp\nFile\tp.csv\nName\tx\nUnit\t(None)\n", &[]).expect_err("no rows");
+        assert!(error.contains("holds no reading"), "{error}");
+    }
+
+    #[test]
+    fn traces_have_their_variables_one_below_the_other() {
+        for (flags, unit, sign) in [("16", 1, ';'), ("0x20", 1000, ';'), ("16", 1, '\t')] {
+            let mut text = format!("[key]; [value]\nName; A.Trace\nFlags; {flags}\n");
+            for (k, (name, of)) in [("PLC.x", x as fn(f64) -> f64), ("PLC.u", u)].into_iter().enumerate() {
+                text += &format!("{k}.Variable; {name}\n{k}.Class; 8\n{k}.Data; \n");
+                text += &(0..150)
+                    .map(|i| format!("; {}; {:.7}\n", 20 * unit * i, of(0.02 * f64::from(i) + 1e-9)))
+                    .collect::<String>();
+            }
+            holds(&text.replace(';', &sign.to_string()), &[], 150, 0.02);
+        }
+    }
+
+    #[test]
+    fn measurements_have_times_in_no_one_or_every_second_column() {
+        let head = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nTime_Pref\tRelative\n***End_of_Header***\t\n\t\n";
+        let segment = |time: &str, units: &str, names: &str| {
+            format!(
+                "Channels\t2\nSamples\t100\t100\nDate\t2024/05/06\t2024/05/06\nTime\t10:00:{time}\t10:00:{time}\nY_Unit_Label\t{units}\nX_Dimension\tTime\tTime\nX0\t0.0E+0\t0.0E+0\nDelta_X\t0.005000\t0.005000\n***End_of_Header***\t\t\n{names}\n"
+            )
+        };
+        for (names, units) in [
+            ("X_Value\tx\tu\tComment", "mm\tN"),
+            ("X_Value\tx\tX_Value\tu\tComment", "mm\t\tN"),
+            ("\tX_Value\tx\tu", "mm\tN"),
+        ] {
+            let rows = |from: i32| -> String {
+                let row = |k: i32| {
+                    let t = 0.005 * f64::from(k);
+                    let (own, x, u) = (t - 0.005 * f64::from(from), 1e3 * x(t), u(t + 1e-9));
+                    match names.matches("X_Value").count() {
+                        2 => format!("{own:.6}\t{x:.6}\t{own:.6}\t{u:.6}\n"),
+                        _ if names.starts_with('\t') => format!("\t{x:.6}\t{u:.6}\n"),
+                        _ => format!("{own:.6}\t{x:.6}\t{u:.6}\tnote\n"),
+                    }
+                };
+                (from..from + 100).map(row).collect()
+            };
+            let names = names.trim_start_matches('\t');
+            let text = format!(
+                "{head}{}{}\n{}{}",
+                segment("00.0000000", units, names),
+                rows(0),
+                segment("00.5000000", units, names),
+                rows(100)
+            );
+            holds(&text, &[], 200, 0.005);
+            holds(&text.replace("Separator\t.", "Separator\t,").replace('.', ","), &[], 200, 0.005);
+        }
+    }
+
+    #[test]
+    fn messages_have_columns_by_their_format() {
+        let mut text = String::from(
+            "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns\nFMT, 40, 40, CTL, Qfc, TimeUS,Pos,u\nFMT, 41, 20, BAT, QBf, TimeUS,Instance,V\n\
+             FMT, 42, 20, MSG, QZ, TimeUS,Message\nUNIT, 1, 109, m\nMULT, 1, 67, 0.01\nFMTU, 1, 40, smm, FCC\nPARM, 5, A_B, 1.0\n",
+        );
+        for k in 0..200 {
+            let t = 0.01 * f64::from(k);
+            text += &format!("CTL, {}, {:.6}, {:.2}\n", 7_000_000 + 10_000 * k, 100.0 * x(t), u(t + 1e-9));
+            if k % 10 == 0 {
+                text += &format!("BAT, {}, {}, 12.1\n", 7_000_005 + 10_000 * k, k / 10 % 2);
+                text += &format!("MSG, {}, a, text\n", 7_000_006 + 10_000 * k);
+            }
+        }
+        let map = [("x", "CTL.Pos"), ("u", "CTL.u")];
+        let mut force = text.replace("FMTU, 1, 40, smm, FCC", "FMTU, 1, 40, sm-, FCC");
+        let recording = holds(&force, &map, 200, 0.01);
+        let said = Assumption::NotRead { recorder: "a log of ArduPilot as text", count: 1, first: 8 };
+        assert!(recording.report.assumptions.contains(&said), "{:?}", recording.report.assumptions);
+        force.push_str("CTL, 9000000, 1.0");
+        let recording = read(&force, &map).expect("a line that was cut off");
+        assert!(recording.report.remarks().join("; ").contains("2 lines are not read"), "{:?}", recording.report);
+        let error = read(&text, &[("x", "BAT.V")]).expect_err("two sensors");
+        assert!(error.contains("TimeUS, CTL.Pos, CTL.u, BAT[0].V, BAT[1].V; name"), "{error}");
+    }
 }

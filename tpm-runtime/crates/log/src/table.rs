@@ -325,7 +325,7 @@ impl Table {
         };
         table.assumptions = columns.assumptions();
         table.assumptions.extend(plan.assumptions);
-        table.settle_time(&plan.time, columns.dated())?;
+        table.settle_time(&plan.time, columns.dated(), plan.moves)?;
         Ok(table)
     }
 
@@ -456,7 +456,7 @@ impl Table {
     }
 
     /// Finds the unit of the stamps, which may be dates.
-    fn settle_time(&mut self, time: &Time, dated: bool) -> Result<(), LogError> {
+    fn settle_time(&mut self, time: &Time, dated: bool, moves: bool) -> Result<(), LogError> {
         if dated {
             return self.settle_dates(time);
         }
@@ -481,11 +481,13 @@ impl Table {
         let plausible =
             |(_, _, factor): &&(f64, &str, f64)| step * factor >= SAMPLE_TIMES.0 && step * factor <= SAMPLE_TIMES.1;
         let mut candidates = EPOCHS.iter().filter(plausible);
-        // A clock that counts small units is read when a row is written, so that its steps differ by a few counts.
+        // Seconds, unless the steps say otherwise: nobody follows a motion by readings a second apart, and a clock that counts small units is
+        // read when a row is written, so that its steps differ by a few counts.
+        let is_small = step >= 1.0 && (moves || self.is_counted(step));
         let (unit, factor) = match (epoch, candidates.next(), candidates.next()) {
             (Some((_, unit, factor)), ..) => (*unit, *factor),
-            (None, Some((_, unit, factor)), None) if self.is_counted(step) => (*unit, *factor),
-            _ if step < LONGEST_STEP && !self.is_counted(step) => ("s", 1.0),
+            (None, Some((_, unit, factor)), None) if is_small => (*unit, *factor),
+            _ if step < LONGEST_STEP && !is_small => ("s", 1.0),
             _ => {
                 return Err(LogError::TimeUnit {
                     path: self.path.clone(),
@@ -505,7 +507,8 @@ impl Table {
     fn is_counted(&self, step: f64) -> bool {
         let differs = |pair: &&[f64]| (0.5..0.5 * step).contains(&((pair[1] - pair[0]) - step).abs());
         let many = (1 + self.time.len() / LEAST_JITTER_SHARE).max(LEAST_JITTERS);
-        self.time.iter().all(|stamp| stamp.fract() == 0.0) && self.time.windows(2).filter(differs).take(many).count() == many
+        self.time.iter().all(|stamp| stamp.fract() == 0.0)
+            && self.time.windows(2).filter(differs).take(many).count() == many
     }
 
     /// Dates are seconds, whatever the name of their column says.

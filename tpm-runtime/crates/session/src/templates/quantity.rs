@@ -151,9 +151,8 @@ impl Quantity {
         matches!(self, Self::Length | Self::Angle | Self::Position)
     }
 
-    /// Whether a column may be a coordinate of such a quantity. A voltage may be that of a sensor, but no angle, of which sines are taken.
+    /// Whether a column may be a coordinate of such a quantity. A voltage is none: it would become the position of a mass.
     pub(super) fn may_be(self, wanted: Self) -> bool {
-        let unsaid = matches!(self, Self::Position | Self::Unknown);
-        self == wanted || unsaid || (self == Self::Voltage && wanted == Self::Length)
+        self == wanted || matches!(self, Self::Position | Self::Unknown)
     }
 }
