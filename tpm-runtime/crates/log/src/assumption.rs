@@ -124,6 +124,22 @@ pub enum Assumption {
         /// Time from row to row, s.
         seconds: f64,
     },
+    /// The file has no column of time, and one with the time from row to row.
+    Step {
+        /// The column.
+        column: String,
+        /// Time from row to row, s.
+        seconds: f64,
+    },
+    /// A column of whole numbers was taken for counts by the rate beside it.
+    Counts {
+        /// The signal.
+        signal: String,
+        /// The column.
+        column: String,
+        /// One count, in the signal's unit.
+        factor: f64,
+    },
     /// The file has no time, which what is read does not depend on.
     Timeless,
     /// A signal was found in a column of another name, or converted.
@@ -242,6 +258,14 @@ impl fmt::Display for Assumption {
             Assumption::SampleTime { seconds } => {
                 write!(f, "rows are taken as {} s apart, as stated; no column of time is read", number(*seconds))
             }
+            Assumption::Step { column, seconds } => {
+                write!(f, "rows are taken as {} s apart: `{column}` is one number in the first row", number(*seconds))
+            }
+            Assumption::Counts { signal, column, factor } => write!(
+                f,
+                "`{signal}` is column `{column}`, whole numbers without a unit: taken as counts of {} each, by the rate beside it",
+                number(*factor)
+            ),
             Assumption::Timeless => {
                 f.write_str("no column of time is read: the model has no derivative, so that rows stand for themselves")
             }

@@ -5,8 +5,11 @@ use crate::error::LogError;
 use crate::stamps::Resolution;
 use std::collections::HashMap;
 
+/// Fewest steps by which numbers are told to be stamps.
+const LEAST_STEPS: usize = 8;
+
 /// Name of a column as the file states it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ColumnName {
     /// The name, trimmed; it may end in a unit.
     pub(super) text: String,
@@ -16,8 +19,42 @@ pub(super) struct ColumnName {
     pub(super) computed: bool,
     /// Whether several columns of the file have the name, which a number tells apart.
     pub(super) repeated: bool,
-    /// Whether the column is the time by its place or its readings, which are dates, whatever its name is.
-    pub(super) is_time: bool,
+    /// What the first readings say of the column, whatever its name is.
+    pub(super) holds: Holds,
+}
+
+/// What readings say of a column.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Holds {
+    #[default]
+    Readings,
+    /// The time: dates, or what the format says is the time.
+    Time,
+    /// Numbers of which each is larger than the one before by about as much, as stamps are.
+    Rising,
+    /// One number in the first row alone, as a sample time may stand beside columns.
+    One(f64),
+}
+
+impl Holds {
+    /// Of readings in the order of the rows.
+    pub(super) fn of(readings: &[f64]) -> Self {
+        let steps: Vec<f64> = readings.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let mut sorted = steps.clone();
+        sorted.sort_by(f64::total_cmp);
+        match readings {
+            [one, rest @ ..] if one.is_finite() && !rest.is_empty() && rest.iter().all(|value| value.is_nan()) => {
+                Holds::One(*one)
+            }
+            _ if steps.len() >= LEAST_STEPS
+                && steps.iter().all(|step| *step > 0.0)
+                && sorted[sorted.len() * 9 / 10] < 2.0 * sorted[sorted.len() / 2] =>
+            {
+                Holds::Rising
+            }
+            _ => Holds::Readings,
+        }
+    }
 }
 
 impl ColumnName {

@@ -62,8 +62,7 @@ impl<'c> Computed<'c> {
                 continue;
             }
             let places = columns.into_iter().zip(&expression.names);
-            let columns =
-                places.map(|(column, name)| column.ok_or_else(|| names.missing_in(signal, name, Box::default())));
+            let columns = places.map(|(column, name)| column.ok_or_else(|| names.missing_in(signal, name, Vec::new())));
             let columns = columns.collect::<Result<_, LogError>>()?;
             header.push(ColumnName { computed: true, ..ColumnName::new(wanted) });
             expressions.push((expression, columns));

@@ -1,7 +1,7 @@
 //! The dialect of a table of text: separator, decimal sign, header and units, found from its first lines.
 
 use crate::assumption::{Assumption, Separator};
-use crate::columns::{ColumnName, distinct};
+use crate::columns::{ColumnName, Holds, distinct};
 use crate::dates::Date;
 use crate::unit::unit_of;
 
@@ -283,11 +283,21 @@ impl Dialect {
             data_line = header_at.and_then(|at| text.get(at + 2)).map_or(u64::MAX, |(line, _)| *line);
         }
         assumptions.extend(distinct(&mut header));
-        if let Some((_, first)) = text.get(data_at) {
-            split(first, separator, &mut places);
-            for (column, &(from, to)) in header.iter_mut().zip(&places) {
-                column.is_time = Date::of(&first[from as usize..to as usize]).is_some();
+        let mut first: Vec<Vec<f64>> = vec![Vec::new(); header.len()];
+        for (row, (_, line)) in text.iter().filter(|(line, _)| *line >= data_line).enumerate() {
+            split(line, separator, &mut places);
+            // A motion rises for a while too, so that the first column is followed further.
+            let judged = if row < MOST_JUDGED_LINES { header.len() } else { 1 };
+            for ((column, readings), &(from, to)) in header.iter_mut().zip(&mut first).zip(&places).take(judged) {
+                let field = &line[from as usize..to as usize];
+                match Date::of(field) {
+                    Some(_) => column.holds = Holds::Time,
+                    None => readings.push(number(field, sign).unwrap_or(f64::NAN)),
+                }
             }
+        }
+        for (column, readings) in header.iter_mut().zip(&first).filter(|(column, _)| column.holds != Holds::Time) {
+            column.holds = Holds::of(readings);
         }
         // 5. The decimal sign is decided by the first fraction; whole numbers leave it open.
         let fraction = |line: &[u8]| {

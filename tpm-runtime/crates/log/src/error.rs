@@ -48,6 +48,26 @@ pub struct UnitMismatch {
     pub reason: &'static str,
 }
 
+/// A file in which a column was looked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LookedIn {
+    /// What the file is.
+    pub kind: String,
+    /// Its columns.
+    pub available: Vec<String>,
+    /// Those of them that have the unit of the signal's rate.
+    pub rates: Vec<String>,
+    /// What may be meant.
+    pub guess: Remedy,
+}
+
+impl LookedIn {
+    /// What is asked for a signal before anything is known of its column.
+    pub(super) fn no_guess(signal: &str) -> Remedy {
+        Remedy::Columns { columns: vec![(signal.into(), String::new())], timeless: false }
+    }
+}
+
 /// Why a log cannot be read, with the place and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -71,7 +91,7 @@ pub enum LogError {
         message: String,
     },
     /// A signal of the model has no column.
-    #[error("{path}:{line}: {}; the file is {kind}, and {}{}", lacks(.name, .column), columns(.available), of_rate(.name, .rates))]
+    #[error("{path}:{line}: {}; the file is {}, and {}{}", lacks(.name, .column), .file.kind, columns(&.file.available), of_rate(.name, &.file.rates))]
     MissingColumn {
         /// The file.
         path: String,
@@ -81,14 +101,8 @@ pub enum LogError {
         name: String,
         /// The column that was looked for.
         column: String,
-        /// The columns of the file.
-        available: Vec<String>,
-        /// Those of them that have the unit of the signal's rate.
-        rates: Box<[String]>,
-        /// What the file is.
-        kind: String,
-        /// What may be meant.
-        guess: Box<Remedy>,
+        /// What it was looked for in.
+        file: Box<LookedIn>,
     },
     /// Several columns may be meant.
     #[error("{path}:{line}: {} may be {}; say which", if name == TIME { "the time".to_owned() } else { format!("`{name}`") }, .columns.iter().map(|column| format!("`{column}`")).collect::<Vec<_>>().join(" or "))]
@@ -113,6 +127,26 @@ pub enum LogError {
         line: u64,
         /// The two units.
         mismatch: Box<UnitMismatch>,
+    },
+    /// A column is of counts, whose size nothing states.
+    #[error(
+        "{path}:{line}: column `{column}` states no unit and has whole numbers alone, from {} to {}, as counts of an encoder are; state the \
+         factor from one to {unit}, such as 2*pi/4096, or 1 where it is in {unit}",
+        number(.range[0]), number(.range[1])
+    )]
+    Counts {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The column.
+        column: String,
+        /// The signal of the model.
+        signal: String,
+        /// Its unit.
+        unit: String,
+        /// Least and largest reading.
+        range: [f64; 2],
     },
     /// The unit of the time stamps is not stated, and cannot be inferred.
     #[error(
@@ -446,10 +480,12 @@ impl LogError {
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
-            LogError::MissingColumn { guess, .. } | LogError::AmbiguousColumn { guess, .. } => Some((**guess).clone()),
+            LogError::MissingColumn { file, .. } => Some(file.guess.clone()),
+            LogError::AmbiguousColumn { guess, .. } => Some((**guess).clone()),
             LogError::Constant { signal, .. } | LogError::NoReading { signal, .. } => {
                 Some(Remedy::MapColumn { signal: signal.clone() })
             }
+            LogError::Counts { signal, .. } => Some(Remedy::Scale { signal: signal.clone() }),
             LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
             LogError::Jitter { expected, .. } if *expected <= 0.0 => Some(Remedy::MapColumn { signal: "t_s".into() }),
             LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),

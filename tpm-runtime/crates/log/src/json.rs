@@ -133,7 +133,7 @@ impl Records {
             for k in 0..longest {
                 let mut values = vec![f64::NAN; rows];
                 for (record, list) in &lists {
-                    list.get(k).map(|value| values[*record] = *value);
+                    values[*record] = list.get(k).copied().unwrap_or(f64::NAN);
                 }
                 self.columns.push((format!("{path}[{}]", k + 1), Readings { values, first: None }));
             }

@@ -19,6 +19,7 @@ mod error;
 mod expression;
 mod fingerprint;
 mod format;
+mod guess;
 mod joins;
 mod joint_state;
 mod json;
@@ -65,7 +66,7 @@ mod wraps;
 
 pub use as_recorded::{AsRecorded, ChannelReadings, Lone};
 pub use assumption::{Assumption, Separator};
-pub use error::{Adjustment, LogError, UnitMismatch};
+pub use error::{Adjustment, LogError, LookedIn, UnitMismatch};
 pub use fingerprint::fingerprint;
 pub use lone::lone_readings;
 pub use options::ReadingSettings;

@@ -6,13 +6,12 @@
 //! signal of a joint also at the end of a path (`paths`). Where several columns may be meant, none is chosen.
 
 use crate::assumption::Assumption;
-use crate::columns::{ColumnName, Columns};
-use crate::error::{Adjustment, LogError, UnitMismatch};
+use crate::columns::{ColumnName, Columns, Holds};
+use crate::error::{Adjustment, LogError, LookedIn, UnitMismatch};
 use crate::options::{ReadingSettings, TIME, rate_of};
 use crate::paths;
 use crate::steps::Numbers;
 use crate::unit::{UnitFault, conversion, unit_of};
-use tpm_report::Remedy;
 
 /// Names of columns of time, in small letters, as English and other European programs write them.
 const TIMES: [&str; 13] = [
@@ -32,17 +31,8 @@ const TIMES: [&str; 13] = [
 ];
 /// Names of columns of dates, which may have a time of day: the time where no column has a name of it.
 const DATES: [&str; 3] = ["date", "datum", "fecha"];
-/// Parts of names of columns that hold quantities of a unit, in small letters.
-const WORDS: [(&str, &[&str]); 8] = [
-    ("rad", &["angle", "pos", "theta", "phi", "winkel", "enc", "joint"]),
-    ("m", &["pos", "dist", "weg", "enc", "height"]),
-    ("rad/s", &["speed", "vel", "omega", "rate", "gyr", "drehzahl"]),
-    ("m/s", &["speed", "vel", "geschw"]),
-    ("V", &["volt", "pwm", "spannung", "drive", "cmd"]),
-    ("A", &["curr", "amp", "strom"]),
-    ("N", &["force", "load", "kraft"]),
-    ("N*m", &["torque", "tau", "effort", "moment", "curr"]),
-];
+/// Names of a column with the time from row to row, in small letters.
+const STEPS: [&str; 8] = ["ts", "dt", "h", "sampletime", "sample_time", "sample time", "delta_t", "t_sample"];
 /// Ends of the names of the two columns of a stamp, in small letters: seconds, and fractions with their size in seconds.
 const SECONDS: [&str; 4] = ["sec", "secs", "seconds", "tv_sec"];
 const FRACTIONS: [(&str, f64); 8] = [
@@ -72,6 +62,8 @@ pub(super) struct Place {
     pub(super) index: usize,
     pub(super) factor: f64,
     pub(super) offset: f64,
+    /// Whether nothing states the unit of the column.
+    pub(super) is_silent: bool,
 }
 
 impl Place {
@@ -149,9 +141,9 @@ impl Plan {
 /// A column of which the name fits, and the unit that is part of the name.
 pub(super) struct Fitting<'a> {
     pub(super) index: usize,
-    unit: Option<&'a str>,
+    pub(super) unit: Option<&'a str>,
     /// Whether the unit is in brackets, so that it is certainly a unit.
-    bracketed: bool,
+    pub(super) bracketed: bool,
 }
 
 /// Finds the columns of signals by their names.
@@ -188,53 +180,6 @@ impl Names<'_> {
     /// [`LogError`] for a column that is missing or ambiguous, a unit that is not converted, a setting of an unknown name.
     pub(super) fn settle(&self, signals: &[Signal], optional: &[Signal]) -> Result<Plan, LogError> {
         self.settled(signals, optional).map_err(|fault| self.guessed(fault, signals))
-    }
-
-    /// A fault with the columns that may be meant by all signals that have none.
-    fn guessed(&self, mut fault: LogError, signals: &[Signal]) -> LogError {
-        if let LogError::MissingColumn { guess, .. } | LogError::AmbiguousColumn { guess, .. } = &mut fault {
-            let of_file = || self.of_file().map(|(index, column)| (index, column.text.as_str()));
-            let mut taken: Vec<usize> = Vec::new();
-            let mut columns = Vec::new();
-            let time = match self.time(&mut Vec::new()) {
-                Ok(Time::One { index, .. }) => Some(index),
-                Ok(_) => None,
-                Err(LogError::AmbiguousColumn { columns, .. }) => {
-                    of_file().find(|(_, own)| columns.contains(&(*own).into())).map(|of| of.0)
-                }
-                Err(_) => of_file().find(|(_, own)| may_be_time(own)).map(|of| of.0),
-            };
-            let has_time = self.time(&mut Vec::new()).is_ok();
-            taken.extend(time);
-            if let Some(index) = time.filter(|_| !has_time) {
-                columns.push((TIME.to_owned(), self.header[index].text.clone()));
-            }
-            taken.extend(signals.iter().filter_map(|signal| Some(self.column(signal).ok()??.index)));
-            for signal in signals.iter().filter(|signal| !matches!(self.column(signal), Ok(Some(_)))) {
-                let wanted = self.wanted(&signal.name).to_lowercase();
-                let in_unit = |index: usize| {
-                    let (_, unit, bracketed) = split_unit(&self.header[index].text);
-                    let unit = self.stated(&Fitting { index, unit, bracketed });
-                    unit.zip(signal.unit.as_deref()).is_some_and(|((unit, _), own)| conversion(unit, own).is_ok())
-                };
-                let words =
-                    WORDS.iter().find(|(unit, _)| Some(*unit) == signal.unit.as_deref()).map_or(&[][..], |of| of.1);
-                let ways: [&dyn Fn(usize, &str) -> bool; 5] = [
-                    &|_, own| own == wanted,
-                    &|_, own| wanted.len() > 1 && own.contains(&wanted),
-                    &|index, _| in_unit(index),
-                    &|_, own| words.iter().any(|word| own.contains(word)),
-                    &|_, _| true,
-                ];
-                let free = || of_file().filter(|(index, own)| !taken.contains(index) && !may_be_time(own));
-                let found = ways.iter().find_map(|fits| free().find(|(index, own)| fits(*index, &own.to_lowercase())));
-                let found = found.map(|(index, own)| (index, own.to_owned()));
-                taken.extend(found.iter().map(|of| of.0));
-                columns.push((signal.name.clone(), found.map_or(String::new(), |of| of.1)));
-            }
-            **guess = Remedy::Columns { columns, timeless: time.is_none() && !has_time };
-        }
-        fault
     }
 
     fn settled(&self, signals: &[Signal], optional: &[Signal]) -> Result<Plan, LogError> {
@@ -306,18 +251,18 @@ impl Names<'_> {
             signals.push(Signal { name: name.clone(), unit: unit.map(str::to_owned) });
             let factor = self.options.scale.get(name).copied().unwrap_or(1.0);
             let offset = self.options.offset.get(name).copied().unwrap_or(0.0);
-            places.push(Some(Place { index, factor, offset }));
+            places.push(Some(Place { index, factor, offset, is_silent: false }));
         }
         Ok((Plan { time, places, assumptions, moves: any_moves(&signals) }, signals))
     }
 
     /// The column that is looked for as a signal.
-    fn wanted<'a>(&'a self, signal: &'a str) -> &'a str {
+    pub(super) fn wanted<'a>(&'a self, signal: &'a str) -> &'a str {
         self.options.map.get(signal).map_or(signal, String::as_str)
     }
 
     /// The column of a signal: the one that it is mapped to, else the one that is called like it, or ends so.
-    fn column(&self, signal: &Signal) -> Result<Option<Fitting<'_>>, LogError> {
+    pub(super) fn column(&self, signal: &Signal) -> Result<Option<Fitting<'_>>, LogError> {
         match self.find(self.wanted(&signal.name), &signal.name, signal.unit.as_deref())? {
             None if !self.options.map.contains_key(&signal.name) => self.at_end_of_path(&signal.name),
             found => Ok(found),
@@ -345,17 +290,19 @@ impl Names<'_> {
     }
 
     /// The fault of a signal for which a column is missing, and columns that may be its rate.
-    pub(super) fn missing_in(&self, signal: &str, column: &str, rates: Box<[String]>) -> LogError {
+    pub(super) fn missing_in(&self, signal: &str, column: &str, rates: Vec<String>) -> LogError {
         let of_file = self.header.iter().filter(|column| !column.computed);
         LogError::MissingColumn {
             path: self.path.into(),
             line: self.line,
             name: signal.into(),
             column: column.into(),
-            available: of_file.map(|column| column.text.clone()).collect(),
-            rates,
-            kind: self.kind.clone(),
-            guess: Box::new(no_guess(signal)),
+            file: Box::new(LookedIn {
+                kind: self.kind.clone(),
+                available: of_file.map(|column| column.text.clone()).collect(),
+                rates,
+                guess: LookedIn::no_guess(signal),
+            }),
         }
     }
 
@@ -415,7 +362,7 @@ impl Names<'_> {
     }
 
     /// The columns that are not computed.
-    fn of_file(&self) -> impl Iterator<Item = (usize, &ColumnName)> {
+    pub(super) fn of_file(&self) -> impl Iterator<Item = (usize, &ColumnName)> {
         self.header.iter().enumerate().filter(|(_, column)| !column.computed)
     }
 
@@ -429,7 +376,7 @@ impl Names<'_> {
 
     /// The fault of a signal for which several columns may be meant.
     fn ambiguous(&self, signal: &str, columns: Vec<String>) -> LogError {
-        let guess = Box::new(no_guess(signal));
+        let guess = Box::new(LookedIn::no_guess(signal));
         LogError::AmbiguousColumn { path: self.path.into(), line: self.line, name: signal.into(), columns, guess }
     }
 
@@ -438,7 +385,7 @@ impl Names<'_> {
     }
 
     /// The unit that a column states: beside its name, else in it.
-    fn stated<'a>(&'a self, found: &Fitting<'a>) -> Option<(&'a str, bool)> {
+    pub(super) fn stated<'a>(&'a self, found: &Fitting<'a>) -> Option<(&'a str, bool)> {
         let beside = self.header[found.index].unit.as_deref().filter(|unit| !unit.is_empty());
         beside.map(|unit| (unit, true)).or(found.unit.map(|unit| (unit, found.bracketed)))
     }
@@ -464,7 +411,7 @@ impl Names<'_> {
                         unit: unit.into(),
                         factor: scale,
                     });
-                    return Ok(Place { index: found.index, factor: scale, offset });
+                    return Ok(Place { index: found.index, factor: scale, offset, is_silent: false });
                 }
                 (scale, None)
             }
@@ -491,7 +438,8 @@ impl Names<'_> {
                 factor,
             });
         }
-        Ok(Place { index: found.index, factor, offset })
+        let is_silent = unit.is_none() && !self.header[found.index].computed;
+        Ok(Place { index: found.index, factor, offset, is_silent })
     }
 
     fn unit_fault(&self, column: &str, unit: &str, name: &str, expected: &str, fault: UnitFault) -> LogError {
@@ -511,7 +459,7 @@ impl Names<'_> {
         LogError::Unit { path: self.path.into(), line, mismatch: Box::new(mismatch) }
     }
 
-    fn time(&self, said: &mut Vec<Assumption>) -> Result<Time, LogError> {
+    pub(super) fn time(&self, said: &mut Vec<Assumption>) -> Result<Time, LogError> {
         if let Some(seconds) = self.options.sample_time {
             if !(seconds.is_finite() && seconds > 0.0) {
                 return Err(LogError::SampleTime { seconds });
@@ -545,6 +493,20 @@ impl Names<'_> {
             }
         };
         let Some(found) = found else {
+            // The time from row to row beside the columns.
+            let step = self.of_file().find_map(|(_, column)| match column.holds {
+                Holds::One(step)
+                    if step > 0.0 && STEPS.contains(&split_unit(&column.text).0.to_lowercase().as_str()) =>
+                {
+                    let factor = split_unit(&column.text).1.and_then(|unit| conversion(unit, "s").ok());
+                    Some((column.text.clone(), step * factor.unwrap_or(1.0)))
+                }
+                _ => None,
+            });
+            if let Some((column, seconds)) = step.filter(|_| wanted == TIME) {
+                said.push(Assumption::Step { column, seconds });
+                return Ok(Time::Rows { seconds });
+            }
             if !self.options.timeless || wanted != TIME {
                 return Err(self.missing(TIME, None));
             }
@@ -581,20 +543,24 @@ impl Names<'_> {
     }
 
     /// The column of the time by its name or, failing that, by its first reading: a name of the time, one of a date, one of the time at the
-    /// end of a path, one that begins with the time and has its unit in it, at last a column of dates.
+    /// end of a path, one that begins with the time and has its unit in it, a column of dates, at last the first column, where it may be the time.
     fn named_time(&self, is_taken: &dyn Fn(usize) -> bool) -> Result<Option<Fitting<'_>>, LogError> {
         let last = |text: &str| text.rfind(['.', '/', ':']).map_or(0, |at| at + 1);
         let is_date = |text: &str| DATES.iter().any(|date| date.eq_ignore_ascii_case(text));
-        let ways: [&dyn Fn(&ColumnName) -> bool; 5] = [
+        // A file without a header begins with its time, where the first numbers are stamps.
+        let is_first =
+            |column: &ColumnName| column.text == "1" || column.text == self.header[0].text && may_be_time(&column.text);
+        let ways: [&dyn Fn(&ColumnName) -> bool; 6] = [
             &|column| is_time_name(&column.text),
             &|column| is_date(&column.text),
             &|column| is_time_name(&column.text[last(&column.text)..]),
             &|column| unit_within(&column.text).is_some(),
-            &|column| column.is_time,
+            &|column| column.holds == Holds::Time,
+            &|column| column.holds == Holds::Rising && is_first(column),
         ];
         for (way, fits) in ways.iter().enumerate() {
             let mut found: Vec<usize> = self.indices(fits).filter(|index| !is_taken(*index)).collect();
-            if way == 4 {
+            if way >= 4 {
                 found.truncate(1);
             }
             // Of the times of several records the one counts that the columns which were named belong to.
@@ -680,18 +646,13 @@ fn any_moves(signals: &[Signal]) -> bool {
 }
 
 /// Whether a column of this name may be the time, for a guess that the user is asked about.
-fn may_be_time(text: &str) -> bool {
+pub(super) fn may_be_time(text: &str) -> bool {
     let small = text.to_lowercase();
     is_time_name(text)
         || ["time", "stamp", "zeit", "clock", "millis", "micros", "tick", "date", "uhr"]
             .iter()
             .any(|word| small.contains(word))
-        || ["ts", "ms", "sec", "secs", "seconds", "s"].contains(&small.as_str())
-}
-
-/// What is asked for a signal before anything is known of its column.
-fn no_guess(signal: &str) -> Remedy {
-    Remedy::Columns { columns: vec![(signal.into(), String::new())], timeless: false }
+        || ["ts", "ms", "us", "sec", "secs", "seconds", "s"].contains(&small.as_str())
 }
 
 /// Whether a column of this name is the time: one of the words for it, with a unit or without.

@@ -18,7 +18,7 @@ fn read(text: &str, options: &ReadingSettings) -> Result<Recording, LogError> {
         &mut *open_columns(text.as_bytes(), "run.csv")?,
         "run.csv",
         (&signals[..1], &signals),
-        &[],
+        &[signal("dot(x)", "m/s")],
         options,
     )
 }
@@ -115,6 +115,53 @@ fn lines_of_a_console_are_left_out() {
         let error = read(&(lines.join("\n") + "\n"), &options).expect_err(row);
         assert!(error.to_string().contains(fault) && error.to_string().contains(":202:"), "{error}");
     }
+}
+
+#[test]
+fn whole_numbers_without_a_unit_are_counts() {
+    let counts = |i: usize| (1e4 * (0.01 * i as f64).sin()).round();
+    let text = table("t_s,x,u", |i, _, u| format!("{},{},{u}", 0.002 * i as f64, counts(i)));
+    let error = read(&text, &ReadingSettings::default()).expect_err("counts are no metres");
+    assert_eq!(error.remedy(), Some(tpm_report::Remedy::Scale { signal: "x".into() }));
+    assert!(error.to_string().contains("column `x` states no unit and has whole numbers alone, from -"), "{error}");
+    let mut options = ReadingSettings::default();
+    options.scale.insert("x".into(), 1.0);
+    assert_eq!(read(&text, &options).expect("stated").segments[0].channels[0][5], counts(5));
+    // A rate in a unit says what a count is.
+    let rated = table("t_s,x,u,dot(x) [mm/s]", |i, _, u| {
+        format!("{},{},{u},{}", 0.002 * i as f64, counts(i), 5e4 * (0.01 * i as f64).cos())
+    });
+    let recording = read(&rated, &ReadingSettings::default()).expect("counts");
+    let said = recording.report.remarks().join("; ");
+    assert!(said.contains("taken as counts of 0.001"), "{said}");
+    assert!((recording.segments[0].channels[0][90] - 1e-3 * counts(90)).abs() < 1e-2);
+}
+
+#[test]
+fn a_first_column_of_stamps_is_the_time_of_a_file_without_a_header() {
+    let text = table("x,u", |i, x, u| format!("{},{x},{u}", 7.5 + 0.002 * i as f64))
+        .split_once('\n')
+        .expect("rows")
+        .1
+        .to_owned();
+    let map = [("x", "2"), ("u", "3")].map(|(signal, column)| (signal.into(), column.into()));
+    let options = ReadingSettings { map: map.into(), ..ReadingSettings::default() };
+    holds(&read(&text, &options).expect("stamps"), &[(0, ROWS)]);
+    // One number in the first row is the time from row to row.
+    let text = table("x,u,Ts", |i, x, u| format!("{x},{u},{}", if i == 0 { "0.002" } else { "" }));
+    holds(&read(&text, &ReadingSettings::default()).expect("a step"), &[(0, ROWS)]);
+}
+
+#[test]
+fn a_column_of_dates_is_the_time() {
+    for (name, day) in [("Date", "2026-04-02 "), ("Messung", "02.04.2026 "), ("Uhr", "")] {
+        let text = table(&format!("{name};x;u"), |i, x, u| format!("{day}14:05:{:06.3};{x};{u}", 0.002 * i as f64));
+        holds(&read(&text, &ReadingSettings::default()).expect(name), &[(0, ROWS)]);
+    }
+    let text = table("Datum;Zeit;x;u", |i, x, u| format!("02.04.2026;14:05:{:06.3};{x};{u}", 0.002 * i as f64));
+    holds(&read(&text, &ReadingSettings::default()).expect("a date and a time of day"), &[(0, ROWS)]);
+    let text = table("time_ms_since_boot,x,u", |i, x, u| format!("{},{x},{u}", 2 * i));
+    holds(&read(&text, &ReadingSettings::default()).expect("a unit within the name"), &[(0, ROWS)]);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 //! Every recorder writes its own unit of time, so that none is inferred here.
 
 use crate::assumption::Assumption;
-use crate::columns::ColumnName;
+use crate::columns::{ColumnName, Holds};
 use crate::dates::Date;
 use crate::dialect::number;
 use crate::error::LogError;
@@ -161,7 +161,7 @@ impl Recorder {
             (0, _) => Vec::new(),
             (count, first) => vec![Assumption::NotRead { recorder: self.kind(), count, first }],
         };
-        let time = ColumnName { unit: Some(unit.into()), is_time: true, ..ColumnName::new(name) };
+        let time = ColumnName { unit: Some(unit.into()), holds: Holds::Time, ..ColumnName::new(name) };
         Ok(OwnTimes::new(gathered.columns, time).of_text(gathered.resolution, assumptions).of_kind(self.kind()))
     }
 }
@@ -276,8 +276,8 @@ fn measurement(text: &str) -> Gathered {
             _ if special || row.iter().all(|field| field.is_empty()) => {}
             "***End_of_Header***" => (in_header, names_next) = (false, true),
             _ if names_next && row.iter().any(|field| field.starts_with("X_Value")) => {
-                let is_time = |field: &&str| field.starts_with("X_Value");
-                let named = |field: &&str| !is_time(field) && !field.is_empty() && *field != "Comment";
+                let is_time = |field: &str| field.starts_with("X_Value");
+                let named = |field: &str| !is_time(field) && !field.is_empty() && field != "Comment";
                 let count = row.iter().filter(|field| named(field)).count();
                 // Lines of the header have a field for every column behind the first, or one for every channel.
                 let stated = |key: &str, field: usize, channel: usize| {
@@ -288,9 +288,9 @@ fn measurement(text: &str) -> Gathered {
                 channels.clear();
                 let mut time = None;
                 for (field, name) in row.iter().enumerate() {
-                    if is_time(&name) {
+                    if is_time(name) {
                         time = Some(field);
-                    } else if named(&name) {
+                    } else if named(name) {
                         let channel = channels.len();
                         let number_of =
                             |key| scope_number(stated(key, field, channel)?, sign).filter(|x| x.is_finite());
@@ -390,8 +390,8 @@ fn messages(text: &str) -> Gathered {
             continue;
         };
         let own = &row[1..];
-        let is_time = |name: &&str| ["TimeUS", "TimeMS"].contains(name);
-        let Some(time) = message.columns.iter().position(|name| is_time(&name)) else { continue };
+        let is_time = |name: &str| ["TimeUS", "TimeMS"].contains(&name);
+        let Some(time) = message.columns.iter().position(|name| is_time(name)) else { continue };
         // A text at the end may hold commas; numbers that are missing were cut off.
         let Some(stamp) =
             own.get(time).and_then(|field| all.stamp(field)).filter(|_| own.len() >= message.columns.len())

@@ -1,7 +1,7 @@
 //! Columns that a reader holds in memory.
 
 use crate::assumption::Assumption;
-use crate::columns::{ColumnName, Columns, distinct};
+use crate::columns::{ColumnName, Columns, Holds, distinct};
 use crate::error::LogError;
 use std::borrow::Cow;
 
@@ -15,6 +15,8 @@ pub(super) struct StoredColumn<'a> {
     pub(super) stamp: bool,
 }
 
+/// Readings at the beginning of a column that say what it holds.
+const MOST_JUDGED: usize = 4096;
 /// Most columns of one variable.
 const MOST_COLUMNS: usize = 4096;
 
@@ -61,6 +63,9 @@ impl<'a> Stored<'a> {
     /// The columns of a file, which messages call `path`.
     pub(super) fn new(path: &str, columns: Vec<StoredColumn<'a>>) -> Self {
         let mut header: Vec<ColumnName> = columns.iter().map(|column| column.name.clone()).collect();
+        for (name, column) in header.iter_mut().zip(&columns) {
+            name.holds = Holds::of(&column.values[..column.values.len().min(MOST_JUDGED)]);
+        }
         let assumptions = distinct(&mut header);
         Stored { path: path.into(), header, columns, assumptions, wanted: Vec::new(), row: 0, kind: "a table" }
     }

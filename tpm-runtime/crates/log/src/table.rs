@@ -28,6 +28,14 @@ const LONGEST_STEP: f64 = 100.0;
 const LEAST_JITTER_SHARE: usize = 100;
 const LEAST_JITTERS: usize = 3;
 
+/// Ranges beyond which whole numbers without a unit are no angle and no length: four turns, and a kilometre.
+const LEAST_COUNTS: [(&str, f64); 2] = [("rad", 25.0), ("m", 1000.0)];
+/// Fewest different numbers among them.
+const LEAST_DISTINCT: usize = 32;
+/// Rows before and behind one between which counts are compared with its rate, and least square of the correlation of both.
+const WIDTH: usize = 4;
+const LEAST_LIKENESS: f64 = 0.9;
+
 /// Largest magnitude of a reading, in the model's unit. Products of squares of larger readings would overflow.
 const LARGEST_READING: f64 = 1e100;
 
@@ -46,8 +54,14 @@ pub struct Unread {
 /// Takes the columns that were recorded apart from the time out of a plan, with their signals.
 fn leave_out_apart(columns: &dyn Columns, plan: &mut Plan, signals: &mut Vec<Signal>) -> Vec<Unread> {
     let of = |column: Option<usize>| columns.readings(column?);
-    let (time, mut unread) = (plan.time_column(), Vec::new());
-    let Some(stamps) = of(time) else { return unread };
+    let mut unread = Vec::new();
+    // Where rows are counted the longest columns are the record.
+    let longest = || plan.places.iter().flatten().filter_map(|place| columns.readings(place.index)).max();
+    let (stamps, what) = match plan.time_column() {
+        Some(time) => (of(Some(time)), "the time"),
+        None => (longest(), "others"),
+    };
+    let Some(stamps) = stamps else { return unread };
     let (mut places, mut kept) = (Vec::new(), Vec::new());
     for (place, signal) in plan.places.drain(..).zip(signals.drain(..)) {
         match of(place.as_ref().map(|place| place.index)).filter(|readings| *readings != stamps) {
@@ -57,7 +71,7 @@ fn leave_out_apart(columns: &dyn Columns, plan: &mut Plan, signals: &mut Vec<Sig
             }
             Some(readings) => {
                 let why = format!(
-                    "it has {readings} readings and the time {stamps}; it is read with its own time (--map t_s=COLUMN)"
+                    "it has {readings} readings and {what} {stamps}; it is read with its own time (--map t_s=COLUMN)"
                 );
                 unread.push(Unread { column: signal.name, why });
             }
@@ -95,6 +109,8 @@ pub(super) struct Channel {
     /// Its readings by row, in its unit; no number where it has none.
     pub(super) values: Vec<f64>,
     numbers: Numbers,
+    /// Whether nothing states its unit.
+    is_silent: bool,
 }
 
 impl Channel {
@@ -247,7 +263,63 @@ impl Table {
         let mut table = Self::of(&mut columns, path, plan, signals.len())?;
         let steps = columns.steps().into_iter().skip(stamps);
         table.all_mut().zip(steps).for_each(|(channel, steps)| channel.numbers.computed = steps);
+        table.settle_counts(signals, options)?;
         Ok(table)
+    }
+
+    /// Takes whole numbers without a unit, too many and too large for a length or an angle, for counts by the rate beside them.
+    ///
+    /// # Errors
+    /// [`LogError::Counts`] where no rate says what a count is.
+    fn settle_counts(&mut self, signals: &[Signal], options: &ReadingSettings) -> Result<(), LogError> {
+        for (c, signal) in signals.iter().enumerate() {
+            let channel = &self.channels[c];
+            let unit =
+                signal.unit.as_deref().filter(|_| channel.is_silent && !options.scale.contains_key(&signal.name));
+            let least = LEAST_COUNTS.iter().find(|(own, _)| Some(*own) == unit).map(|(_, range)| *range);
+            let (Some(unit), Some(least)) = (unit, least) else { continue };
+            let there = || channel.values.iter().copied().filter(|value| value.is_finite());
+            let (low, high) = (there().fold(f64::INFINITY, f64::min), there().fold(f64::NEG_INFINITY, f64::max));
+            if high - low <= least || low > high || there().any(|value| value.fract() != 0.0) {
+                continue;
+            }
+            let mut distinct: Vec<f64> = there().collect();
+            distinct.sort_by(f64::total_cmp);
+            distinct.dedup();
+            if distinct.len() < LEAST_DISTINCT {
+                continue;
+            }
+            let rate = self.rates.get(c).and_then(Option::as_ref).filter(|rate| !rate.is_silent);
+            let Some(factor) = rate.and_then(|rate| self.count_by(&channel.values, &rate.values)) else {
+                return Err(LogError::Counts {
+                    path: self.path.clone(),
+                    line: self.header_line,
+                    column: channel.column.clone(),
+                    signal: signal.name.clone(),
+                    unit: unit.to_owned(),
+                    range: [low, high],
+                });
+            };
+            let channel = &mut self.channels[c];
+            channel.values.iter_mut().for_each(|value| *value *= factor);
+            channel.numbers.factor *= factor;
+            let (signal, column) = (signal.name.clone(), channel.column.clone());
+            self.assumptions.push(Assumption::Counts { signal, column, factor });
+        }
+        Ok(())
+    }
+
+    /// The size of a count by which a motion in counts has a rate, where it has.
+    fn count_by(&self, counts: &[f64], rates: &[f64]) -> Option<f64> {
+        let (mut own, mut both, mut other) = (0.0, 0.0, 0.0);
+        for k in WIDTH..counts.len().saturating_sub(WIDTH) {
+            let time = (self.time[k + WIDTH] - self.time[k - WIDTH]) * self.factor;
+            let (moved, rate) = ((counts[k + WIDTH] - counts[k - WIDTH]) / time, rates[k]);
+            if moved.is_finite() && rate.is_finite() {
+                (own, both, other) = (own + moved * moved, both + moved * rate, other + rate * rate);
+            }
+        }
+        (both * both > LEAST_LIKENESS * own * other).then(|| both / own)
     }
 
     /// Refuses columns of which one ends before another begins. What was written a few times before is a setting, which holds from then on.
@@ -302,6 +374,7 @@ impl Table {
             column: columns.header()[place.index].text.clone(),
             values: Vec::new(),
             numbers: place.numbers(),
+            is_silent: place.is_silent,
         };
         let mut all = plan.places.iter().map(|place| place.as_ref().map(channel));
         let mut table = Table {
