@@ -32,6 +32,8 @@ pub(super) enum Holds {
     Time,
     /// Numbers of which each is larger than the one before by about as much, as stamps are.
     Rising,
+    /// So few readings that it is a setting.
+    Few,
     /// One number in the first row alone, as a sample time may stand beside columns.
     One(f64),
 }

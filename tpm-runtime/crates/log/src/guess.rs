@@ -9,8 +9,8 @@ use tpm_report::Remedy;
 
 /// Parts of names of columns that hold quantities of a unit, in small letters.
 const WORDS: [(&str, &[&str]); 8] = [
-    ("rad", &["angle", "pos", "theta", "phi", "winkel", "enc", "joint"]),
-    ("m", &["pos", "dist", "weg", "enc", "height"]),
+    ("rad", &["angle", "pos", "theta", "phi", "winkel", "enc", "joint", "sensor", "state"]),
+    ("m", &["pos", "dist", "weg", "enc", "height", "sensor"]),
     ("rad/s", &["speed", "vel", "omega", "rate", "gyr", "drehzahl"]),
     ("m/s", &["speed", "vel", "geschw"]),
     ("V", &["volt", "pwm", "spannung", "drive", "cmd"]),
@@ -66,7 +66,8 @@ impl Names<'_> {
                     &|_, own| words.iter().any(|word| own.contains(word)),
                     &|_, _| true,
                 ];
-                let free = || of_file().filter(|(index, own)| !taken.contains(index) && !may_be_time(own));
+                let is_free = |index: &usize| !taken.contains(index) && self.header[*index].holds != Holds::Few;
+                let free = || of_file().filter(|(index, own)| is_free(index) && !may_be_time(own));
                 let found = ways.iter().find_map(|fits| free().find(|(index, own)| fits(*index, &own.to_lowercase())));
                 let found = found.map(|(index, own)| (index, own.to_owned()));
                 taken.extend(found.iter().map(|of| of.0));

@@ -8,8 +8,8 @@
 
 use crate::dates::Date;
 use crate::error::LogError;
+use crate::options::LEAST_SAMPLES;
 use crate::stored::{Stored, StoredColumn};
-use crate::table::LEAST_SAMPLES;
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, SeqAccess, Visitor};
 use std::collections::{BTreeMap, HashMap};

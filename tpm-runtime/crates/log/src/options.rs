@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+/// Fewest samples of a log.
+pub(super) const LEAST_SAMPLES: usize = 16;
 /// Name of the time in settings, and of the column of time in the plainest files.
 pub(super) const TIME: &str = "t_s";
 

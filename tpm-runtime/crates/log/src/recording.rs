@@ -10,7 +10,7 @@ use crate::error::LogError;
 use crate::format::open_columns;
 use crate::joins::joins;
 use crate::names::Signal;
-use crate::options::ReadingSettings;
+use crate::options::{LEAST_SAMPLES, ReadingSettings};
 use crate::read::{Log, all_measured, jitter, rate_signals, signals, tidy};
 use crate::repeated::{repeated_readings, without_repeats};
 use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
@@ -19,7 +19,7 @@ use crate::resample::{
 };
 use crate::source::LogSource;
 use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
-use crate::table::{Channel, Hole, LEAST_SAMPLES, Table};
+use crate::table::{Channel, Hole, Table};
 use crate::wraps::followed;
 use std::io::Read;
 use std::ops::Range;

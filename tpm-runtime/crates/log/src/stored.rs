@@ -3,6 +3,7 @@
 use crate::assumption::Assumption;
 use crate::columns::{ColumnName, Columns, Holds, distinct};
 use crate::error::LogError;
+use crate::options::LEAST_SAMPLES;
 use std::borrow::Cow;
 
 /// A column and its readings.
@@ -64,7 +65,10 @@ impl<'a> Stored<'a> {
     pub(super) fn new(path: &str, columns: Vec<StoredColumn<'a>>) -> Self {
         let mut header: Vec<ColumnName> = columns.iter().map(|column| column.name.clone()).collect();
         for (name, column) in header.iter_mut().zip(&columns) {
-            name.holds = Holds::of(&column.values[..column.values.len().min(MOST_JUDGED)]);
+            name.holds = match column.values.len() {
+                ..LEAST_SAMPLES => Holds::Few,
+                length => Holds::of(&column.values[..length.min(MOST_JUDGED)]),
+            };
         }
         let assumptions = distinct(&mut header);
         Stored { path: path.into(), header, columns, assumptions, wanted: Vec::new(), row: 0, kind: "a table" }

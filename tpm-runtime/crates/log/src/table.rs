@@ -5,15 +5,12 @@ use crate::columns::{Columns, NotedText};
 use crate::computed::Computed;
 use crate::error::LogError;
 use crate::names::{Names, Place, Plan, Signal, Time};
-use crate::options::ReadingSettings;
+use crate::options::{LEAST_SAMPLES, ReadingSettings};
 use crate::shared_rows::SharedRows;
 use crate::stamps::{Resolution, Stamps};
 use crate::steps::{Numbers, Steps};
 use serde::Serialize;
 use std::mem::take;
-
-/// Fewest samples of a log.
-pub(super) const LEAST_SAMPLES: usize = 16;
 
 /// Least stamps that count nanoseconds, microseconds or milliseconds from 1970 on, with the unit and its length in s.
 /// As seconds such stamps would lie thousands of years ahead.
