@@ -20,7 +20,8 @@ impl Spelling for Flags {
             Some(Remedy::Columns { columns, timeless }) => {
                 let named = |flag: &str| columns.iter().any(|(signal, _)| flag.starts_with(&format!("{signal}=")));
                 let mut words = vec!["tpm".to_owned()];
-                let mut typed = std::env::args().skip(1).peekable();
+                let typed = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+                let mut typed = typed.peekable();
                 while let Some(word) = typed.next() {
                     // What was typed for one of these signals gives way.
                     if word == "--map" && typed.peek().is_some_and(|flag| named(flag)) {
