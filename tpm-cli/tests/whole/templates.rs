@@ -202,7 +202,7 @@ fn taken(header: &str) -> Vec<String> {
 fn positions_and_inputs_are_taken_by_quantity_before_place() {
     assert_eq!(taken("q_m,u_V,force_N,spare")[0], "spring: q_m force_N");
     assert_eq!(taken("x,v,u")[0], "spring: x u");
-    assert_eq!(taken("u_V,y_V")[0], "spring: y_V u_V");
+    assert!(taken("u_V,y_V").is_empty(), "a voltage is no position");
     assert_eq!(taken("phi,i")[0], "motor: phi i");
     assert_eq!(taken("x_ref,x,u_ff,u")[0], "spring: x u");
     assert_eq!(taken("a,b")[0], "spring: a b");
