@@ -1,6 +1,7 @@
 //! A description's mechanism as a MuJoCo model: bodies, joints, inertias and losses, without shapes.
 
 use crate::import::arrange::{Body, Moving, rotation_of};
+use crate::import::description::Spring;
 use crate::import::described::{Described, JointLosses};
 use crate::import::split::{SplitError, text, written};
 use std::collections::BTreeMap;
@@ -106,6 +107,9 @@ impl Writer<'_> {
             if value != 0.0 {
                 let _ = write!(attributes, " {attribute}=\"{value}\"");
             }
+        }
+        if let Some(Spring { stiffness, rest }) = &moving.spring {
+            let _ = write!(attributes, " stiffness=\"{}\" springref=\"{}\"", to_f64(stiffness), to_f64(rest));
         }
         if let (Some(lower), Some(upper)) = (&moving.limits.lower, &moving.limits.upper)
             && lower < upper

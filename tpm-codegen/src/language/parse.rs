@@ -12,7 +12,7 @@ use std::collections::HashSet;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
-    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item,
+    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, ExprKind, Force, Ident, Item,
     ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration,
     Taylor, UnitExpr,
 };
@@ -149,7 +149,10 @@ impl<'a, 'd> Parser<'a, 'd> {
     // Faults.
 
     fn report(&mut self, diagnostic: Diagnostic) -> Reported {
-        self.diagnostics.push(diagnostic);
+        // What ends at a condition was reported when the condition was read.
+        if self.kind() != TokenKind::Condition {
+            self.diagnostics.push(diagnostic);
+        }
         Reported
     }
 
@@ -558,6 +561,9 @@ impl<'a, 'd> Parser<'a, 'd> {
             let help = match token.kind {
                 TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen if !self.on_new_line() => {
                     "a product is written with `*`"
+                }
+                TokenKind::OpenBracket if matches!(left.kind, ExprKind::Name(_)) => {
+                    "several names of one declaration are separated by commas, `coordinate x [m], y [m];`; or repeat the word before the name"
                 }
                 TokenKind::OpenBracket => "units stand where names are declared: `constant g = 9.81 [m/s^2];`",
                 _ => "an equation of motion is `left = right;`",

@@ -82,6 +82,7 @@ impl<'m> Gather<'m> {
                 Obstacle::Inside(parameter, inside) => RegressorError::InsideFunction {
                     term: id,
                     parameter: self.model.quantity(parameter).name.to_string(),
+                    unit: self.model.bracketed_unit(parameter),
                     inside: self.model.display_short(inside),
                 },
                 Obstacle::TooLarge => RegressorError::TooLarge { term: id, most: MOST_MONOMIALS },
