@@ -101,6 +101,7 @@ impl Source {
 
     /// A text that is made of parts of files, named as the first file: each part with the index of its file. Places are shown in the file
     /// that they come from.
+    #[cfg(feature = "import")]
     pub(crate) fn of_parts(files: Vec<Source>, parts: &[(usize, std::ops::Range<usize>)]) -> Self {
         let name = files.first().map_or_else(String::new, |file| file.name.clone());
         let (mut text, mut pieces) = (String::new(), Vec::new());

@@ -97,10 +97,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let (model, text) = template.without_log(&camel(&stem), &stem);
             begin(&[(target.clone(), model), (experiment.clone(), text)])?;
             file::print(&format!(
-                "{0}: a model to change, {2}; {1}: an experiment on its simulated machine\nnext: tpm check {0}, tpm identify {0}; tpm explain says what a field of {1} means\n",
+                "{0}: a model to change; {1}: an experiment on its simulated machine\nnext: tpm check {0}, tpm identify {0}; tpm explain says what a field of {1} means\n",
                 target.display(),
-                experiment.display(),
-                template.machine
+                experiment.display()
             ))
         }
     }

@@ -562,7 +562,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen if !self.on_new_line() => {
                     "a product is written with `*`"
                 }
-                TokenKind::OpenBracket if matches!(left.kind, ExprKind::Name(_)) => {
+                TokenKind::OpenBracket if matches!(left.kind, ExprKind::Name(_)) && self.ends_at_unit() => {
                     "several names of one declaration are separated by commas, `coordinate x [m], y [m];`; or repeat the word before the name"
                 }
                 TokenKind::OpenBracket => "units stand where names are declared: `constant g = 9.81 [m/s^2];`",
@@ -574,6 +574,12 @@ impl<'a, 'd> Parser<'a, 'd> {
         let right = self.expr()?;
         self.end_of_statement()?;
         Ok(Item::Equation(Equation { left, right }))
+    }
+
+    /// Whether nothing stands behind the unit that begins here.
+    fn ends_at_unit(&self) -> bool {
+        let close = (1..16).find(|&ahead| self.nth(ahead).kind == TokenKind::CloseBracket);
+        close.is_some_and(|at| matches!(self.nth(at + 1).kind, TokenKind::Semicolon | TokenKind::Comma))
     }
 
     fn pattern(&mut self) -> Parse<Item> {

@@ -219,7 +219,7 @@ impl<'a> Names<'a, '_, '_> {
         }
         let local = if let Place::Motion(index) = place { self.symbols.patterns.get(index) } else { None };
         let Some(symbol) = local.and_then(|scope| scope.get(name)).or_else(|| self.symbols.model.get(name)) else {
-            self.unknown(name, span, place);
+            self.unknown(name, span, place, user);
             return;
         };
         if let (Place::Motion(index), SymbolKind::Quantity(Role::Amplitude | Role::Frequency)) = (place, symbol.kind) {
@@ -244,7 +244,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    fn unknown(&mut self, name: &str, span: Span, place: Place<'a>) {
+    fn unknown(&mut self, name: &str, span: Span, place: Place<'a>, user: User<'a>) {
         if self.syntax.mentioned.contains(name) {
             return;
         }
@@ -272,10 +272,13 @@ impl<'a> Names<'a, '_, '_> {
             .collect();
         candidates.sort_unstable();
         let coordinates = self.symbols.model.iter().filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
-        let rate = coordinates.filter_map(|(coordinate, _)| derivative(name, coordinate)).min();
+        let rate = coordinates.filter_map(|(coordinate, _)| Some((derivative(name, coordinate)?, *coordinate))).min();
+        if let Some((_, coordinate)) = &rate {
+            self.uses.entry(user).or_default().insert(coordinate);
+        }
         let near = nearest(name, candidates.iter().map(|&(_, candidate)| candidate));
         let help = match (rate, near) {
-            (Some(rate), _) => format!("time derivatives are written `dot(...)` and `ddot(...)`: here `{rate}`"),
+            (Some((rate, _)), _) => format!("time derivatives are written `dot(...)` and `ddot(...)`: here `{rate}`"),
             (None, Some(near)) => format!("did you mean `{near}`?"),
             (None, None) => match place {
                 Place::Motion(_) => {

@@ -229,7 +229,8 @@ fn unknown_unit(name: &Ident) -> Diagnostic {
         _ => {}
     }
     if let Some(product) = written_together(text) {
-        return error.help(format!("a product of units is written with `*`, a power with `^`: `{product}`"));
+        let power = if product.contains('^') { ", a power with `^`" } else { "" };
+        return error.help(format!("a product of units is written with `*`{power}: `{product}`"));
     }
     match nearest(text, tpm_units::names()) {
         Some(near) => error.help(format!("did you mean `{near}`?")),
