@@ -94,7 +94,13 @@ impl Source {
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         let (name, text) = (name.into(), text.into());
         if u32::try_from(text.len()).is_err() {
-            return Self { name, text: String::new(), fault: Some(Fault::TooLong), files: Vec::new(), pieces: Vec::new() };
+            return Self {
+                name,
+                text: String::new(),
+                fault: Some(Fault::TooLong),
+                files: Vec::new(),
+                pieces: Vec::new(),
+            };
         }
         Self { name, text, fault: None, files: Vec::new(), pieces: Vec::new() }
     }

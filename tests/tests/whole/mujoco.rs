@@ -194,7 +194,8 @@ fn shapes_have_the_mass_and_the_moments_of_their_volume() {
             (round(r * r - out * out), round(r * r - out * out), 0.0)
         }
     };
-    let ball = |a: f64, b: f64, c: f64| move |z: f64| (a * round(1.0 - z * z / c / c), b * round(1.0 - z * z / c / c), 0.0);
+    let ball =
+        |a: f64, b: f64, c: f64| move |z: f64| (a * round(1.0 - z * z / c / c), b * round(1.0 - z * z / c / c), 0.0);
     for (geom, [volume, xx, yy, zz]) in [
         ("type='box' size='0.1 0.2 0.3'", sliced(0.3, &|_| (0.1, 0.2, 0.0), 1.0 / 3.0, 4.0)),
         ("type='cylinder' size='0.1 0.3'", sliced(0.3, &|_| (0.1, 0.1, 0.0), 0.25, pi)),
@@ -216,7 +217,11 @@ fn shapes_have_the_mass_and_the_moments_of_their_volume() {
         near("my_b", 0.0);
         // The other moments, by turning the shape.
         for (turn, moment) in [("0 90 0", xx), ("90 0 0", yy)] {
-            let turned = inertia(&format!("<geom {geom} euler='{turn}' mass='3'/>").replace(" fromto='0.1 0.2 -0.3 0.1 0.2 0.3' size='0.1'", " size='0.1 0.3'"), "");
+            let turned = inertia(
+                &format!("<geom {geom} euler='{turn}' mass='3'/>")
+                    .replace(" fromto='0.1 0.2 -0.3 0.1 0.2 0.3' size='0.1'", " size='0.1 0.3'"),
+                "",
+            );
             let centre = 3.0 * (0.1_f64.powi(2) + 0.2_f64.powi(2));
             let value = 3.0 * moment / volume + centre;
             assert!((turned["Izz_b"] - value).abs() < 1e-6, "{geom} {turn}: {} {value}", turned["Izz_b"]);

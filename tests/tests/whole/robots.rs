@@ -555,7 +555,8 @@ fn an_offset_of_a_joint_that_follows_is_a_constant_turn_or_shift_of_its_origin()
     };
     let third = ["xyz=\"0 0.13 0.04\"", "<mimic joint=\"j\" multiplier=\"0.3\"/>"];
     let stands = tree(["xyz=\"0.2 0 0\" rpy=\"0 0.3 0\"", "<mimic joint=\"j\" multiplier=\"1.5\"/>"], third);
-    let states: Vec<[Vec<f64>; 3]> = [[0.3, 1.2, -2.0], [-0.9, 0.4, 3.0]].map(|state| state.map(|value| vec![value])).into();
+    let states: Vec<[Vec<f64>; 3]> =
+        [[0.3, 1.2, -2.0], [-0.9, 0.4, 3.0]].map(|state| state.map(|value| vec![value])).into();
     let torques = |text: &str| crate::mujoco::torques(&import(text, &[]), &states);
     let near = |a: &[Vec<f64>], b: &[Vec<f64>]| {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a.abs()))
@@ -564,10 +565,7 @@ fn an_offset_of_a_joint_that_follows_is_a_constant_turn_or_shift_of_its_origin()
     // A turned origin: the turns follow each other, Rz(0.5) Ry(0.3) after the roll of a quarter turn, which no three angles show by eye.
     let quarter = "1.5707963267948966";
     let turned = tree(
-        [
-            &format!("xyz=\"0.2 0 0\" rpy=\"{quarter} 0 0\""),
-            "<mimic joint=\"j\" multiplier=\"1.5\" offset=\"0.3\"/>",
-        ],
+        [&format!("xyz=\"0.2 0 0\" rpy=\"{quarter} 0 0\""), "<mimic joint=\"j\" multiplier=\"1.5\" offset=\"0.3\"/>"],
         third,
     );
     // Rx(pi/2) Ry(0.3) is Rz(0.3) Rx(pi/2).

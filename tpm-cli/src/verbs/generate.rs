@@ -260,10 +260,17 @@ fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<Identifi
         match model.find_symbol(name) {
             _ if columns.contains(&name) => {}
             Some(symbol) if is_parameter(symbol) => {}
-            Some(_) => file::remark(&format!("remark: {}: `{name}` is no parameter; the code gets it when it runs", path.display())),
+            Some(_) => file::remark(&format!(
+                "remark: {}: `{name}` is no parameter; the code gets it when it runs",
+                path.display()
+            )),
             None => {
                 let known: Vec<String> = model.parameters().map(|own| model.quantity(own).name.to_string()).collect();
-                return Err(at(format!("the model {} has no parameter `{name}`; it has {}", model.name, known.join(", "))));
+                return Err(at(format!(
+                    "the model {} has no parameter `{name}`; it has {}",
+                    model.name,
+                    known.join(", ")
+                )));
             }
         }
     }

@@ -198,8 +198,7 @@ impl<'a> Arranger<'a, '_, '_> {
             return self.known(base, "base");
         }
         let links = &self.description.links;
-        let mut roots: Vec<&Link> =
-            links.iter().filter(|link| !self.above.contains_key(link.name.as_str())).collect();
+        let mut roots: Vec<&Link> = links.iter().filter(|link| !self.above.contains_key(link.name.as_str())).collect();
         // A free body stands still where nothing else moves: beside it is a world, perhaps with fixed things on it.
         let moves = |root: &Link| {
             let joints = self.reached(&root.name).into_iter().filter_map(|link| self.children.get(link)).flatten();
@@ -308,9 +307,10 @@ impl<'a> Arranger<'a, '_, '_> {
             }
         }
         // A joint that follows a locked one is locked where its factor and offset put it.
-        let followers = self.description.joints.iter().filter(|joint| {
-            joint.kind != Kind::Fixed && joint.follows.is_some() && !locked.contains_key(&joint.name)
-        });
+        let followers =
+            self.description.joints.iter().filter(|joint| {
+                joint.kind != Kind::Fixed && joint.follows.is_some() && !locked.contains_key(&joint.name)
+            });
         let places = followers.filter_map(|joint| {
             let led = self.led(joint, |leader| locked.contains_key(leader))?;
             Some((joint.name.clone(), &led.factor * locked.get(led.leader)? + led.offset))
@@ -363,11 +363,7 @@ impl<'a> Arranger<'a, '_, '_> {
     }
 
     /// The links that carry a moving joint, at themselves or outward of them.
-    fn carrying(
-        &self,
-        kept: &Option<BTreeSet<&'a str>>,
-        locked: &BTreeMap<String, Rational>,
-    ) -> BTreeSet<&'a str> {
+    fn carrying(&self, kept: &Option<BTreeSet<&'a str>>, locked: &BTreeMap<String, Rational>) -> BTreeSet<&'a str> {
         let moving = self.description.joints.iter().filter(|joint| {
             joint.kind != Kind::Fixed
                 && !locked.contains_key(&joint.name)

@@ -107,7 +107,8 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
         // One line for all that every description has of them.
         if !known.is_empty() {
             let parts: Vec<String> = known.into_iter().map(|(name, count)| format!("{count} `{name}`")).collect();
-            self.readings.remark(format!("left out, as a model of the dynamics has no use for them: {}", parts.join(", ")));
+            self.readings
+                .remark(format!("left out, as a model of the dynamics has no use for them: {}", parts.join(", ")));
         }
     }
 
@@ -134,7 +135,11 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
             Some(Ok(numbers)) => Some(numbers),
             _ => {
                 let message = format!("`{attribute}` is `{text}`, which is not three numbers");
-                self.error(span(node), message, "write three decimal numbers, such as \"0 0 0.1\", each of at most 1e100");
+                self.error(
+                    span(node),
+                    message,
+                    "write three decimal numbers, such as \"0 0 0.1\", each of at most 1e100",
+                );
                 None
             }
         }

@@ -17,10 +17,7 @@ const MOST_FILES: usize = 200;
 ///
 /// # Errors
 /// A text that names the place: a file cannot be read or is no XML, is included twice, or there are more than two hundred.
-pub fn with_included(
-    source: Source,
-    open: impl FnMut(&str, &str) -> Result<Source, String>,
-) -> Result<Source, String> {
+pub fn with_included(source: Source, open: impl FnMut(&str, &str) -> Result<Source, String>) -> Result<Source, String> {
     let mut expansion = Expansion { files: vec![source], parts: Vec::new(), open };
     expansion.file(0)?;
     Ok(match expansion.files.len() {

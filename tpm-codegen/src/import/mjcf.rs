@@ -1,8 +1,8 @@
 //! A description's mechanism as a MuJoCo model: bodies, joints, inertias and losses, without shapes.
 
 use crate::import::arrange::{Body, Moving, rotation_of};
-use crate::import::description::Spring;
 use crate::import::described::{Described, JointLosses};
+use crate::import::description::Spring;
 use crate::import::split::{SplitError, text, written};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

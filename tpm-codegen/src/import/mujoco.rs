@@ -14,7 +14,9 @@ use roxmltree::Node;
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::Diagnostic;
-use crate::import::description::{Description, FREE, Follows, Inertial, Joint, Kind, Limits, Link, Origin, Spring, usual_gravity};
+use crate::import::description::{
+    Description, FREE, Follows, Inertial, Joint, Kind, Limits, Link, Origin, Spring, usual_gravity,
+};
 use crate::import::elements::{Reader, number, span};
 use crate::import::frame;
 use crate::import::mujoco::defaults::Defaults;
@@ -494,13 +496,18 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         let written = axis.each_ref().map(|(_, text)| *text).join(" ");
         // Angles of the file, in rad.
         let degree = Some(self.compiler.unit).filter(|_| turns && !self.compiler.radian);
-        let radians = |value: Rational| degree.map_or_else(|| value.clone(), |unit| decimal(rational::to_f64(&value) * unit));
+        let radians =
+            |value: Rational| degree.map_or_else(|| value.clone(), |unit| decimal(rational::to_f64(&value) * unit));
         // `ref` is the joint's coordinate in the pose in which the file places the bodies.
         let start = -radians(self.number(node, class, "ref"));
         let rest = radians(self.number(node, class, "springref"));
         let stiffness = self.number(node, class, "stiffness");
         if stiffness.is_negative() {
-            self.error(node, format!("the spring of `{name}` pushes away (`stiffness` below 0)"), "write a stiffness that is not negative");
+            self.error(
+                node,
+                format!("the spring of `{name}` pushes away (`stiffness` below 0)"),
+                "write a stiffness that is not negative",
+            );
         }
         let spring = stiffness.is_positive().then_some(Spring { stiffness, rest });
         let mut limits = Limits::default();

@@ -4,7 +4,9 @@ use roxmltree::Node;
 use tpm_symbolic::number::rational;
 
 use crate::diagnostic::Diagnostic;
-use crate::import::description::{FREE, Description, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
+use crate::import::description::{
+    Description, FREE, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity,
+};
 use crate::import::elements::{Reader, span};
 use crate::import::reading::{Exact, is_angle};
 use crate::source::Span;
@@ -45,6 +47,9 @@ impl Reader<'_, '_, '_> {
     fn inertial(&mut self, node: Node<'_, '_>) -> Option<Inertial> {
         let mut origin = Origin::none();
         let (mut mass, mut moments) = (None, None);
+        if !node.children().any(|child| child.has_tag_name("mass")) {
+            self.error(span(node), "this `inertial` has no `mass`".to_owned(), "add `<mass value=\"...\"/>`");
+        }
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {
                 "origin" => origin = self.origin(element),
@@ -57,12 +62,8 @@ impl Reader<'_, '_, '_> {
                 _ => self.ignore(element, "inertial"),
             }
         }
-        let Some(mass) = mass else {
-            self.error(span(node), "this `inertial` has no `mass`".to_owned(), "add `<mass value=\"...\"/>`");
-            return None;
-        };
         let moments = moments.unwrap_or_else(|| std::array::from_fn(|_| rational::integer(0)));
-        Some(Inertial { span: span(node), origin, mass, moments })
+        Some(Inertial { span: span(node), origin, mass: mass?, moments })
     }
 
     fn joint(&mut self, node: Node<'_, '_>) -> Option<Joint> {

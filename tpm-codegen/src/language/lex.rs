@@ -15,7 +15,8 @@ pub(crate) fn lex(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Token> 
         diagnostics.push(describe(fault));
         return vec![Token { kind: TokenKind::End, span: Span::default() }];
     }
-    let mut lexer = Lexer { text: source.text(), at: 0, tokens: Vec::new(), depth: 0, foreign: HashSet::new(), diagnostics };
+    let mut lexer =
+        Lexer { text: source.text(), at: 0, tokens: Vec::new(), depth: 0, foreign: HashSet::new(), diagnostics };
     lexer.run();
     lexer.tokens
 }

@@ -120,7 +120,7 @@ impl<'m> Gather<'m> {
     /// Computes the dependences of nodes that were added meanwhile.
     fn extend_dependence(&mut self) {
         let graph = &self.model.graph;
-        for id in graph.ids().skip(self.dependence.len()) {
+        for id in graph.ids_from(self.dependence.len()) {
             let mut own = Dependence::default();
             match *graph.node(id) {
                 Node::Derivative(..) => own.moves = true,

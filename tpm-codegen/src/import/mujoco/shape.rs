@@ -73,7 +73,9 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         }
         let fault = |message: String| Box::new(Diagnostic::error(span(geom), message).help(WEIGH));
         if self.attribute(geom, class, "shellinertia") == Some("true") {
-            return Err(fault("the mass of this shape is in its surface (`shellinertia`), which is not read here".to_owned()));
+            return Err(fault(
+                "the mass of this shape is in its surface (`shellinertia`), which is not read here".to_owned(),
+            ));
         }
         if let Some(mesh) = self.attribute(geom, class, "mesh") {
             return Err(fault(format!("the mass of this shape is that of the mesh `{mesh}`, which is not read here")));
@@ -102,9 +104,11 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
                 origin.turned = angles.map(|angle| self.reader.readings.computed(angle, span(geom)));
             }
         }
-        let solid = solid(kind, &sizes).filter(|solid| sizes.iter().all(|size| *size >= Rational::zero()) && !solid.volume.is_zero());
+        let solid = solid(kind, &sizes)
+            .filter(|solid| sizes.iter().all(|size| *size >= Rational::zero()) && !solid.volume.is_zero());
         let Some(solid) = solid else {
-            let message = format!("the shape `{kind}` of the size `{written}` has no volume from which its mass follows");
+            let message =
+                format!("the shape `{kind}` of the size `{written}` has no volume from which its mass follows");
             return Err(fault(message));
         };
         for (component, moved) in origin.at.iter_mut().zip(at) {

@@ -271,7 +271,8 @@ impl<'a> Names<'a, '_, '_> {
             .map(|(candidate, symbol)| (symbol.span, *candidate))
             .collect();
         candidates.sort_unstable();
-        let coordinates = self.symbols.model.iter().filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
+        let coordinates =
+            self.symbols.model.iter().filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
         let rate = coordinates.filter_map(|(coordinate, _)| Some((derivative(name, coordinate)?, *coordinate))).min();
         if let Some((_, coordinate)) = &rate {
             self.uses.entry(user).or_default().insert(coordinate);
@@ -295,7 +296,10 @@ impl<'a> Names<'a, '_, '_> {
             self.unknown_function(name, arguments, place);
             self.uses.entry(user).or_default().insert(&name.name);
             // The time in them is told by the error above.
-            arguments.iter().filter(|argument| !of_time(std::slice::from_ref(argument))).for_each(|argument| self.visit(argument, place, user));
+            arguments
+                .iter()
+                .filter(|argument| !of_time(std::slice::from_ref(argument)))
+                .for_each(|argument| self.visit(argument, place, user));
             return;
         };
         // The number of arguments.
@@ -459,9 +463,13 @@ impl<'a> Names<'a, '_, '_> {
                     "arcsin" => error.help("write `asin`"),
                     "arccos" => error.help("write `acos`"),
                     "sgn" | "signum" => error.help("write `sign`"),
-                    "max" => error.help("write `(a + b + abs(a - b))/2` for the larger of a and b: `(a + abs(a))/2` where b is 0"),
+                    "max" => error.help(
+                        "write `(a + b + abs(a - b))/2` for the larger of a and b: `(a + abs(a))/2` where b is 0",
+                    ),
                     "min" => error.help("write `(a + b - abs(a - b))/2` for the smaller of a and b"),
-                    "step" | "heaviside" => error.help("write `(1 + sign(a))/2`, which is 1 where a is positive, else 0"),
+                    "step" | "heaviside" => {
+                        error.help("write `(1 + sign(a))/2`, which is 1 where a is positive, else 0")
+                    }
                     _ => match nearest(text, names.iter().copied()) {
                         Some(near) => error.help(format!("did you mean `{near}`?")),
                         None => error.help(format!("the functions are {}", names.join(", "))),

@@ -250,7 +250,9 @@ fn written_together(text: &str) -> Option<String> {
     const DEARER: usize = 3;
     fn split<'a>(text: &'a str, before: &mut Vec<(&'a str, &'a str)>) -> Option<(usize, String)> {
         if text.is_empty() {
-            let part = |(name, power): &(&str, &str)| if power.is_empty() { (*name).to_owned() } else { format!("{name}^{power}") };
+            let part = |(name, power): &(&str, &str)| {
+                if power.is_empty() { (*name).to_owned() } else { format!("{name}^{power}") }
+            };
             return Some((0, before.iter().map(part).collect::<Vec<_>>().join("*")));
         }
         let names = PLAIN.iter().map(|name| (*name, 1)).chain(PREFIXED.iter().map(|name| (*name, DEARER)));

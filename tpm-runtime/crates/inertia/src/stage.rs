@@ -73,8 +73,7 @@ impl Stage {
             of_bodies.push(index);
         }
         let signed = may_have_either_sign(bodies, shown);
-        let (mut unknown, mut positive, mut held, mut loose) =
-            (Vec::new(), Vec::new(), vec![false; n], vec![false; n]);
+        let (mut unknown, mut positive, mut held, mut loose) = (Vec::new(), Vec::new(), vec![false; n], vec![false; n]);
         for j in 0..n {
             let value = shown.held(j).filter(|_| !in_body[j]);
             held[j] = value.is_some();

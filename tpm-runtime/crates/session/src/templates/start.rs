@@ -48,7 +48,10 @@ impl Template {
         };
         let mut sensors = String::new();
         for ((name, _), unit) in self.coordinates.iter().zip(&units) {
-            let _ = write!(sensors, "[plant.sensors.{name}]\nnoise = 1e-4                      # standard deviation of white noise, {unit}\n\n");
+            let _ = write!(
+                sensors,
+                "[plant.sensors.{name}]\nnoise = 1e-4                      # standard deviation of white noise, {unit}\n\n"
+            );
         }
         let experiment = [
             ("{model}", stem.to_owned()),
