@@ -577,7 +577,7 @@ fn an_offset_of_a_joint_that_follows_is_a_constant_turn_or_shift_of_its_origin()
     assert!(imported.experiment.contains("j = [-0.2, 0.8666666666666667]"), "{}", imported.experiment);
     // Where the leader is locked, all that follow it are locked where their offsets put them.
     let rest = |text: String| {
-        let moved = text.replace("</robot>", "<link name=\"d\"><inertial><mass value=\"1\"/></inertial></link>\
+        let moved = text.replace("</robot>", "<link name=\"d\"><inertial><origin xyz=\"0.3 0.1 0\"/><mass value=\"1\"/></inertial></link>\
             <joint name=\"m\" type=\"revolute\"><parent link=\"c\"/><child link=\"d\"/><origin xyz=\"0.1 0 0\"/><axis xyz=\"0 0 1\"/><limit effort=\"1\"/></joint></robot>");
         let imported = import(&moved, &[("j", "0.4")]);
         crate::mujoco::torques(&imported, &[[vec![0.3], vec![1.0], vec![2.0]]])
