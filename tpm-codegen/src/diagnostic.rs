@@ -279,6 +279,15 @@ impl<'a> Excerpts<'a> {
     }
 
     fn render(&mut self, diagnostic: &Diagnostic, text: &mut String) {
+        if let Some((file, span)) = self.source.located(diagnostic.span) {
+            // Labels in other files are left out: an excerpt shows one file.
+            let label = |label: &Label| {
+                let (other, span) = self.source.located(label.span)?;
+                std::ptr::eq(other, file).then(|| Label { span, ..label.clone() })
+            };
+            let labels = diagnostic.labels.iter().filter_map(label).collect();
+            return Excerpts::new(file).render(&Diagnostic { span, labels, ..diagnostic.clone() }, text);
+        }
         let spans = std::iter::once(diagnostic.span).chain(diagnostic.labels.iter().map(|label| label.span));
         let wide = self.odd_lines
             || spans

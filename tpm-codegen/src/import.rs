@@ -10,6 +10,8 @@ mod description;
 mod elements;
 mod experiment;
 mod felt;
+mod frame;
+mod include;
 mod markup;
 mod mjcf;
 mod mujoco;
@@ -29,6 +31,7 @@ use crate::import::read::{Read, read};
 use crate::source::Source;
 
 pub use described::{Described, DescribedBody, JointLosses};
+pub use include::with_included;
 pub use mjcf::mjcf;
 pub use options::{Angles, Options, STRIBECK};
 pub use replace::with_inertials;
@@ -43,7 +46,8 @@ pub struct Imported {
     pub prior: String,
     /// An experiment with the limits of the joints on a simulated machine with the inertias of the description (TOML).
     pub experiment: String,
-    /// One sentence for every number that was read as a value other than the written one.
+    /// One sentence for every number that was read as a value other than the written one, and one for all elements that a model has no use
+    /// for.
     pub readings: Vec<String>,
     /// Parts that were left out or are doubtful, each at its place.
     pub warnings: Vec<Diagnostic>,

@@ -73,6 +73,19 @@ pub struct Source {
     name: String,
     text: String,
     fault: Option<Fault>,
+    /// The files of which the text is made, where it is made of several; none for a text of one file.
+    files: Vec<Source>,
+    pieces: Vec<Piece>,
+}
+
+/// A part of a text that is made of several files.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    /// Where the part begins in the whole text.
+    start: u32,
+    /// The file that it comes from, and where it begins there.
+    file: usize,
+    at: u32,
 }
 
 impl Source {
@@ -81,9 +94,38 @@ impl Source {
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         let (name, text) = (name.into(), text.into());
         if u32::try_from(text.len()).is_err() {
-            return Self { name, text: String::new(), fault: Some(Fault::TooLong) };
+            return Self {
+                name,
+                text: String::new(),
+                fault: Some(Fault::TooLong),
+                files: Vec::new(),
+                pieces: Vec::new(),
+            };
         }
-        Self { name, text, fault: None }
+        Self { name, text, fault: None, files: Vec::new(), pieces: Vec::new() }
+    }
+
+    /// A text that is made of parts of files, named as the first file: each part with the index of its file. Places are shown in the file
+    /// that they come from.
+    #[cfg(feature = "import")]
+    pub(crate) fn of_parts(files: Vec<Source>, parts: &[(usize, std::ops::Range<usize>)]) -> Self {
+        let name = files.first().map_or_else(String::new, |file| file.name.clone());
+        let (mut text, mut pieces) = (String::new(), Vec::new());
+        for (file, range) in parts {
+            // The length of the whole is tested below, those of the files were.
+            pieces.push(Piece { start: text.len() as u32, file: *file, at: range.start as u32 });
+            text.push_str(&files[*file].text[range.clone()]);
+        }
+        Self { files, pieces, ..Self::new(name, text) }
+    }
+
+    /// The file that a span comes from, and the span there; nothing for a text of one file.
+    pub(crate) fn located(&self, span: Span) -> Option<(&Source, Span)> {
+        let index = self.pieces.partition_point(|piece| piece.start <= span.start).checked_sub(1)?;
+        let piece = self.pieces[index];
+        let end = self.pieces.get(index + 1).map_or(u32::MAX, |next| next.start);
+        let moved = |offset: u32| piece.at + (offset.min(end).max(piece.start) - piece.start);
+        Some((self.files.get(piece.file)?, Span::new(moved(span.start), moved(span.end))))
     }
 
     /// The bytes of a file. Bytes that are not UTF-8 cause no error here: the first of them becomes the single
@@ -143,6 +185,9 @@ impl Source {
     /// ```
     #[must_use]
     pub fn position(&self, offset: u32) -> Position {
+        if let Some((file, span)) = self.located(Span::new(offset, offset)) {
+            return file.position(span.start);
+        }
         let before = self.before(offset);
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
         Position {

@@ -130,6 +130,23 @@ fn the_rest_is_as_near_to_a_wrong_description_as_exact_data_allow() {
     }
 }
 
+/// The description knows the links, and nobody the rotors: what the data show of both together says what the rotors are.
+#[test]
+fn rotors_that_are_seen_with_links_only_are_no_mass_of_links() {
+    for arm in arms() {
+        let (values, covariance) = (arm.values(&arm.truth), arm.covariance() * 1e-6);
+        let found = arm.found(&arm.result(&values, &covariance), &BTreeMap::new()).expect("possible inertias");
+        possible(&found);
+        for own in found.parameters.iter().filter(|own| own.name.starts_with("Ia_") || own.name.starts_with("m_")) {
+            let truth = arm.truth.get(&own.name).copied().unwrap_or(own.value);
+            assert!((own.value - truth).abs() < 0.02 * truth, "{}: {own:?} {truth}", arm.source.name());
+            // Nothing said it alone, and a deviation would be that of the data.
+            assert!(own.origin == Origin::Data || own.std.is_none(), "{own:?}");
+        }
+        assert!(!found.remarks.iter().any(|remark| remark.contains("counts as zero")), "{:?}", found.remarks);
+    }
+}
+
 #[test]
 fn nothing_but_inertias_and_frictions_changes_in_a_description() {
     for arm in arms() {

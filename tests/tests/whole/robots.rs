@@ -458,8 +458,8 @@ fn faults_of_a_description_are_named_at_their_lines() {
     check(&two_links("<axis xyz=\"0 0 0\"/><limit/>"), 6, &["axis of the joint `j` is zero", "write a direction"]);
     check(&two_links("<axis xyz=\"0 0 up\"/><limit/>"), 6, &["not three numbers"]);
     check(&two_links("<origin xyz=\"0 0\"/><limit/>"), 6, &["not three numbers"]);
-    let moved = two_links(SOUND).replace("revolute", "floating");
-    check(&moved, 4, &["of the type `floating`", "prismatic"]);
+    let moved = two_links(SOUND).replace("revolute", "planar");
+    check(&moved, 4, &["of the type `planar`", "prismatic"]);
     assert!(!faults(&moved, &options).contains("roots"));
     check("<robot name=\"r\">\n</robot>", 1, &["has no link", "export the description again"]);
     let missing = two_links(SOUND).replace("<child link=\"b\"/>", "<child link=\"c\"/>");
@@ -500,15 +500,89 @@ fn joints_that_follow_are_held_with_those_that_lead() {
     let model = import(&text, &[("belt", "0.1")]).expect("an arm").model;
     assert!(!model.contains("-1/2*elbow") && model.contains("revolute elbow"), "{model}");
     for (from, to, words) in [
-        ("offset=\"0\"", "offset=\"0.1\"", "`belt` follows `elbow` with an offset"),
+        ("offset=\"0\"", "offset=\"1e9\"", "the offset of the joint `belt` is beyond all angles"),
         ("mimic joint=\"elbow\"", "mimic joint=\"knee\"", "`belt` follows `knee`, which does not move here"),
-        ("mimic joint=\"elbow\"", "mimic joint=\"lift\"", "`belt` follows `lift`, which follows another joint itself"),
+        ("mimic joint=\"elbow\"", "mimic joint=\"belt\"", "the joint `belt` follows itself over other joints"),
         ("multiplier=\"-0.5\"", "multiplier=\"0\"", "`belt` follows 0 times `elbow`"),
         ("multiplier=\"-0.5\"", "multiplier=\"half\"", "`multiplier` is `half`, which is no number"),
     ] {
         let said = import(&text.replace(from, to), &[]).err().unwrap_or_else(|| panic!("no fault: {words}"));
         assert!(said.contains(words), "`{words}`:\n{said}");
     }
+}
+
+/// A leader and two followers with offsets, one over the other, against the same tree whose origins stand where the offsets put them:
+/// turned about the axis, moved along it.
+#[test]
+fn an_offset_of_a_joint_that_follows_is_a_constant_turn_or_shift_of_its_origin() {
+    let tree = |second: [&str; 2], third: [&str; 2]| {
+        let link = |name: &str, mass: &str| {
+            format!(
+                "<link name=\"{name}\"><inertial><origin xyz=\"0.1 0.02 0.03\" rpy=\"0.1 0.2 0.3\"/><mass value=\"{mass}\"/>\
+                 <inertia ixx=\"0.02\" ixy=\"0.001\" ixz=\"0\" iyy=\"0.03\" iyz=\"0.002\" izz=\"0.04\"/></inertial></link>\n"
+            )
+        };
+        let joint = |name: &str, kind: &str, parent: &str, child: &str, axis: &str, [origin, mimic]: [&str; 2]| {
+            format!(
+                "<joint name=\"{name}\" type=\"{kind}\"><parent link=\"{parent}\"/><child link=\"{child}\"/><origin {origin}/>\
+                 <axis xyz=\"{axis}\"/>{mimic}<limit lower=\"-0.2\" upper=\"1.6\" effort=\"5\" velocity=\"2\"/></joint>\n"
+            )
+        };
+        let lead = ["xyz=\"0 0 0.1\" rpy=\"0.4 0 0\"", ""];
+        format!(
+            "<robot name=\"hand\">\n<link name=\"base\"/>\n{}{}{}{}{}{}</robot>",
+            link("a", "1.5"),
+            link("b", "0.7"),
+            link("c", "0.4"),
+            joint("j", "revolute", "base", "a", "0 0 1", lead),
+            joint("k", "revolute", "a", "b", "0 1 0", second),
+            joint("l", "prismatic", "b", "c", "0 0.6 0.8", third),
+        )
+    };
+    let import = |text: &str, locked: &[(&str, &str)]| {
+        let locked = locked.iter().map(|(joint, at)| ((*joint).to_owned(), (*at).to_owned())).collect();
+        let source = Source::new("hand.urdf", text);
+        import_description(&source, &Options { locked, ..Options::default() })
+            .unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
+    };
+    // The second joint stands at 1.5 q + 0.3, and the third one follows it: at 0.2 (1.5 q + 0.3) - 0.01 = 0.3 q + 0.05.
+    let offsets = |turned: &str| {
+        let second = format!("xyz=\"0.2 0 0\" rpy=\"{turned}\"");
+        tree(
+            [&second, "<mimic joint=\"j\" multiplier=\"1.5\" offset=\"0.3\"/>"],
+            ["xyz=\"0 0.1 0\"", "<mimic joint=\"k\" multiplier=\"0.2\" offset=\"-0.01\"/>"],
+        )
+    };
+    let third = ["xyz=\"0 0.13 0.04\"", "<mimic joint=\"j\" multiplier=\"0.3\"/>"];
+    let stands = tree(["xyz=\"0.2 0 0\" rpy=\"0 0.3 0\"", "<mimic joint=\"j\" multiplier=\"1.5\"/>"], third);
+    let states: Vec<[Vec<f64>; 3]> =
+        [[0.3, 1.2, -2.0], [-0.9, 0.4, 3.0]].map(|state| state.map(|value| vec![value])).into();
+    let torques = |text: &str| crate::mujoco::torques(&import(text, &[]), &states);
+    let near = |a: &[Vec<f64>], b: &[Vec<f64>]| {
+        a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a.abs()))
+    };
+    assert!(near(&torques(&offsets("0 0 0")), &torques(&stands)));
+    // A turned origin: the turns follow each other, Rz(0.5) Ry(0.3) after the roll of a quarter turn, which no three angles show by eye.
+    let quarter = "1.5707963267948966";
+    let turned = tree(
+        [&format!("xyz=\"0.2 0 0\" rpy=\"{quarter} 0 0\""), "<mimic joint=\"j\" multiplier=\"1.5\" offset=\"0.3\"/>"],
+        third,
+    );
+    // Rx(pi/2) Ry(0.3) is Rz(0.3) Rx(pi/2).
+    let by_hand =
+        tree([&format!("xyz=\"0.2 0 0\" rpy=\"{quarter} 0 0.3\""), "<mimic joint=\"j\" multiplier=\"1.5\"/>"], third);
+    assert!(near(&torques(&turned), &torques(&by_hand)));
+    // The leader keeps the limits of all three: those of the second one end at (1.6 - 0.3)/1.5, and begin at (-0.2 - 0.3)/1.5.
+    let imported = import(&offsets("0 0 0"), &[]);
+    assert!(imported.experiment.contains("j = [-0.2, 0.8666666666666667]"), "{}", imported.experiment);
+    // Where the leader is locked, all that follow it are locked where their offsets put them.
+    let rest = |text: String| {
+        let moved = text.replace("</robot>", "<link name=\"d\"><inertial><origin xyz=\"0.3 0.1 0\"/><mass value=\"1\"/></inertial></link>\
+            <joint name=\"m\" type=\"revolute\"><parent link=\"c\"/><child link=\"d\"/><origin xyz=\"0.1 0 0\"/><axis xyz=\"0 0 1\"/><limit effort=\"1\"/></joint></robot>");
+        let imported = import(&moved, &[("j", "0.4")]);
+        crate::mujoco::torques(&imported, &[[vec![0.3], vec![1.0], vec![2.0]]])
+    };
+    assert!(near(&rest(offsets("0 0 0")), &rest(stands)));
 }
 
 #[test]
@@ -567,9 +641,7 @@ fn what_is_left_out_or_read_otherwise_is_said() {
         import_description(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
     for words in [
-        "`visual` is left out",
         "motors turn 80 times as far as their joints `2 j`; the model has positions and torques of the joints",
-        "`gazebo` is left out, 2 times in all",
         "`frob` is no element of a `robot` that is known here",
         "the joint `2 j` has no axis; by the rules of URDF it is the x axis",
         "the joint `2 j` is called `j_2_j` in the model",
@@ -581,6 +653,7 @@ fn what_is_left_out_or_read_otherwise_is_said() {
         "1.5708 is read as pi/2 (line 6)",
         "1e-17 is read as 0 (line 6)",
         "0.3 is read as an angle with a rational cosine and sine, which differs from it by rounding (line 6)",
+        "left out, as a model of the dynamics has no use for them: 2 `gazebo`, 1 `transmission`, 1 `visual`",
     ] {
         assert!(imported.readings.iter().any(|reading| reading == words), "{words}: {:?}", imported.readings);
     }

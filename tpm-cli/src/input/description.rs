@@ -5,7 +5,7 @@ use crate::input::assignments::assignment;
 use crate::input::choice::one_of;
 use clap::builder::TypedValueParser;
 use std::path::Path;
-use tpm_codegen::import::{Angles, Options};
+use tpm_codegen::import::{Angles, Options, with_included};
 use tpm_codegen::source::Source;
 use tpm_runtime::report::{MOST_TEXT, read_input};
 
@@ -57,8 +57,18 @@ impl PartArgs {
     }
 }
 
-/// The text of a description.
+/// The text of a description, with the files that it includes: their names are relative to the folder of the first file, as MuJoCo reads
+/// them, or to that of the file that includes them.
 pub(crate) fn description(path: &Path) -> Result<Source, Failure> {
-    let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
-    Ok(Source::from_bytes(path.display().to_string(), bytes))
+    let read = |path: &Path| -> std::io::Result<Source> {
+        Ok(Source::from_bytes(path.display().to_string(), read_input(path, MOST_TEXT)?))
+    };
+    let first = read(path).map_err(|error| Failure::read(path, error))?;
+    let folder = |path: &Path| path.parent().unwrap_or(Path::new("")).to_owned();
+    with_included(first, |from, name| {
+        let places = [folder(path).join(name), folder(Path::new(from)).join(name)];
+        let place = places.iter().find(|place| place.exists()).unwrap_or(&places[0]);
+        read(place).map_err(|error| format!("cannot read {}: {error}", place.display()))
+    })
+    .map_err(Failure::Model)
 }

@@ -278,7 +278,12 @@ pub(crate) fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, 
             // The shortest decimal of the number: the text as written, up to 15 digits.
             toml::Value::Float(value) => value.to_string(),
             toml::Value::String(text) => text.clone(),
-            _ => return Err(at(format!("`{name}` must be a number"))),
+            toml::Value::Table(_) => {
+                return Err(at(format!(
+                    "`{name}` is a table; values of parameters are lines `NAME = VALUE` without a heading, such as `m = 1.5`"
+                )));
+            }
+            _ => return Err(at(format!("`{name}` must be a number: write lines such as `m = 1.5`"))),
         };
         let value = rational::parse(&text).ok_or_else(|| at(format!("`{name}`: `{text}` is not a finite number")))?;
         values.push((name, value));
@@ -311,9 +316,33 @@ fn shown(identified: &Identified, model: &ExactModel) -> Vec<(String, Rational)>
     known.filter_map(|entry| Some((entry.name.clone(), rational::parse(&entry.value?.to_string())?))).collect()
 }
 
+/// The first value or deviation of a result whose products with others would overflow or vanish, with the name under which it stands.
+fn beyond_size(value: &serde_json::Value) -> Option<(String, f64)> {
+    let below = |name: String, inner: &serde_json::Value| {
+        let least = if name == "std" { 1e-100 } else { 0.0 };
+        let size = inner.as_f64().filter(|size| *size != 0.0 && !(least..=1e100).contains(&size.abs()));
+        match (size, beyond_size(inner)) {
+            (Some(size), _) => Some((name, size)),
+            (None, Some((place, size))) => Some((format!("{name}.{place}"), size)),
+            (None, None) => None,
+        }
+    };
+    match value {
+        serde_json::Value::Array(list) => list.iter().enumerate().find_map(|(at, inner)| below(at.to_string(), inner)),
+        serde_json::Value::Object(map) => map.iter().find_map(|(name, inner)| below(name.clone(), inner)),
+        _ => None,
+    }
+}
+
 /// Reads a result of an identification with its covariances.
 pub(crate) fn stored_result(path: &Path) -> Result<StoredResult, Failure> {
     let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
+    if let Some((place, value)) = serde_json::from_str(&text).ok().as_ref().and_then(beyond_size) {
+        return Err(Failure::Input(format!(
+            "{}: `{place}` is {value:e}, which no machine has; sizes are from 1e-100 to 1e100: identify again, and check the units of the log",
+            path.display()
+        )));
+    }
     StoredResult::parse(&text).map_err(|fault| {
         let remedy = match fault {
             StoredFault::Form(_) | StoredFault::Schema => "; type a file that `tpm identify --json -o FILE` wrote",

@@ -9,7 +9,8 @@ use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part};
 use tpm_codegen::generate::{File, Filters, Language, LowPass, Options, Scalar, generate};
-use tpm_runtime::report::{MOST_TEXT, read_input};
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// A target language.
@@ -117,7 +118,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if !parts.is_empty() {
         estimator = estimator.with(&parts).map_err(|error| loaded.at_whole(&error.to_string()))?;
     }
-    let identified = args.params.as_deref().map(|path| identified(path, &loaded.model().name)).transpose()?;
+    let columns: Vec<&str> = estimator.form.columns.iter().map(|column| column.name.as_str()).collect();
+    let identified = args.params.as_deref().map(|path| identified(path, &loaded, &columns)).transpose()?;
     if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
         let what =
             "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
@@ -140,6 +142,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
             "{}: {error} (tpm identify --prior NAME=VALUE or --freeze NAME=VALUE; in an experiment [prior] or [frozen])",
             path.display()
         )),
+        (EmitError::Identified(IdentifiedError::Missing(name)), Some(path)) if is_values(path) => {
+            let missing = identified.as_ref().map_or_else(Vec::new, |given| not_given(loaded.model(), given));
+            Failure::Input(format!(
+                "{}: there is no value from which `{name}` follows; add lines for {}",
+                path.display(),
+                missing.join(", ")
+            ))
+        }
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
         (EmitError::Prefix(_) | EmitError::Filter(_) | EmitError::Specialise(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string()),
@@ -236,16 +246,46 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
     }))
 }
 
-fn identified(path: &Path, model: &str) -> Result<Identified, Failure> {
-    let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
-    let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
-    let text = String::from_utf8(bytes).map_err(|error| {
-        at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))
-    })?;
-    match path.extension() {
-        Some(extension) if extension.eq_ignore_ascii_case("toml") => identification(path, &text, model),
-        _ => Identified::from_json(&text).map_err(|error| at(error.to_string())),
+/// Values of parameters: a result, or lines that name what the model has.
+fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<Identified, Failure> {
+    let model = loaded.model();
+    let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
+    let found = identification(path, &text, &model.name)?;
+    if !is_values(path) {
+        return Ok(found);
     }
+    let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
+    let is_parameter = |symbol: Symbol| model.parameters().any(|own| own == symbol);
+    for name in found.parameters.iter().map(|own| own.name.as_str()) {
+        match model.find_symbol(name) {
+            _ if columns.contains(&name) => {}
+            Some(symbol) if is_parameter(symbol) => {}
+            Some(_) => file::remark(&format!(
+                "remark: {}: `{name}` is no parameter; the code gets it when it runs",
+                path.display()
+            )),
+            None => {
+                let known: Vec<String> = model.parameters().map(|own| model.quantity(own).name.to_string()).collect();
+                return Err(at(format!(
+                    "the model {} has no parameter `{name}`; it has {}",
+                    model.name,
+                    known.join(", ")
+                )));
+            }
+        }
+    }
+    Ok(found)
+}
+
+/// Whether a file has lines of values, and is no result.
+fn is_values(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"))
+}
+
+/// Parameters without a value in a file of values.
+fn not_given(model: &ExactModel, given: &Identified) -> Vec<String> {
+    let names = model.parameters().map(|own| model.quantity(own).name.to_string());
+    names.filter(|name| given.parameters.iter().all(|own| own.name != *name)).collect()
 }
 
 /// Whether a path has the file extension of the language and is not a folder.

@@ -19,8 +19,9 @@ pub(crate) struct Args {
     log: Option<PathBuf>,
     #[command(flatten)]
     columns: ColumnArgs,
-    /// The machine that the log is of; the template that fits the columns best when not given (`tpm identify LOG` shows all that fit).
-    #[arg(long, value_enum, requires = "log")]
+    /// The machine. With a log the template that fits its columns best when not given (`tpm identify LOG` shows all that fit); without one
+    /// the model has a motion, and an experiment on a simulated machine stands beside it.
+    #[arg(long, value_enum, conflicts_with = "from")]
     template: Option<TemplateChoice>,
     /// Begin with this robot description (URDF), as `tpm import` does.
     #[arg(long, value_name = "URDF")]
@@ -45,9 +46,6 @@ enum TemplateChoice {
     CartPole,
 }
 
-const MODEL: &str = include_str!("init/model.tpm");
-const EXPERIMENT: &str = include_str!("init/experiment.toml");
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let target = Path::new(&args.name).with_extension("tpm");
@@ -61,7 +59,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
         )));
     }
     let experiment = target.with_extension("toml");
-    let model = MODEL.replace("ModelName", &camel(&stem));
     if args.log.is_none() {
         args.columns.needs_log()?;
     }
@@ -102,7 +99,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
             ))
         }
         (None, None) => {
-            let text = EXPERIMENT.replace("model_name", &stem);
+            let template = named(args.template.unwrap_or(TemplateChoice::Spring));
+            let (model, text) = template.without_log(&camel(&stem), &stem);
             begin(&[(target.clone(), model), (experiment.clone(), text)])?;
             file::print(&format!(
                 "{0}: a model to change; {1}: an experiment on its simulated machine\nnext: tpm check {0}, tpm identify {0}; tpm explain says what a field of {1} means\n",
@@ -129,10 +127,15 @@ pub(crate) fn begin(files: &[(PathBuf, String)]) -> Outcome {
     file::write_files(&files)
 }
 
+/// The template of a choice.
+fn named(choice: TemplateChoice) -> &'static Template {
+    let value = choice.to_possible_value().expect("invariant: no choice is hidden");
+    Template::named(value.get_name()).expect("invariant: every template can be chosen")
+}
+
 /// The template that was chosen, else the one that fits best, with the columns of a log.
 fn proposal(found: &Inspection, choice: Option<TemplateChoice>) -> Result<Proposal, Failure> {
-    let chosen = choice.and_then(|choice| choice.to_possible_value());
-    let chosen = chosen.as_ref().and_then(|value| Template::named(value.get_name()));
+    let chosen = choice.map(named);
     let mut fitting = proposals(found);
     let names: Vec<&str> = fitting.iter().map(|proposal| proposal.template.name).collect();
     let said = if names.is_empty() { "none does".to_owned() } else { format!("these do: {}", names.join(", ")) };

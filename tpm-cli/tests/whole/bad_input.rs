@@ -477,3 +477,51 @@ fn counts_of_a_turn_are_refused_on_a_length() {
     let arguments = [&["identify", "models/mass_spring_drag.tpm"], &sets[..]].concat();
     fails(&arguments, 2, &["plant.sensors.x.counts", "the coordinate is no angle", "(step)"]);
 }
+
+#[test]
+fn given_values_name_what_is_missing_or_unknown() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    let model = "model Two {\n    coordinate x [m], y [m];\n    input u [N];\n    parameter m1 [kg], m2 [kg], d [N*s/m], k [N/m];\n\n    \
+                 (m1 + m2)*ddot(x) + m2*ddot(y) + d*dot(x) = u;\n    m2*ddot(x) + m2*ddot(y) + k*y = 0;\n}\n";
+    std::fs::write(at.join("two.tpm"), model).expect("writable");
+    let generate = |values: &str| {
+        std::fs::write(at.join("values.toml"), values).expect("writable");
+        let output = tpm_in(at, &["generate", "two.tpm", "--lang", "c", "--params", "values.toml", "-o", "out"]);
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    assert_eq!(generate("m1 = 1\nm2 = 2\nd = 0.5\nk = 3\n").0, Some(0));
+    // Sums may be given themselves.
+    assert_eq!(generate("m1_plus_m2 = 3\nm2 = 2\nd = 0.5\nk = 3\n").0, Some(0));
+    for (values, words) in [
+        ("m1 = 1\nd = 0.5\nk = 3\n", &["values.toml", "`m1_plus_m2`", "add lines for m2"][..]),
+        ("m1 = 1\nm2 = 2\nm3 = 1\nd = 0.5\nk = 3\n", &["no parameter `m3`", "m1, m2, d, k"]),
+        ("[parameters]\nm1 = 1\n", &["`parameters` is a table", "NAME = VALUE", "`m = 1.5`"]),
+        ("m1 = [1]\n", &["`m1` must be a number", "`m = 1.5`"]),
+    ] {
+        let (code, said) = generate(values);
+        assert_eq!(code, Some(2), "{values}");
+        assert!(words.iter().all(|word| said.contains(word)), "{values}: {said}");
+    }
+}
+
+#[test]
+fn results_with_numbers_beyond_any_size_are_refused_at_their_place() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    let own = |value: &str, std: &str| {
+        format!(
+            "{{\"schema\": \"tpm.identification/2\", \"model\": \"M\", \"parameters\": [{{\"name\": \"m\", \"unit\": \"kg\", \"value\": {value}, \
+             \"std\": {std}, \"prior\": null, \"status\": \"identified\"}}], \"covariance\": [[1e-4]]}}"
+        )
+    };
+    for (value, std, place) in
+        [("1e308", "0.01", "`parameters.0.value` is 1e308"), ("2", "1e-200", "`parameters.0.std` is 1e-200")]
+    {
+        std::fs::write(at.join("a.json"), own("2", "0.01")).expect("writable");
+        std::fs::write(at.join("b.json"), own(value, std)).expect("writable");
+        let output = tpm_in(at, &["compare", "a.json", "b.json"]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains("b.json") && said.contains(place), "{said}");
+    }
+}

@@ -1,6 +1,6 @@
 //! What a new user types first: `init`, `explain`, `schema`, completions, manual pages, the table of flags.
 
-use crate::support::{fails, names, printed, printed_in, root};
+use crate::support::{fails, names, printed, printed_in, result_alone, root, tpm_in};
 
 #[test]
 fn what_init_writes_runs_as_it_is() {
@@ -23,7 +23,7 @@ fn what_init_writes_runs_as_it_is() {
         (&["init", "2cart"], "no name of a model: type letters"),
         (&["init", "other", "--log", "none.csv"], "none.csv"),
     ] {
-        let output = crate::support::tpm_in(at, arguments);
+        let output = tpm_in(at, arguments);
         assert_eq!(output.status.code(), Some(2));
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(text.contains(said), "{text}");
@@ -104,7 +104,7 @@ fn a_log_without_a_model_gets_models_whose_commands_paste() {
     for (arguments, said) in [
         (&["identify", "my run.csv", "--json"][..], "is a log, and a model stands before it"),
         (&["init", "arm", "--log", "my run.csv", "--template", "pendulum"], "no columns for `pendulum`"),
-        (&["init", "arm", "--template", "pendulum"], "--log"),
+        (&["init", "arm", "--template", "pendulum", "--from", "arm.urdf"], "--from"),
     ] {
         let output = crate::support::tpm_in(at, arguments);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -189,4 +189,27 @@ fn flags_mean_one_thing_on_logs_and_on_simulated_machines() {
     assert!(printed_in(at, &validated, 0).contains("nothing is fitted"));
     let code = printed_in(at, &["generate", "cart.tpm", "--lang", "rust", "--params", "values.toml"], 0);
     assert!(code.contains("IDENTIFIED"), "{code}");
+}
+
+/// Who has no log yet begins with a machine: its model is laid out, and the experiment beside it finds the parameters of the simulated machine.
+#[test]
+fn every_template_begins_without_a_log() {
+    for template in ["spring", "slider", "motor", "pendulum", "two_masses", "cart_pole"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        printed_in(folder.path(), &["init", "axis", "--template", template], 0);
+        assert_eq!(names(folder.path()), ["axis.toml", "axis.tpm"]);
+        printed_in(folder.path(), &["check", "axis.tpm"], 0);
+        printed_in(folder.path(), &["fmt", "--check", "axis.tpm"], 0);
+        let result = result_alone(&tpm_in(folder.path(), &["identify", "axis.tpm", "--json"]));
+        let truth: toml::Table =
+            std::fs::read_to_string(folder.path().join("axis.toml")).expect("a file").parse().expect("TOML");
+        let truth = &truth["plant"]["parameters"];
+        for own in result["parameters"].as_array().expect("a list") {
+            let name = own["name"].as_str().expect("a name");
+            let [value, std] = ["value", "std"].map(|field| own[field].as_f64().expect("a number"));
+            let wanted = truth[name].as_float().expect("a number");
+            assert!((value - wanted).abs() < 4.0 * std + 1e-9, "{template}: {name} {value} +- {std}, {wanted}");
+            assert!(std < 0.01 * wanted.abs().max(0.1), "{template}: {name} {value} +- {std}");
+        }
+    }
 }

@@ -13,11 +13,15 @@ use tpm_symbolic::mechanics::tree::{NAMES, about_origin, fault};
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin};
+use crate::import::description::{Description, Follows, Inertial, Joint, Kind, Limits, Link, Origin, Spring};
+use crate::import::frame;
 use crate::import::options::{Options, STRIBECK};
 use crate::import::reading::{Exact, ExactAngle, Readings, is_angle};
 use crate::language::function::Function;
 use crate::source::Span;
+
+/// Most joints of which each follows the next.
+const LONGEST_CHAIN: usize = 100;
 
 /// A robot in the terms of the language.
 pub(super) struct Robot {
@@ -62,6 +66,7 @@ pub(super) struct Moving {
     pub(super) damping: Rational,
     pub(super) friction: Rational,
     pub(super) armature: Rational,
+    pub(super) spring: Option<Spring>,
     /// Damping and friction of this joint alone, as the description has them: those above count at the joint that leads.
     pub(super) alone: [Rational; 2],
     /// The ten parameters about the frame of the body, of all links that move with it.
@@ -92,6 +97,7 @@ pub(super) fn arrange(
         readings,
         diagnostics,
         links: BTreeMap::new(),
+        joints: BTreeMap::new(),
         children: BTreeMap::new(),
         above: BTreeMap::new(),
         taken: BTreeSet::new(),
@@ -122,11 +128,19 @@ pub(super) fn arrange(
     Some(Robot { name, bodies: arranger.bodies, gravity, frequency })
 }
 
+/// The joint that moves another one, whose position is the factor times its position, and the offset.
+struct Led<'a> {
+    leader: &'a str,
+    factor: Rational,
+    offset: Rational,
+}
+
 struct Arranger<'a, 'r, 's> {
     description: &'a Description,
     readings: &'r mut Readings<'s>,
     diagnostics: &'r mut Diagnostics,
     links: BTreeMap<&'a str, &'a Link>,
+    joints: BTreeMap<&'a str, &'a Joint>,
     /// The joints by their parents, in the order of the text.
     children: BTreeMap<&'a str, Vec<&'a Joint>>,
     /// The joint above each link.
@@ -153,9 +167,8 @@ impl<'a> Arranger<'a, '_, '_> {
                 self.diagnostics.push(fault.label(first.span, "the first one").help("rename or remove one of them"));
             }
         }
-        let mut joints: BTreeMap<&str, &Joint> = BTreeMap::new();
         for joint in &self.description.joints {
-            if let Some(first) = joints.insert(&joint.name, joint) {
+            if let Some(first) = self.joints.insert(&joint.name, joint) {
                 let fault = Diagnostic::error(joint.span, format!("the joint `{}` is given twice", joint.name));
                 self.diagnostics.push(fault.label(first.span, "the first one").help("rename or remove one of them"));
             }
@@ -185,10 +198,18 @@ impl<'a> Arranger<'a, '_, '_> {
             return self.known(base, "base");
         }
         let links = &self.description.links;
-        let roots: Vec<&Link> = links.iter().filter(|link| !self.above.contains_key(link.name.as_str())).collect();
+        let mut roots: Vec<&Link> = links.iter().filter(|link| !self.above.contains_key(link.name.as_str())).collect();
+        // A free body stands still where nothing else moves: beside it is a world, perhaps with fixed things on it.
+        let moves = |root: &Link| {
+            let joints = self.reached(&root.name).into_iter().filter_map(|link| self.children.get(link)).flatten();
+            joints.into_iter().any(|joint| joint.kind != Kind::Fixed)
+        };
+        let reached: BTreeSet<&str> = roots.iter().flat_map(|root| self.reached(&root.name)).collect();
+        if let (2.., Some(only)) = (roots.len(), one(roots.iter().copied().filter(|root| moves(root)))) {
+            roots = vec![only];
+        }
         match roots.as_slice() {
             [root] => {
-                let reached = self.reached(&root.name);
                 if let Some(link) = links.iter().find(|link| !reached.contains(link.name.as_str())) {
                     let message = format!("the link `{}` hangs on itself in a loop of joints", link.name);
                     self.error(link.span, message, "a mechanism is a tree: remove a joint of the loop");
@@ -259,7 +280,7 @@ impl<'a> Arranger<'a, '_, '_> {
     }
 
     /// Positions of the joints that are held fixed.
-    fn locked(&mut self, options: &Options) -> BTreeMap<String, (Rational, String)> {
+    fn locked(&mut self, options: &Options) -> BTreeMap<String, Rational> {
         let mut locked = BTreeMap::new();
         for (name, text) in &options.locked {
             let joint = self.description.joints.iter().find(|joint| joint.name == *name && joint.kind != Kind::Fixed);
@@ -277,7 +298,7 @@ impl<'a> Arranger<'a, '_, '_> {
                     self.error(self.description.span, message, "write an angle within a turn, in rad");
                 }
                 Some(value) => {
-                    locked.insert(name.clone(), (value, text.clone()));
+                    locked.insert(name.clone(), value);
                 }
                 None => {
                     let message = format!("`{name}` is to be locked at `{text}`, which is no number");
@@ -285,20 +306,22 @@ impl<'a> Arranger<'a, '_, '_> {
                 }
             }
         }
-        // A joint that follows a locked one is locked where its factor puts it.
-        for joint in self.description.joints.iter().filter(|joint| joint.kind != Kind::Fixed) {
-            let Some(follows) = &joint.follows else { continue };
-            if let Some((value, _)) = locked.get(&follows.leader).filter(|_| !locked.contains_key(&joint.name)) {
-                let value = value * &follows.factor;
-                let text = value.to_string();
-                locked.insert(joint.name.clone(), (value, text));
-            }
-        }
+        // A joint that follows a locked one is locked where its factor and offset put it.
+        let followers =
+            self.description.joints.iter().filter(|joint| {
+                joint.kind != Kind::Fixed && joint.follows.is_some() && !locked.contains_key(&joint.name)
+            });
+        let places = followers.filter_map(|joint| {
+            let led = self.led(joint, |leader| locked.contains_key(leader))?;
+            Some((joint.name.clone(), &led.factor * locked.get(led.leader)? + led.offset))
+        });
+        let places: Vec<(String, Rational)> = places.collect();
+        locked.extend(places);
         locked
     }
 
     /// The bodies outward of the base.
-    fn walk(&mut self, base: &'a str, kept: &Option<BTreeSet<&'a str>>, locked: &BTreeMap<String, (Rational, String)>) {
+    fn walk(&mut self, base: &'a str, kept: &Option<BTreeSet<&'a str>>, locked: &BTreeMap<String, Rational>) {
         let rest = Place {
             carrier: None,
             origin: std::array::from_fn(|_| Rational::zero()),
@@ -329,19 +352,18 @@ impl<'a> Arranger<'a, '_, '_> {
             } else {
                 self.moving(joint, &parent)
             };
-            if let Some(inertial) = self.links.get(joint.child.as_str()).and_then(|link| link.inertial.as_ref()) {
-                self.load(&joint.child, inertial, &place);
+            if let Some(link) = self.links.get(joint.child.as_str()) {
+                if let Some(unknown) = link.unknown.as_ref().filter(|_| place.carrier.is_some()) {
+                    self.diagnostics.push(unknown.clone());
+                }
+                link.inertials.iter().for_each(|inertial| self.load(&joint.child, inertial, &place));
             }
             push(&mut open, self.children.get(joint.child.as_str()), &place);
         }
     }
 
     /// The links that carry a moving joint, at themselves or outward of them.
-    fn carrying(
-        &self,
-        kept: &Option<BTreeSet<&'a str>>,
-        locked: &BTreeMap<String, (Rational, String)>,
-    ) -> BTreeSet<&'a str> {
+    fn carrying(&self, kept: &Option<BTreeSet<&'a str>>, locked: &BTreeMap<String, Rational>) -> BTreeSet<&'a str> {
         let moving = self.description.joints.iter().filter(|joint| {
             joint.kind != Kind::Fixed
                 && !locked.contains_key(&joint.name)
@@ -359,61 +381,54 @@ impl<'a> Arranger<'a, '_, '_> {
     }
 
     /// A link on a joint that does not move. It becomes a body of the text only where it carries a moving link.
-    fn held(&mut self, joint: &Joint, position: Option<&(Rational, String)>, parent: &Place, carries: bool) -> Place {
-        let mut origin = joint.origin.clone();
-        let rotation = rotation_of(&origin);
-        let mut turned = None;
-        if let Some((value, text)) = position.filter(|(value, _)| !value.is_zero()) {
-            let (axis, _) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
-            if joint.kind == Kind::Prismatic {
-                for (i, component) in origin.at.iter_mut().enumerate() {
-                    let along: Rational = (0..3).map(|j| rotation.entry(i, j) * &axis[j]).sum();
-                    let moved = &component.value + along * value;
-                    let text = moved.to_string();
-                    *component = Exact::new(moved, &text);
-                }
-            } else {
-                let own = axis.iter().position(|component| rational::abs(component) == rational::integer(1));
-                match own {
-                    Some(index) => {
-                        let negative = axis[index] < Rational::zero();
-                        let signed = if negative { -value.clone() } else { value.clone() };
-                        let text = match (negative, text.strip_prefix('-')) {
-                            (false, _) => text.clone(),
-                            (true, Some(positive)) => positive.to_owned(),
-                            (true, None) => format!("-{text}"),
-                        };
-                        let mut angles: [ExactAngle; 3] = std::array::from_fn(|_| ExactAngle::zero());
-                        angles[index] = self.readings.angle(&signed, &text, joint.span);
-                        turned = Some(Origin { at: Origin::none().at, turned: angles });
-                    }
-                    None => {
-                        let message = format!("the joint `{}` turns about no axis of its frame", joint.name);
-                        self.error(joint.span, message, "lock it at 0, or turn its frame");
-                    }
-                }
-            }
-        }
+    fn held(&mut self, joint: &Joint, position: Option<&Rational>, parent: &Place, carries: bool) -> Place {
+        let origin = match position {
+            Some(value) => self.advanced(joint, value),
+            None => joint.origin.clone(),
+        };
         let mut place = placed(parent, &origin);
         if carries {
             let name = identifier(&joint.child, &[], &mut self.taken);
-            let first = match turned {
-                Some(_) => identifier(&format!("{name}_locked"), &[], &mut self.taken),
-                None => name,
-            };
-            self.bodies.push(Body { name: first, parent: parent.body, origin, moving: None });
+            self.bodies.push(Body { name, parent: parent.body, origin, moving: None });
             place.body = Some(self.bodies.len() - 1);
         }
-        if let Some(turned) = turned {
-            let before = place.clone();
-            place = placed(&before, &turned);
-            if carries {
-                let name = identifier(&joint.child, &[], &mut self.taken);
-                self.bodies.push(Body { name, parent: before.body, origin: turned, moving: None });
-                place.body = Some(self.bodies.len() - 1);
+        place
+    }
+
+    /// The frame of a joint at a position.
+    fn advanced(&mut self, joint: &Joint, position: &Rational) -> Origin {
+        let (mut origin, by) = (joint.origin.clone(), position + &joint.start);
+        if by.is_zero() {
+            return origin;
+        }
+        let (axis, _) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
+        let rotation = rotation_of(&origin);
+        if joint.kind == Kind::Prismatic {
+            for (i, component) in origin.at.iter_mut().enumerate() {
+                let along: Rational = (0..3).map(|j| rotation.entry(i, j) * &axis[j]).sum();
+                let moved = &component.value + along * &by;
+                let text = moved.to_string();
+                *component = Exact::new(moved, &text);
+            }
+            return origin;
+        }
+        let own = axis.iter().position(|component| rational::abs(component) == rational::integer(1));
+        let plain = origin.turned.iter().all(ExactAngle::is_zero);
+        let by = rational::to_f64(&by);
+        match own.filter(|_| plain) {
+            Some(index) => {
+                let signed = if axis[index].is_negative() { -by } else { by };
+                origin.turned[index] = self.readings.computed(signed, joint.span);
+            }
+            // Three angles for two turns, one after the other: rounded here, once.
+            None => {
+                let turn = std::array::from_fn(|i| std::array::from_fn(|j| rational::to_f64(rotation.entry(i, j))));
+                let own = frame::about(axis.each_ref().map(rational::to_f64), by).unwrap_or(frame::NONE);
+                let angles = frame::roll_pitch_yaw(&frame::product(&turn, &own));
+                origin.turned = angles.map(|angle| self.readings.computed(angle, joint.span));
             }
         }
-        place
+        origin
     }
 
     /// A link on a joint that moves.
@@ -425,16 +440,29 @@ impl<'a> Arranger<'a, '_, '_> {
             None => {
                 let mut symbols = Loss::ALL.map(Loss::symbol).to_vec();
                 symbols.extend(STRIBECK);
+                symbols.push(Spring::SYMBOL);
                 self.renamed(&joint.name, "joint", &symbols, joint.span)
             }
         };
+        let offset = match self.led(joint, |_| false) {
+            Some(led) if turns && !is_angle(&led.offset) => {
+                let message = format!("the offset of the joint `{}` is beyond all angles", joint.name);
+                self.error(joint.span, message, "write an angle within a turn, in rad");
+                Rational::zero()
+            }
+            Some(led) => led.offset,
+            None => Rational::zero(),
+        };
+        let origin = self.advanced(joint, &offset);
+        // Of a joint that follows another one with an offset, the model has the position without it.
+        let end = |limit: &Option<Rational>| limit.as_ref().map(|limit| limit - &offset);
         let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &[], &mut self.taken);
         let name = self.renamed(&joint.child, "link", &NAMES, joint.span);
         let index = self.bodies.len();
         self.bodies.push(Body {
             name,
             parent: parent.body,
-            origin: joint.origin.clone(),
+            origin,
             moving: Some(Moving {
                 joint: joint.name.clone(),
                 link: joint.child.clone(),
@@ -447,14 +475,15 @@ impl<'a> Arranger<'a, '_, '_> {
                 axis,
                 direction,
                 limits: Limits {
-                    lower: joint.limits.lower.clone(),
-                    upper: joint.limits.upper.clone(),
+                    lower: end(&joint.limits.lower),
+                    upper: end(&joint.limits.upper),
                     velocity: joint.limits.velocity.clone(),
                     effort: joint.limits.effort.clone(),
                 },
                 damping: joint.damping.clone(),
                 friction: joint.friction.clone(),
                 armature: joint.armature.clone(),
+                spring: joint.spring.clone().map(|own| Spring { rest: own.rest - &offset, ..own }),
                 alone: [joint.damping.clone(), joint.friction.clone()],
                 inertia: std::array::from_fn(|_| Rational::zero()),
                 attached: Vec::new(),
@@ -480,26 +509,41 @@ impl<'a> Arranger<'a, '_, '_> {
             let Some((joint, follows)) = joint.and_then(|joint| Some((joint, joint.follows.as_ref()?))) else {
                 continue;
             };
-            let name = &follows.leader;
+            let Some(led) = self.led(joint, |_| false) else {
+                let message = format!("the joint `{}` follows itself over other joints", joint.name);
+                self.diagnostics.push(Diagnostic::error(follows.span, message).help("let one of them lead"));
+                continue;
+            };
+            let name = led.leader;
             let leader = joints.iter().position(|own| own.is_some_and(|own| own.name == *name));
-            let further = leader.and_then(|leader| joints[leader]?.follows.as_ref());
-            let (fault, help) = match (leader, further) {
-                _ if follows.factor.is_zero() => (format!("0 times `{name}`"), "lock it".to_owned()),
-                (None, _) => (
+            let (fault, help) = match leader {
+                _ if led.factor.is_zero() => (format!("0 times `{name}`"), "lock it".to_owned()),
+                None => (
                     format!("`{name}`, which does not move here"),
                     format!("lock it, or let `{name}` move, and keep it"),
                 ),
-                (_, Some(further)) => (
-                    format!("`{name}`, which follows another joint itself"),
-                    format!("let it follow `{}`, with the product of both factors", further.leader),
-                ),
-                (Some(leader), None) => {
-                    self.lead(leader, index, &follows.factor);
+                Some(leader) => {
+                    self.lead(leader, index, &led.factor);
                     continue;
                 }
             };
             self.error(follows.span, format!("the joint `{}` follows {fault}", joint.name), &help);
         }
+    }
+
+    /// The joint at the end of a chain of joints that follow each other, or the first in it at which `ends` is true; `None` for a joint that
+    /// follows none, and where the chain has no end.
+    fn led(&self, joint: &'a Joint, ends: impl Fn(&str) -> bool) -> Option<Led<'a>> {
+        let Follows { leader, factor, offset, .. } = joint.follows.as_ref()?;
+        let mut led = Led { leader, factor: factor.clone(), offset: offset.clone() };
+        for _ in 0..LONGEST_CHAIN {
+            let further = self.joints.get(led.leader).and_then(|joint| joint.follows.as_ref());
+            let Some(next) = further.filter(|_| !ends(led.leader)) else { return Some(led) };
+            led.offset += &led.factor * &next.offset;
+            led.factor *= &next.factor;
+            led.leader = &next.leader;
+        }
+        None
     }
 
     /// Gives the joint of a body to that of another one, which it follows: powers are equal, so that losses move with the factor or its
@@ -517,10 +561,15 @@ impl<'a> Arranger<'a, '_, '_> {
             ends.reverse();
         }
         let velocity = over(&own.limits.velocity, &size);
+        let spring = own.spring.take();
         let Some(leading) = self.bodies[leader].moving.as_mut() else { return };
         leading.damping += damping * &square;
         leading.friction += friction * size;
-        leading.armature += armature * square;
+        leading.armature += armature * &square;
+        if let Some(Spring { stiffness, rest }) = spring {
+            let own = Spring { stiffness: stiffness * square, rest: rest / factor };
+            leading.spring = Some(own.beside(leading.spring.take()));
+        }
         let [lower, upper] = ends;
         let limits = &mut leading.limits;
         limits.lower = limits.lower.take().max(lower);
@@ -565,7 +614,10 @@ impl<'a> Arranger<'a, '_, '_> {
             *sum += value;
         }
         if moving.link != link {
-            moving.attached.push((link.to_owned(), own));
+            match moving.attached.last_mut().filter(|(name, _)| name == link) {
+                Some((_, sum)) => sum.iter_mut().zip(own).for_each(|(sum, value)| *sum += value),
+                None => moving.attached.push((link.to_owned(), own)),
+            }
         }
     }
 
@@ -579,11 +631,19 @@ impl<'a> Arranger<'a, '_, '_> {
             .collect();
         for name in names {
             let link = self.description.links.iter().find(|link| link.name == name);
+            if link.is_some_and(|link| link.between) {
+                continue;
+            }
             let span = link.map_or(self.description.span, |link| link.span);
             let message = format!("the link `{name}` moves and has no mass in the description");
             self.warning(span, message, "its prior is zero; add an `inertial` to it");
         }
     }
+}
+
+/// The only element.
+fn one<T>(mut elements: impl Iterator<Item = T>) -> Option<T> {
+    elements.next().filter(|_| elements.next().is_none())
 }
 
 pub(super) fn rotation_of(origin: &Origin) -> Rotation {

@@ -2,8 +2,12 @@
 
 use tpm_symbolic::number::rational::{self, Rational};
 
+use crate::diagnostic::Diagnostic;
 use crate::import::reading::{Exact, ExactAngle};
 use crate::source::Span;
+
+/// Help where a body is free to move in all directions.
+pub(super) const FREE: &str = "take it as the base that stands still; a model has no motion of a base";
 
 /// A robot as it is described.
 #[derive(Debug)]
@@ -21,7 +25,12 @@ pub(super) struct Description {
 pub(super) struct Link {
     pub(super) name: String,
     pub(super) span: Span,
-    pub(super) inertial: Option<Inertial>,
+    /// What the link consists of.
+    pub(super) inertials: Vec<Inertial>,
+    /// Whether it stands between several joints of one body, so that it has no mass by its nature.
+    pub(super) between: bool,
+    /// Why the mass of a part is not known, where one is not: a fault if the link moves.
+    pub(super) unknown: Option<Diagnostic>,
 }
 
 /// Mass and moments about the centre of mass.
@@ -39,6 +48,13 @@ pub(super) struct Inertial {
 pub(super) struct Origin {
     pub(super) at: [Exact; 3],
     pub(super) turned: [ExactAngle; 3],
+}
+
+impl Link {
+    /// A link without inertia.
+    pub(super) fn light(name: String, span: Span) -> Self {
+        Self { name, span, inertials: Vec::new(), between: false, unknown: None }
+    }
 }
 
 impl Origin {
@@ -71,15 +87,42 @@ pub(super) struct Joint {
     pub(super) friction: Rational,
     /// Inertia of the rotor on the joint's side; zero where the description has none.
     pub(super) armature: Rational,
+    /// The spring that draws the joint to a position, where there is one.
+    pub(super) spring: Option<Spring>,
+    /// By how much the joint has moved at the position zero, rad or m.
+    pub(super) start: Rational,
     /// The joint that moves this one with it.
     pub(super) follows: Option<Follows>,
 }
 
-/// Another joint, and the position over that joint's.
+/// A spring on a joint.
+#[derive(Clone, Debug)]
+pub(super) struct Spring {
+    /// N m/rad or N/m.
+    pub(super) stiffness: Rational,
+    /// The position at which it is without force.
+    pub(super) rest: Rational,
+}
+
+impl Spring {
+    /// The parameter of its stiffness, without the name of the joint that ends it.
+    pub(super) const SYMBOL: &str = "ks";
+
+    /// Both springs on one joint as one: their forces are a constant and a multiple of the position.
+    pub(super) fn beside(self, other: Option<Self>) -> Self {
+        let Some(other) = other else { return self };
+        let stiffness = &self.stiffness + &other.stiffness;
+        let rest = (&self.stiffness * self.rest + &other.stiffness * other.rest) / &stiffness;
+        Self { stiffness, rest }
+    }
+}
+
+/// Another joint; the position is the factor times that joint's position, and the offset.
 #[derive(Debug)]
 pub(super) struct Follows {
     pub(super) leader: String,
     pub(super) factor: Rational,
+    pub(super) offset: Rational,
     pub(super) span: Span,
 }
 

@@ -10,12 +10,20 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::reading::Readings;
 use crate::source::Span;
 
+/// Largest size of a number.
+const LARGEST: f64 = 1e100;
+
 /// The place of the opening tag of an element.
 pub(super) fn span(node: Node<'_, '_>) -> Span {
     let range = node.range();
     let text = &node.document().input_text()[range.clone()];
     let end = range.start + text.find('>').map_or(text.len(), |at| at + 1);
     Span::new(range.start as u32, end as u32)
+}
+
+/// A number of a description. Nothing on a machine is larger than 1e100 in any unit, and products of such sizes would overflow.
+pub(super) fn number(text: &str) -> Option<Rational> {
+    rational::parse(text).filter(|value| rational::to_f64(value).abs() <= LARGEST)
 }
 
 /// Elements without a meaning for the dynamics, each with its parent element.
@@ -85,20 +93,22 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
                 format!("in a log of such a motor, divide its position by {ratio} and multiply its torque by {ratio}");
             self.diagnostics.push(Diagnostic::warning(place, message).help(help));
         }
+        let mut known: BTreeMap<String, usize> = BTreeMap::new();
         for ((name, inside), (place, count)) in std::mem::take(&mut self.ignored) {
-            let known = WITHOUT_DYNAMICS.contains(&(inside, name.as_str()));
+            if WITHOUT_DYNAMICS.contains(&(inside, name.as_str())) {
+                *known.entry(name).or_default() += count;
+                continue;
+            }
             let times = if count == 1 { String::new() } else { format!(", {count} times in all") };
-            let message = if known {
-                format!("`{name}` is left out{times}")
-            } else {
-                format!("`{name}` is no element of a `{inside}` that is known here; it is left out{times}")
-            };
-            let help = if known {
-                "a model of the dynamics has no use for it"
-            } else {
-                "check its spelling, and that it stands in the right place"
-            };
+            let message = format!("`{name}` is no element of a `{inside}` that is known here; it is left out{times}");
+            let help = "check its spelling, and that it stands in the right place";
             self.diagnostics.push(Diagnostic::warning(place, message).help(help));
+        }
+        // One line for all that every description has of them.
+        if !known.is_empty() {
+            let parts: Vec<String> = known.into_iter().map(|(name, count)| format!("{count} `{name}`")).collect();
+            self.readings
+                .remark(format!("left out, as a model of the dynamics has no use for them: {}", parts.join(", ")));
         }
     }
 
@@ -119,13 +129,17 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
     pub(super) fn triple(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<[(Rational, String); 3]> {
         let text = self.named(node, attribute)?;
         let numbers: Vec<Option<(Rational, String)>> =
-            text.split_whitespace().map(|word| Some((rational::parse(word)?, word.to_owned()))).collect();
+            text.split_whitespace().map(|word| Some((number(word)?, word.to_owned()))).collect();
         let numbers: Option<Vec<(Rational, String)>> = numbers.into_iter().collect();
         match numbers.map(<[(Rational, String); 3]>::try_from) {
             Some(Ok(numbers)) => Some(numbers),
             _ => {
                 let message = format!("`{attribute}` is `{text}`, which is not three numbers");
-                self.error(span(node), message, "write three decimal numbers, such as \"0 0 0.1\"");
+                self.error(
+                    span(node),
+                    message,
+                    "write three decimal numbers, such as \"0 0 0.1\", each of at most 1e100",
+                );
                 None
             }
         }
@@ -139,10 +153,11 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
     /// The number in an attribute; a number that cannot be read is reported.
     pub(super) fn optional(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<Rational> {
         let text = node.attribute(attribute)?.trim();
-        let value = rational::parse(text);
+        let value = number(text);
         if value.is_none() {
-            let message = format!("`{attribute}` is `{text}`, which is no number");
-            self.error(span(node), message, "write a decimal number");
+            let what = if rational::parse(text).is_some() { "which is beyond any size" } else { "which is no number" };
+            let message = format!("`{attribute}` is `{text}`, {what}");
+            self.error(span(node), message, "write a decimal number, of at most 1e100");
         }
         value
     }

@@ -2,6 +2,7 @@
 
 use crate::import::arrange::{Body, Moving, rotation_of};
 use crate::import::described::{Described, JointLosses};
+use crate::import::description::Spring;
 use crate::import::split::{SplitError, text, written};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -106,6 +107,9 @@ impl Writer<'_> {
             if value != 0.0 {
                 let _ = write!(attributes, " {attribute}=\"{value}\"");
             }
+        }
+        if let Some(Spring { stiffness, rest }) = &moving.spring {
+            let _ = write!(attributes, " stiffness=\"{}\" springref=\"{}\"", to_f64(stiffness), to_f64(rest));
         }
         if let (Some(lower), Some(upper)) = (&moving.limits.lower, &moving.limits.upper)
             && lower < upper

@@ -2,25 +2,26 @@
 //!
 //! A body is a link; of several joints in one body all but the last carry links without mass. A joint that does not stand at the origin of
 //! its body moves the origin of the link to the joint. Free bodies hang on nothing, so that one of them can be named as the base. What
-//! MuJoCo would add to the torques and has no place in a mechanism (springs, loops, tendons that pull, fluids) is a fault.
+//! MuJoCo would add to the torques and has no place in a mechanism (loops, tendons that pull, fluids) is a fault.
 
 mod defaults;
-mod frame;
+mod shape;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use num_traits::Zero;
+use num_traits::{Signed, Zero};
 use roxmltree::Node;
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::Diagnostic;
-use crate::import::description::{Description, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
-use crate::import::elements::{Reader, span};
+use crate::import::description::{
+    Description, FREE, Follows, Inertial, Joint, Kind, Limits, Link, Origin, Spring, usual_gravity,
+};
+use crate::import::elements::{Reader, number, span};
+use crate::import::frame;
 use crate::import::mujoco::defaults::Defaults;
-use crate::import::mujoco::frame::{NONE, Turn, product, turned};
 use crate::import::options::Options;
-use crate::import::reading::{Exact, ROUNDING};
-use crate::source::Span;
+use crate::import::reading::Exact;
 
 /// Help for what only a compiled model says.
 const EXPANDED: &str = "write the model out with all that it includes: load it in MuJoCo and call `mj_saveLastXML`";
@@ -37,7 +38,7 @@ pub(super) fn read(model: Node<'_, '_>, options: &Options, reader: &mut Reader<'
         name: model.attribute("model").unwrap_or("MuJoCo model").to_owned(),
         span: span(model),
         gravity: usual_gravity(),
-        links: vec![Link { name: "world".to_owned(), span: span(model), inertial: None }],
+        links: vec![Link::light("world".to_owned(), span(model))],
         joints: Vec::new(),
     };
     for element in model.children().filter(Node::is_element) {
@@ -65,7 +66,6 @@ pub(super) fn read(model: Node<'_, '_>, options: &Options, reader: &mut Reader<'
         defaults: Defaults::of(model),
         efforts: BTreeMap::new(),
         locked: options.locked.iter().map(|(name, _)| name.as_str()).collect(),
-        starts: BTreeMap::new(),
         description: &mut description,
         unnamed: 0,
     };
@@ -78,6 +78,7 @@ pub(super) fn read(model: Node<'_, '_>, options: &Options, reader: &mut Reader<'
         walk.bodies(world, "world", &std::array::from_fn(|_| Rational::zero()), class);
     }
     walk.couple(couplings);
+    walk.weigh();
     description
 }
 
@@ -90,6 +91,10 @@ struct Compiler {
     eulerseq: String,
     autolimits: bool,
     from_geoms: FromGeoms,
+    /// The groups of shapes that have mass.
+    groups: std::ops::RangeInclusive<i64>,
+    /// What all masses are scaled to.
+    total: Option<Rational>,
 }
 
 /// Whether inertias are those of shapes.
@@ -108,6 +113,8 @@ impl Compiler {
             eulerseq: "xyz".to_owned(),
             autolimits: true,
             from_geoms: FromGeoms::WhereMissing,
+            groups: 0..=5,
+            total: None,
         };
         for element in model.children().filter(|child| child.has_tag_name("compiler")) {
             found.radian = match element.attribute("angle") {
@@ -141,7 +148,19 @@ impl Compiler {
                     reader.error(span(element), format!("`{name}` is `{value}`, which is not read here"), EXPANDED);
                 }
             }
-            for name in ["boundmass", "boundinertia", "settotalmass"] {
+            let total = element.attribute("settotalmass").and_then(rational::parse);
+            found.total = total.filter(|total| *total > Rational::zero()).or(found.total);
+            if let Some(range) = element.attribute("inertiagrouprange") {
+                let ends: Option<Vec<i64>> = range.split_whitespace().map(|word| word.parse().ok()).collect();
+                match ends.as_deref() {
+                    Some([low, high]) => found.groups = *low..=*high,
+                    _ => {
+                        let message = format!("`inertiagrouprange` is `{range}`");
+                        reader.error(span(element), message, "write two integers, such as \"0 5\"");
+                    }
+                }
+            }
+            for name in ["boundmass", "boundinertia"] {
                 if element.attribute(name).and_then(rational::parse).is_some_and(|value| value > Rational::zero()) {
                     reader.error(span(element), format!("`{name}` changes masses, and is not read here"), EXPANDED);
                 }
@@ -159,7 +178,7 @@ struct Coupling<'a, 'i> {
     node: Node<'a, 'i>,
     follower: &'a str,
     leader: &'a str,
-    constant: f64,
+    constant: Rational,
     factor: Rational,
 }
 
@@ -170,8 +189,6 @@ struct Walk<'w, 'r, 's, 'd, 'a, 'i> {
     /// The largest force that actuators have, by joint.
     efforts: BTreeMap<&'a str, Rational>,
     locked: BTreeSet<&'w str>,
-    /// Positions of joints where bodies stand as they are written (`ref`), rad or m, where these are not zero.
-    starts: BTreeMap<String, f64>,
     description: &'w mut Description,
     unnamed: usize,
 }
@@ -195,11 +212,11 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
     ) -> Option<[(Rational, &'a str); N]> {
         let text = self.attribute(node, class, name)?;
         let numbers: Option<Vec<(Rational, &str)>> =
-            text.split_whitespace().map(|word| Some((rational::parse(word)?, word))).collect();
+            text.split_whitespace().map(|word| Some((number(word)?, word))).collect();
         let found = numbers.and_then(|numbers| numbers.try_into().ok());
         if found.is_none() {
             let message = format!("`{name}` is `{text}`, which is not {N} number{}", if N == 1 { "" } else { "s" });
-            self.error(node, message, "write decimal numbers, separated by spaces");
+            self.error(node, message, "write decimal numbers of at most 1e100, separated by spaces");
         }
         found
     }
@@ -286,11 +303,11 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
                     continue;
                 };
                 let written = self.attribute(node, None, "polycoef").unwrap_or("0 1 0 0 0");
-                let numbers: Option<Vec<Rational>> = written.split_whitespace().map(rational::parse).collect();
+                let numbers: Option<Vec<Rational>> = written.split_whitespace().map(number).collect();
                 match (node.attribute("joint2"), numbers.as_deref()) {
                     (Some(leader), Some([constant, factor, more @ ..])) if more.iter().all(Zero::is_zero) => {
-                        let constant = rational::to_f64(constant);
-                        found.push(Coupling { node, follower, leader, constant, factor: factor.clone() });
+                        let (constant, factor) = (constant.clone(), factor.clone());
+                        found.push(Coupling { node, follower, leader, constant, factor });
                     }
                     _ => {
                         let message =
@@ -306,16 +323,15 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
     /// Lets joints follow others.
     fn couple(&mut self, couplings: Vec<Coupling<'a, 'i>>) {
         for Coupling { node, follower, leader, constant, factor } in couplings {
-            let start = |joint: &str| self.starts.get(joint).copied().unwrap_or(0.0);
-            // Equalities hold between the distances from `ref`.
-            let offset = constant + start(follower) - rational::to_f64(&factor) * start(leader);
-            if offset.abs() > ROUNDING {
-                let message = format!("`{follower}` follows `{leader}` with an offset, which has no model here");
-                self.error(node, message, "set `ref` of both joints and the first of `polycoef` so that there is none");
-            }
+            let start = |name: &str| {
+                let joint = self.description.joints.iter().find(|joint| joint.name == name);
+                joint.map_or_else(Rational::zero, |joint| joint.start.clone())
+            };
+            // Equalities hold between the distances from `ref`, which are positions where the joint has moved by `start`.
+            let offset = constant - start(follower) + &factor * start(leader);
             match self.description.joints.iter_mut().find(|joint| joint.name == follower) {
                 Some(joint) => {
-                    joint.follows = Some(Follows { leader: leader.to_owned(), factor, span: span(node) });
+                    joint.follows = Some(Follows { leader: leader.to_owned(), factor, offset, span: span(node) });
                 }
                 None => {
                     let message = format!("`{follower}` follows `{leader}` and is no joint");
@@ -351,6 +367,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
                     self.error(element, format!("`{name}` is not read here"), EXPANDED);
                 }
                 "inertial" | "joint" | "freejoint" => {}
+                "geom" if parent.has_tag_name("body") => {}
                 _ => self.reader.ignore(element, "body"),
             }
         }
@@ -382,8 +399,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         let none = || std::array::from_fn(|_| Rational::zero());
         if let Some(free) = free {
             let message = format!("`{name}` is free to move, and hangs on nothing here");
-            let help = "take it as the base that stands still";
-            self.reader.diagnostics.push(Diagnostic::warning(span(free), message).help(help));
+            self.reader.diagnostics.push(Diagnostic::warning(span(free), message).help(FREE));
             self.link(node, &name, &none(), class);
             return self.bodies(node, &name, &none(), class);
         }
@@ -405,7 +421,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
             let last = index + 1 == count;
             let child = if last { name.clone() } else { format!("{name}_{own}") };
             if !last {
-                self.description.links.push(Link { name: child.clone(), span: span(joint), inertial: None });
+                self.description.links.push(Link { between: true, ..Link::light(child.clone(), span(joint)) });
             }
             self.joint(joint, class, own, above, child.clone(), std::mem::replace(&mut origin, Origin::none()));
             (above, at) = (child, position);
@@ -431,7 +447,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
 
     /// A link without inertia on a fixed joint.
     fn fixed(&mut self, node: Node<'a, 'i>, parent: &str, name: &str, origin: Origin) {
-        self.description.links.push(Link { name: name.to_owned(), span: span(node), inertial: None });
+        self.description.links.push(Link::light(name.to_owned(), span(node)));
         self.joined(node, parent, name, origin);
     }
 
@@ -450,6 +466,8 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
             damping: Rational::zero(),
             friction: Rational::zero(),
             armature: Rational::zero(),
+            spring: None,
+            start: Rational::zero(),
             follows: None,
         });
     }
@@ -461,7 +479,7 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
         name: String,
         parent: String,
         child: String,
-        mut origin: Origin,
+        origin: Origin,
     ) {
         let kind = match self.attribute(node, class, "type").unwrap_or("hinge") {
             "hinge" => Kind::Revolute,
@@ -473,33 +491,29 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
             }
         };
         let turns = kind == Kind::Revolute;
-        if !self.number(node, class, "stiffness").is_zero() && !self.locked.contains(name.as_str()) {
-            let message = format!("the joint `{name}` has a spring (`stiffness`), which has no model here");
-            self.error(
-                node,
-                message,
-                "set it to 0 and add the spring to the imported model by hand, or lock the joint",
-            );
-        }
         let z = || [(Rational::zero(), "0"), (Rational::zero(), "0"), (rational::integer(1), "1")];
         let axis = self.numbers::<3>(node, class, "axis").unwrap_or_else(z);
         let written = axis.each_ref().map(|(_, text)| *text).join(" ");
-        let direction = axis.each_ref().map(|(value, _)| rational::to_f64(value));
-        let start = rational::to_f64(&self.number(node, class, "ref"));
-        let mut limits = Limits::default();
-        let unit = if turns { self.compiler.unit } else { 1.0 };
-        if start != 0.0 {
-            self.starts.insert(name.clone(), start * unit);
-            // `ref` is the joint's coordinate in the pose in which the file places the bodies.
-            self.begin(&mut origin, direction, -start * unit, turns, span(node));
+        // Angles of the file, in rad.
+        let degree = Some(self.compiler.unit).filter(|_| turns && !self.compiler.radian);
+        let radians =
+            |value: Rational| degree.map_or_else(|| value.clone(), |unit| decimal(rational::to_f64(&value) * unit));
+        // `ref` is the joint's coordinate in the pose in which the file places the bodies.
+        let start = -radians(self.number(node, class, "ref"));
+        let rest = radians(self.number(node, class, "springref"));
+        let stiffness = self.number(node, class, "stiffness");
+        if stiffness.is_negative() {
+            self.error(
+                node,
+                format!("the spring of `{name}` pushes away (`stiffness` below 0)"),
+                "write a stiffness that is not negative",
+            );
         }
+        let spring = stiffness.is_positive().then_some(Spring { stiffness, rest });
+        let mut limits = Limits::default();
         if let Some((low, high)) = self.range(node, class, "range", "limited") {
-            let scaled = |value: Rational| {
-                let degrees = turns && !self.compiler.radian;
-                if degrees { decimal(rational::to_f64(&value) * unit) } else { value }
-            };
-            limits.lower = Some(scaled(low));
-            limits.upper = Some(scaled(high));
+            limits.lower = Some(radians(low));
+            limits.upper = Some(radians(high));
         }
         let force = self.range(node, class, "actuatorfrcrange", "actuatorfrclimited");
         let force = force.map(|(low, high)| rational::abs(&low).max(rational::abs(&high)));
@@ -515,54 +529,52 @@ impl<'a, 'i> Walk<'_, '_, '_, '_, 'a, 'i> {
             damping: self.number(node, class, "damping"),
             friction: self.number(node, class, "frictionloss"),
             armature: self.number(node, class, "armature"),
+            spring,
+            start,
             follows: None,
             name,
         };
         self.description.joints.push(joint);
     }
 
-    /// The frame of a joint, moved along or about the joint's axis.
-    fn begin(&mut self, origin: &mut Origin, axis: [f64; 3], by: f64, turns: bool, place: Span) {
-        let of = |origin: &Origin| {
-            let rotation = crate::import::arrange::rotation_of(origin);
-            std::array::from_fn(|i| std::array::from_fn(|j| rational::to_f64(rotation.entry(i, j)))) as Turn
-        };
-        let now = of(origin);
-        if turns {
-            let own = frame::about(axis, by).unwrap_or(NONE);
-            let angles = frame::roll_pitch_yaw(&product(&now, &own));
-            origin.turned = angles.map(|angle| self.reader.readings.computed(angle, place));
-        } else if let Some(direction) = frame::unit(axis) {
-            let moved = turned(&now, direction.map(|component| component * by));
-            for (component, by) in origin.at.iter_mut().zip(moved) {
-                *component = sum(component, &decimal(by));
-            }
-        }
-    }
-
     /// The link of a body, whose origin is `at` in the frame of the body.
     fn link(&mut self, node: Node<'a, 'i>, name: &str, at: &[Rational; 3], class: Option<&'a str>) {
-        let elements: Vec<Node<'a, 'i>> =
-            node.children().filter(|child| child.is_element() && child.has_tag_name("inertial")).collect();
-        let geoms = || node.children().filter(|child| child.has_tag_name("geom"));
-        let heavy = |geom: Node<'a, 'i>| {
-            let zero = |name: &str| {
-                let text = self.attribute(geom, class, name);
-                text.and_then(rational::parse).map(|value| value.is_zero())
-            };
-            !zero("mass").or_else(|| zero("density")).unwrap_or(false)
+        let mut link = Link::light(name.to_owned(), span(node));
+        let element = node.children().find(|child| child.has_tag_name("inertial"));
+        let weighed = match self.compiler.from_geoms {
+            FromGeoms::Never => false,
+            FromGeoms::WhereMissing => element.is_none(),
+            FromGeoms::Always => true,
         };
-        let shapes = match self.compiler.from_geoms {
-            FromGeoms::Never => None,
-            FromGeoms::WhereMissing if !elements.is_empty() => None,
-            _ => geoms().find(|geom| heavy(*geom)),
-        };
-        if let Some(shape) = shapes {
-            let message = format!("the mass of `{name}` is that of its shapes, which are not read here");
-            self.error(shape, message, EXPANDED);
+        for geom in node.children().filter(|child| child.has_tag_name("geom")) {
+            if !weighed {
+                self.reader.ignore(geom, "body");
+                continue;
+            }
+            match self.shape(geom, class, at) {
+                Ok(shape) => link.inertials.extend(shape),
+                Err(fault) => link.unknown = Some(*fault),
+            }
         }
-        let inertial = elements.first().and_then(|element| self.inertial(*element, at));
-        self.description.links.push(Link { name: name.to_owned(), span: span(node), inertial });
+        if link.inertials.is_empty() && link.unknown.is_none() {
+            link.inertials = element.and_then(|element| self.inertial(element, at)).into_iter().collect();
+        }
+        self.description.links.push(link);
+    }
+
+    /// Scales all masses to the sum that the compiler asks for.
+    fn weigh(&mut self) {
+        let Some(total) = self.compiler.total.clone() else { return };
+        let inertials = || self.description.links.iter().flat_map(|link| &link.inertials);
+        let sum: Rational = inertials().map(|inertial| &inertial.mass).sum();
+        if sum <= Rational::zero() {
+            return;
+        }
+        let factor = total / sum;
+        for inertial in self.description.links.iter_mut().flat_map(|link| &mut link.inertials) {
+            inertial.mass *= &factor;
+            inertial.moments.iter_mut().for_each(|moment| *moment *= &factor);
+        }
     }
 
     fn inertial(&mut self, node: Node<'a, 'i>, at: &[Rational; 3]) -> Option<Inertial> {

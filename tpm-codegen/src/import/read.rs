@@ -49,27 +49,14 @@ fn described(
     readings: &mut Readings<'_>,
     diagnostics: &mut Diagnostics,
 ) -> Option<Description> {
-    if let Some((place, most)) = markup::excess(source.text()) {
-        let fault = Diagnostic::error(place, format!("there are more than {most} attributes or namespaces here"));
-        diagnostics.push(fault.help("a description needs far fewer: export it again"));
-        return None;
-    }
-    let document = with_prefixes(source.text());
-    let (text, prefixes) = match document {
+    let (text, prefixes) = match well_formed(source) {
         Ok(mended) => mended,
-        Err(error) => {
-            let line = error.pos();
-            let start =
-                source.text().lines().take((line.row.max(1) - 1) as usize).map(|line| line.len() + 1).sum::<usize>();
-            let start = (start + line.col.max(1) as usize - 1).min(source.text().len()) as u32;
-            let fault = Diagnostic::error(Span::new(start, start), format!("this is no XML: {error}"));
-            diagnostics.push(
-                fault.help("export the description again; a xacro file is expanded first, `xacro robot.urdf.xacro`"),
-            );
+        Err(fault) => {
+            diagnostics.push(fault);
             return None;
         }
     };
-    // `with_prefixes` has parsed this text: it is well formed.
+    // `well_formed` has parsed this text: it is well formed.
     let document = Document::parse(&text).ok()?;
     let root = document.root_element();
     if !prefixes.is_empty() {
@@ -89,4 +76,20 @@ fn described(
     };
     reader.report_left_out();
     Some(description)
+}
+
+/// A text as XML that can be parsed, with the prefixes that it does not declare; a fault where it is none.
+pub(super) fn well_formed(source: &Source) -> Result<(String, Vec<String>), Diagnostic> {
+    let text = source.text();
+    if let Some((place, most)) = markup::excess(text) {
+        let fault = Diagnostic::error(place, format!("there are more than {most} attributes or namespaces here"));
+        return Err(fault.help("a description needs far fewer: export it again"));
+    }
+    with_prefixes(text).map_err(|error| {
+        let line = error.pos();
+        let start = text.lines().take((line.row.max(1) - 1) as usize).map(|line| line.len() + 1).sum::<usize>();
+        let start = (start + line.col.max(1) as usize - 1).min(text.len()) as u32;
+        let fault = Diagnostic::error(Span::new(start, start), format!("this is no XML: {error}"));
+        fault.help("export the description again; a xacro file is expanded first, `xacro robot.urdf.xacro`")
+    })
 }

@@ -80,11 +80,18 @@ pub(super) struct Readings<'a> {
     found: BTreeMap<(String, String), Vec<usize>>,
     /// Angles that were read as neighbours with a rational cosine and sine: lines by text.
     neighbours: BTreeMap<String, Vec<usize>>,
+    /// What else there is to say.
+    remarks: Vec<String>,
 }
 
 impl<'a> Readings<'a> {
     pub(super) fn new(source: &'a Source, angles: Angles) -> Self {
-        Self { source, angles, found: BTreeMap::new(), neighbours: BTreeMap::new() }
+        Self { source, angles, found: BTreeMap::new(), neighbours: BTreeMap::new(), remarks: Vec::new() }
+    }
+
+    /// Adds a sentence to those of the readings.
+    pub(super) fn remark(&mut self, sentence: String) {
+        self.remarks.push(sentence);
     }
 
     fn note(&mut self, written: &str, meaning: &str, span: Span) {
@@ -118,7 +125,7 @@ impl<'a> Readings<'a> {
             sentences.push((*first, format!("{sentence} ({})", places(&all))));
         }
         sentences.sort();
-        sentences.into_iter().map(|(_, sentence)| sentence).collect()
+        sentences.into_iter().map(|(_, sentence)| sentence).chain(self.remarks.iter().cloned()).collect()
     }
 
     /// A length; a length below [`NO_LENGTH`] is read as zero.

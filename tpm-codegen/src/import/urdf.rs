@@ -1,11 +1,12 @@
 //! Links and joints of a URDF.
 
-use num_traits::Zero;
 use roxmltree::Node;
 use tpm_symbolic::number::rational;
 
 use crate::diagnostic::Diagnostic;
-use crate::import::description::{Description, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity};
+use crate::import::description::{
+    Description, FREE, Follows, Inertial, Joint, Kind, Limits, Link, Origin, usual_gravity,
+};
 use crate::import::elements::{Reader, span};
 use crate::import::reading::{Exact, is_angle};
 use crate::source::Span;
@@ -33,10 +34,10 @@ pub(super) fn read(robot: Node<'_, '_>, reader: &mut Reader<'_, '_, '_>) -> Desc
 impl Reader<'_, '_, '_> {
     fn link(&mut self, node: Node<'_, '_>) -> Option<Link> {
         let name = self.named(node, "name")?;
-        let mut link = Link { name, span: span(node), inertial: None };
+        let mut link = Link::light(name, span(node));
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {
-                "inertial" => link.inertial = self.inertial(element),
+                "inertial" => link.inertials = self.inertial(element).into_iter().collect(),
                 _ => self.ignore(element, "link"),
             }
         }
@@ -46,6 +47,9 @@ impl Reader<'_, '_, '_> {
     fn inertial(&mut self, node: Node<'_, '_>) -> Option<Inertial> {
         let mut origin = Origin::none();
         let (mut mass, mut moments) = (None, None);
+        if !node.children().any(|child| child.has_tag_name("mass")) {
+            self.error(span(node), "this `inertial` has no `mass`".to_owned(), "add `<mass value=\"...\"/>`");
+        }
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {
                 "origin" => origin = self.origin(element),
@@ -58,12 +62,8 @@ impl Reader<'_, '_, '_> {
                 _ => self.ignore(element, "inertial"),
             }
         }
-        let Some(mass) = mass else {
-            self.error(span(node), "this `inertial` has no `mass`".to_owned(), "add `<mass value=\"...\"/>`");
-            return None;
-        };
         let moments = moments.unwrap_or_else(|| std::array::from_fn(|_| rational::integer(0)));
-        Some(Inertial { span: span(node), origin, mass, moments })
+        Some(Inertial { span: span(node), origin, mass: mass?, moments })
     }
 
     fn joint(&mut self, node: Node<'_, '_>) -> Option<Joint> {
@@ -72,6 +72,12 @@ impl Reader<'_, '_, '_> {
             "fixed" => Kind::Fixed,
             "revolute" | "continuous" => Kind::Revolute,
             "prismatic" => Kind::Prismatic,
+            // Its child hangs on nothing, so that it can be the base.
+            "floating" => {
+                let message = format!("the joint `{name}` is free, and what it carries hangs on nothing here");
+                self.diagnostics.push(Diagnostic::warning(span(node), message).help(FREE));
+                return None;
+            }
             other => {
                 let message = format!("the joint `{name}` is of the type `{other}`, which has no model here");
                 self.error(span(node), message, "joints are fixed, revolute, continuous or prismatic");
@@ -88,7 +94,7 @@ impl Reader<'_, '_, '_> {
                 "origin" => origin = self.origin(element),
                 "axis" => axis = self.axis(element),
                 "limit" => limits = Some(self.limits(element)),
-                "mimic" => follows = self.mimic(element, &name),
+                "mimic" => follows = self.mimic(element),
                 "dynamics" => {
                     damping = self.optional(element, "damping").unwrap_or(damping);
                     friction = self.optional(element, "friction").unwrap_or(friction);
@@ -126,6 +132,8 @@ impl Reader<'_, '_, '_> {
             damping,
             friction,
             armature: rational::integer(0),
+            spring: None,
+            start: rational::integer(0),
             follows,
         })
     }
@@ -141,14 +149,11 @@ impl Reader<'_, '_, '_> {
         }
     }
 
-    fn mimic(&mut self, node: Node<'_, '_>, joint: &str) -> Option<Follows> {
+    fn mimic(&mut self, node: Node<'_, '_>) -> Option<Follows> {
         let leader = self.named(node, "joint")?;
         let factor = self.optional(node, "multiplier").unwrap_or_else(|| rational::integer(1));
-        if self.optional(node, "offset").is_some_and(|offset| !offset.is_zero()) {
-            let message = format!("`{joint}` follows `{leader}` with an offset, which has no model here");
-            self.error(span(node), message, "turn or move the origin of the joint by the offset, and remove it");
-        }
-        Some(Follows { leader, factor, span: span(node) })
+        let offset = self.optional(node, "offset").unwrap_or_else(|| rational::integer(0));
+        Some(Follows { leader, factor, offset, span: span(node) })
     }
 
     fn limits(&mut self, node: Node<'_, '_>) -> Limits {

@@ -10,7 +10,7 @@ use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::arrange::{Body, Moving, Robot};
-use crate::import::description::Origin;
+use crate::import::description::{Origin, Spring};
 use crate::import::experiment::experiment;
 use crate::import::options::Options;
 use crate::import::pattern::{constants, pattern};
@@ -75,6 +75,13 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
     if options.stribeck {
         text += &stribeck::declarations(robot);
     }
+    let springs: Vec<String> = leading(robot)
+        .filter(|moving| moving.spring.is_some())
+        .map(|moving| format!("{} [{}]", spring(moving), if moving.turns { "N*m/rad" } else { "N/m" }))
+        .collect();
+    if !springs.is_empty() {
+        let _ = writeln!(text, "    parameter {};", springs.join(", "));
+    }
     text.push('\n');
     let [x, y, z] = robot.gravity.each_ref().map(|component| component.text.as_str());
     let _ = writeln!(text, "    mechanism {{\n        gravity ({x}, {y}, {z});");
@@ -104,12 +111,24 @@ fn model(robot: &Robot, options: &Options, from: &str) -> String {
         text.push_str(";\n");
     }
     text.push_str("    }\n");
+    for moving in leading(robot) {
+        if let Some(Spring { rest, .. }) = &moving.spring {
+            let (own, q) = (spring(moving), &moving.coordinate);
+            let away = if rest.is_zero() { q.clone() } else { format!("({q} - ({rest}))") };
+            let _ = writeln!(text, "    force {q} = -{own}*{away};");
+        }
+    }
     if options.stribeck {
         text += &stribeck::forces(robot);
     }
     text += &pattern(robot);
     text.push_str("}\n");
     text
+}
+
+/// The parameter of the spring on a joint.
+fn spring(moving: &Moving) -> String {
+    parameter_name(Spring::SYMBOL, &moving.coordinate)
 }
 
 /// The position of a joint in the language.
@@ -150,6 +169,9 @@ fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
         }
     }
     for moving in leading(robot) {
+        if let Some(Spring { stiffness, .. }) = &moving.spring {
+            line(spring(moving), stiffness);
+        }
         for loss in losses(moving, options) {
             let value = match loss {
                 Loss::Viscous => &moving.damping,

@@ -7,6 +7,7 @@
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::token::{Token, TokenKind};
 use crate::source::{Fault, Source, Span};
+use std::collections::HashSet;
 
 /// Splits a source into tokens. A source whose bytes are no text gives its fault and no tokens.
 pub(crate) fn lex(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Token> {
@@ -14,7 +15,8 @@ pub(crate) fn lex(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Token> 
         diagnostics.push(describe(fault));
         return vec![Token { kind: TokenKind::End, span: Span::default() }];
     }
-    let mut lexer = Lexer { text: source.text(), at: 0, tokens: Vec::new(), diagnostics };
+    let mut lexer =
+        Lexer { text: source.text(), at: 0, tokens: Vec::new(), depth: 0, foreign: HashSet::new(), diagnostics };
     lexer.run();
     lexer.tokens
 }
@@ -33,10 +35,14 @@ struct Lexer<'a, 'd> {
     text: &'a str,
     at: usize,
     tokens: Vec<Token>,
+    /// Parentheses that are open.
+    depth: usize,
+    /// Names with foreign letters, which are reported once.
+    foreign: HashSet<&'a str>,
     diagnostics: &'d mut Diagnostics,
 }
 
-impl Lexer<'_, '_> {
+impl<'a> Lexer<'a, '_> {
     fn run(&mut self) {
         while let Some(c) = self.peek() {
             match c {
@@ -126,6 +132,16 @@ impl Lexer<'_, '_> {
             }
         }
         self.push(TokenKind::Number, start);
+        let behind = self.rest().strip_prefix(',').and_then(|rest| rest.chars().next());
+        if self.depth == 0 && self.at == mantissa && behind.is_some_and(|c| c.is_ascii_digit()) {
+            // Lists of numbers stand in parentheses.
+            let comma = self.at;
+            self.at += 1;
+            self.take_while(|c| c.is_ascii_digit());
+            let (whole, fraction) = (&self.text[start..comma], &self.text[comma + 1..self.at]);
+            let help = format!("write `{whole}.{fraction}`");
+            return self.error(start, "decimals are written with a point", help);
+        }
         let suffix = self.at;
         self.take_while(|c| c.is_ascii_alphanumeric() || c == '_');
         if self.at > suffix {
@@ -168,9 +184,20 @@ impl Lexer<'_, '_> {
             }
             '=' => TokenKind::Equals,
             ',' => TokenKind::Comma,
-            ';' => TokenKind::Semicolon,
-            '(' => TokenKind::OpenParen,
-            ')' => TokenKind::CloseParen,
+            ';' => {
+                self.depth = 0;
+                TokenKind::Semicolon
+            }
+            '<' | '>' | '?' | '&' | '|' => return self.condition(start),
+            ':' if self.in_condition() => return self.condition(start),
+            '(' => {
+                self.depth += 1;
+                TokenKind::OpenParen
+            }
+            ')' => {
+                self.depth = self.depth.saturating_sub(1);
+                TokenKind::CloseParen
+            }
             '[' => TokenKind::OpenBracket,
             ']' => TokenKind::CloseBracket,
             '{' => TokenKind::OpenBrace,
@@ -253,10 +280,35 @@ impl Lexer<'_, '_> {
         self.push(TokenKind::Superscript(digit), start);
     }
 
+    /// Whether the statement up to here has a condition.
+    fn in_condition(&self) -> bool {
+        let mut statement = self.tokens.iter().rev().take_while(|token| token.kind != TokenKind::Semicolon);
+        statement.any(|token| token.kind == TokenKind::Condition)
+    }
+
+    /// Reads a condition, which the language has not: the statement with it is passed over by the parser, and reported once.
+    fn condition(&mut self, start: usize) {
+        self.take_while(|c| "<>=?&|!:".contains(c));
+        if !self.in_condition() {
+            let message = format!("`{}`: there are no conditions in a model", &self.text[start..self.at]);
+            self.error(
+                start,
+                message,
+                "write what depends on a direction with `sign(...)`, as c*sign(dot(x)); what acts on one side only with `abs(...)`: \
+                 (x + abs(x))/2 is x where x is positive, else 0",
+            );
+        }
+        self.push(TokenKind::Condition, start);
+    }
+
     /// Reads a name with letters beyond ASCII. It counts as a name, so that only its uses are reported.
     fn foreign_name(&mut self, start: usize) {
         self.take_while(|c| c.is_alphanumeric() || c == '_');
-        let name = &self.text[start..self.at];
+        let text: &'a str = self.text;
+        let name = &text[start..self.at];
+        if !self.foreign.insert(name) {
+            return self.push(TokenKind::Ident, start);
+        }
         let written: Option<String> = name
             .chars()
             .map(|c| if c.is_ascii() { Some(c.to_string()) } else { greek(c).map(str::to_owned) })
@@ -265,7 +317,7 @@ impl Lexer<'_, '_> {
             Some(written) => format!("write `{written}`"),
             None => "write it in ASCII".to_owned(),
         };
-        let message = format!("`{}`: names are made of ASCII letters, digits and `_`", shorten(name));
+        let message = format!("`{}`: names are made of ASCII letters, digits and `_`, here and below", shorten(name));
         self.error(start, message, help);
         self.push(TokenKind::Ident, start);
     }
@@ -273,7 +325,7 @@ impl Lexer<'_, '_> {
     /// Skips a run of characters without a meaning, and reports it once.
     fn unknown(&mut self, start: usize) {
         self.take_while(|c| {
-            !c.is_whitespace() && !c.is_alphanumeric() && !"+-*/^=,;()[]{}_'".contains(c) && c != '\u{0}'
+            !c.is_whitespace() && !c.is_alphanumeric() && !"+-*/^=,;()[]{}_'<>?&|".contains(c) && c != '\u{0}'
         });
         if self.text[start..self.at].chars().all(char::is_whitespace) {
             return self.error(start, "a blank that is not a plain space", "replace it by a space");

@@ -12,7 +12,7 @@ use std::collections::HashSet;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
-    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item,
+    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, ExprKind, Force, Ident, Item,
     ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration,
     Taylor, UnitExpr,
 };
@@ -149,7 +149,10 @@ impl<'a, 'd> Parser<'a, 'd> {
     // Faults.
 
     fn report(&mut self, diagnostic: Diagnostic) -> Reported {
-        self.diagnostics.push(diagnostic);
+        // What ends at a condition was reported when the condition was read.
+        if self.kind() != TokenKind::Condition {
+            self.diagnostics.push(diagnostic);
+        }
         Reported
     }
 
@@ -559,6 +562,9 @@ impl<'a, 'd> Parser<'a, 'd> {
                 TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen if !self.on_new_line() => {
                     "a product is written with `*`"
                 }
+                TokenKind::OpenBracket if matches!(left.kind, ExprKind::Name(_)) && self.ends_at_unit() => {
+                    "several names of one declaration are separated by commas, `coordinate x [m], y [m];`; or repeat the word before the name"
+                }
                 TokenKind::OpenBracket => "units stand where names are declared: `constant g = 9.81 [m/s^2];`",
                 _ => "an equation of motion is `left = right;`",
             };
@@ -568,6 +574,12 @@ impl<'a, 'd> Parser<'a, 'd> {
         let right = self.expr()?;
         self.end_of_statement()?;
         Ok(Item::Equation(Equation { left, right }))
+    }
+
+    /// Whether nothing stands behind the unit that begins here.
+    fn ends_at_unit(&self) -> bool {
+        let close = (1..16).find(|&ahead| self.nth(ahead).kind == TokenKind::CloseBracket);
+        close.is_some_and(|at| matches!(self.nth(at + 1).kind, TokenKind::Semicolon | TokenKind::Comma))
     }
 
     fn pattern(&mut self) -> Parse<Item> {

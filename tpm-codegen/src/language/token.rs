@@ -43,6 +43,8 @@ pub(crate) enum TokenKind {
     OpenBrace,
     /// `}`
     CloseBrace,
+    /// `<`, `?` and others of conditions, which are reported and have no meaning.
+    Condition,
     /// The end of the text.
     End,
 }
@@ -68,6 +70,7 @@ impl TokenKind {
             Self::CloseBracket => "`]`",
             Self::OpenBrace => "`{`",
             Self::CloseBrace => "`}`",
+            Self::Condition => "a condition",
             Self::End => "the end of the text",
         }
     }

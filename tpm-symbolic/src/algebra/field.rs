@@ -4,6 +4,7 @@
 //! nonzero modulo a prime is nonzero. So a rank modulo a prime is a certain lower bound of the rank, and each of its
 //! numbers takes one machine word.
 
+use crate::budget;
 use crate::number::rational::{Rational, ratio};
 use num_bigint::BigInt;
 use num_integer::Integer;
@@ -80,6 +81,7 @@ pub trait Field {
                 if self.is_zero(&row[column]) {
                     continue;
                 }
+                budget::charge(ENTRY * row.len() as u64);
                 let factor = row[column].clone();
                 for (value, of_pivot) in row.iter_mut().zip(&pivot) {
                     if !self.is_zero(of_pivot) {
@@ -143,6 +145,14 @@ impl Field for Rationals {
         ratio(if word >> 63 == 1 { -above } else { above }, below)
     }
 }
+
+/// Bits of the primes of [`Residues::PRIMES`], and by how much they may be below that power of two for products without a division: with
+/// factors below 2^61 the first fold is below 2^82, and the second one below 2^61 + 2^41.
+const BITS: u32 = 61;
+const MOST_LITTLE: u64 = 1 << 20;
+
+/// Operations for an entry of a row in one step of an elimination, for the budget.
+const ENTRY: u64 = 2;
 
 /// The field of residues modulo a prime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -227,7 +237,15 @@ impl Field for Residues {
     }
 
     fn mul(&self, a: &u64, b: &u64) -> u64 {
-        (u128::from(*a) * u128::from(*b) % u128::from(self.prime)) as u64
+        let product = u128::from(*a) * u128::from(*b);
+        // Below 2^61 by a little, modulo which 2^61 is that little: what is above 61 bits is folded down twice, without a division.
+        let little = (1_u64 << BITS).wrapping_sub(self.prime);
+        if little > MOST_LITTLE {
+            return (product % u128::from(self.prime)) as u64;
+        }
+        let fold = |value: u128| (value >> BITS) * u128::from(little) + (value & ((1 << BITS) - 1));
+        let folded = fold(fold(product)) as u64;
+        if folded >= self.prime { folded - self.prime } else { folded }
     }
 
     fn inverse(&self, a: &u64) -> Option<u64> {
@@ -277,6 +295,19 @@ mod tests {
     use crate::number::rational::{integer, ratio};
     use num_bigint::BigInt;
     use proptest::prelude::{prop_assert_eq, proptest};
+
+    #[test]
+    fn products_are_the_remainders_of_products() {
+        let fields =
+            Residues::PRIMES.into_iter().chain([7, (1 << 61) - 3, 1_152_921_504_606_847_067]).map(Residues::new);
+        for field in fields {
+            let prime = field.prime();
+            let numbers = [0, 1, 2, 3, prime / 2, prime / 3 * 2, prime - 2, prime - 1].map(|number| number % prime);
+            for (a, b) in numbers.iter().flat_map(|a| numbers.iter().map(move |b| (a, b))) {
+                assert_eq!(u128::from(field.mul(a, b)), u128::from(*a) * u128::from(*b) % u128::from(prime), "{prime}");
+            }
+        }
+    }
 
     #[test]
     fn the_primes_are_all_that_are_three_modulo_four() {

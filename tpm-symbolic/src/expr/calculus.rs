@@ -2,10 +2,14 @@
 //!
 //! Every pass is in post-order over an explicit stack: an expression may be deeper than the call stack allows.
 
+use crate::budget;
 use crate::expr::graph::{ExprId, Function, Graph, Node};
 use crate::number::rational;
 use num_traits::Zero;
 use std::collections::HashMap;
+
+/// Operations for an expression that a pass looks at, and for each of its operands, for the budget.
+const VISITED: u64 = 50;
 
 impl Graph {
     /// The partial derivative of `expr` with respect to the leaf `variable` (a symbol or a derivative of a
@@ -78,6 +82,7 @@ impl Graph {
                 continue;
             }
             stack.pop();
+            budget::charge(VISITED * (1 + self.operands(id).count() as u64));
             let slope = match self.node(id).clone() {
                 Node::Number(_) | Node::Pi => self.integer(0),
                 Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => leaf(self, id),
@@ -192,6 +197,7 @@ impl Graph {
                 continue;
             }
             stack.pop();
+            budget::charge(VISITED * (1 + self.operands(id).count() as u64));
             let rebuilt = match self.node(id).clone() {
                 Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => id,
                 // Sums of sums and products of products keep their structure.

@@ -72,8 +72,13 @@ impl Graph {
 
     /// All nodes, operands before the nodes that use them.
     pub(crate) fn ids(&self) -> impl Iterator<Item = ExprId> + use<> {
-        let count = u32::try_from(self.len()).expect("invariant: fewer than 2^32 nodes fit in memory");
-        (0..count).map(ExprId)
+        self.ids_from(0)
+    }
+
+    /// All nodes behind the first `start`, which are not passed one by one.
+    pub(crate) fn ids_from(&self, start: usize) -> impl Iterator<Item = ExprId> + use<> {
+        let word = |count: usize| u32::try_from(count).expect("invariant: fewer than 2^32 nodes fit in memory");
+        (word(start)..word(self.len())).map(ExprId)
     }
 
     /// Whether the graph has no node.

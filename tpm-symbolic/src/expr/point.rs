@@ -15,11 +15,15 @@
 //! between functions is recognised.
 
 use crate::algebra::field::Field;
+use crate::budget;
 use crate::expr::graph::{ExprId, Function, Graph, Node};
 use crate::number::rational::Rational;
 use num_integer::Integer;
 use num_traits::{One, ToPrimitive};
 use rustc_hash::FxHashMap;
+
+/// Operations for an expression whose value is found, for the budget.
+const EVALUATED: u64 = 40;
 
 /// A quantity whose value the caller chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -154,6 +158,7 @@ impl<'g> Points<'g> {
         field: &F,
         mut draw: impl FnMut(Drawn) -> Option<F::Element>,
     ) -> Option<Vec<F::Element>> {
+        budget::charge(EVALUATED * self.order.len() as u64);
         let (zero, one) = (field.zero(), field.one());
         let mut circle = Vec::with_capacity(self.units.len());
         for index in 0..self.units.len() {

@@ -216,14 +216,28 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
     }
     // The derivatives of the rows at the point.
     budget::charge(SLOPE.saturating_mul(((n + backwards.len()) * (3 * n + inputs.len())) as u64));
-    let jacobian =
+    let mut at_point = replacement.clone();
+    let mut jacobian =
         |model: &mut ExactModel, rows: &[ExprId], leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
             let mut matrix = Vec::with_capacity(n);
             for &row in rows {
+                // Of a long sum few terms have a leaf in them.
+                let parts = match model.graph.node(row) {
+                    Node::Sum(terms) => terms.clone(),
+                    _ => vec![row],
+                };
+                let mut with: HashMap<ExprId, Vec<ExprId>> = HashMap::new();
+                for part in parts {
+                    for leaf in model.graph.leaves(part) {
+                        with.entry(leaf).or_default().push(part);
+                    }
+                }
                 let mut entries = Vec::with_capacity(leaves.len());
-                for &leaf in leaves {
-                    let slope = model.graph.differentiate(row, leaf);
-                    let value = model.graph.substitute(slope, &replacement);
+                for leaf in leaves {
+                    let own = with.get(leaf).map_or(&[][..], Vec::as_slice);
+                    let slopes: Vec<ExprId> = own.iter().map(|&part| model.graph.differentiate(part, *leaf)).collect();
+                    let slope = model.graph.sum(&slopes);
+                    let value = model.graph.substitute_beside(slope, &mut at_point);
                     entries.push(trigonometric::normal(&mut model.graph, value).scale(&rational::integer(sign)));
                 }
                 matrix.push(entries);
@@ -240,7 +254,7 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
     let stiffness = jacobian(model, &rows, &positions, 1);
     let input = jacobian(model, &rows, &drives, -1);
     for (r, row) in backwards {
-        let other = |model: &mut ExactModel, leaves: &[ExprId], sign| jacobian(model, &[row], leaves, sign);
+        let mut other = |model: &mut ExactModel, leaves: &[ExprId], sign| jacobian(model, &[row], leaves, sign);
         let same = other(model, &accelerations, 1)[0] == mass[r]
             && other(model, &velocities, 1)[0] == damping[r]
             && other(model, &positions, 1)[0] == stiffness[r]

@@ -73,7 +73,7 @@ struct Derive<'m> {
 impl Derive<'_> {
     fn content(&mut self, id: ExprId) -> Content {
         let graph = &self.model.graph;
-        for known in graph.ids().skip(self.contents.len()).take_while(|&other| other <= id) {
+        for known in graph.ids_from(self.contents.len()).take_while(|&other| other <= id) {
             let of = |part: ExprId| self.contents[part.index()];
             let parts: Vec<Content> = graph.operands(known).map(of).collect();
             let worst = parts.iter().copied().fold(Content::Product, |worst, part| match (worst, part) {

@@ -388,6 +388,11 @@ impl ExactModel {
     pub fn display(&self, expr: ExprId) -> String {
         self.graph.display(expr, self)
     }
+
+    /// The declared unit of a quantity as it stands behind its name, ` [m/s]`; nothing where none is declared.
+    pub(crate) fn bracketed_unit(&self, symbol: Symbol) -> String {
+        self.quantity(symbol).unit.as_ref().map_or_else(String::new, |unit| format!(" [{unit}]"))
+    }
 }
 
 impl Names for ExactModel {

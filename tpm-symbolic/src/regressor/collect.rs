@@ -20,12 +20,17 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum RegressorError {
     /// A parameter occurs inside a function of the motion.
-    #[error("the model is not linear in `{parameter}`: it stands inside `{inside}`, which depends on the motion")]
+    #[error(
+        "the model is not linear in `{parameter}`: it stands inside `{inside}`, which depends on the motion; declare it with the interval in \
+         which a log is to find it, `nonlinear parameter {parameter}{unit} from A to B;`"
+    )]
     InsideFunction {
         /// The source term at fault.
         term: TermId,
         /// The parameter.
         parameter: String,
+        /// Its unit in brackets behind a space; nothing where none is declared.
+        unit: String,
         /// The function.
         inside: String,
     },
@@ -278,6 +283,7 @@ fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered,
                         return Err(RegressorError::InsideFunction {
                             term: source.id,
                             parameter: model.symbol_name(symbol),
+                            unit: model.bracketed_unit(symbol),
                             inside: model.display_brief(atom),
                         });
                     }

@@ -82,6 +82,7 @@ impl<'m> Gather<'m> {
                 Obstacle::Inside(parameter, inside) => RegressorError::InsideFunction {
                     term: id,
                     parameter: self.model.quantity(parameter).name.to_string(),
+                    unit: self.model.bracketed_unit(parameter),
                     inside: self.model.display_short(inside),
                 },
                 Obstacle::TooLarge => RegressorError::TooLarge { term: id, most: MOST_MONOMIALS },
@@ -119,7 +120,7 @@ impl<'m> Gather<'m> {
     /// Computes the dependences of nodes that were added meanwhile.
     fn extend_dependence(&mut self) {
         let graph = &self.model.graph;
-        for id in graph.ids().skip(self.dependence.len()) {
+        for id in graph.ids_from(self.dependence.len()) {
             let mut own = Dependence::default();
             match *graph.node(id) {
                 Node::Derivative(..) => own.moves = true,

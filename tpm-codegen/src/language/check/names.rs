@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::mechanism::MechanismDeclaration;
 use crate::language::ast::{
-    Declaration, Expr, ExprKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role,
+    Declaration, Expr, ExprKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role, Sign,
 };
 use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
 use crate::language::function::{Clause, Function};
@@ -16,6 +16,7 @@ use crate::language::lex::shorten;
 use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
 use crate::source::Span;
+use tpm_symbolic::number::rational;
 
 /// Context of an expression, which decides which names it may use.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -218,7 +219,7 @@ impl<'a> Names<'a, '_, '_> {
         }
         let local = if let Place::Motion(index) = place { self.symbols.patterns.get(index) } else { None };
         let Some(symbol) = local.and_then(|scope| scope.get(name)).or_else(|| self.symbols.model.get(name)) else {
-            self.unknown(name, span, place);
+            self.unknown(name, span, place, user);
             return;
         };
         if let (Place::Motion(index), SymbolKind::Quantity(Role::Amplitude | Role::Frequency)) = (place, symbol.kind) {
@@ -243,7 +244,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    fn unknown(&mut self, name: &str, span: Span, place: Place<'a>) {
+    fn unknown(&mut self, name: &str, span: Span, place: Place<'a>, user: User<'a>) {
         if self.syntax.mentioned.contains(name) {
             return;
         }
@@ -270,9 +271,17 @@ impl<'a> Names<'a, '_, '_> {
             .map(|(candidate, symbol)| (symbol.span, *candidate))
             .collect();
         candidates.sort_unstable();
-        let help = match nearest(name, candidates.iter().map(|&(_, candidate)| candidate)) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => match place {
+        let coordinates =
+            self.symbols.model.iter().filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
+        let rate = coordinates.filter_map(|(coordinate, _)| Some((derivative(name, coordinate)?, *coordinate))).min();
+        if let Some((_, coordinate)) = &rate {
+            self.uses.entry(user).or_default().insert(coordinate);
+        }
+        let near = nearest(name, candidates.iter().map(|&(_, candidate)| candidate));
+        let help = match (rate, near) {
+            (Some((rate, _)), _) => format!("time derivatives are written `dot(...)` and `ddot(...)`: here `{rate}`"),
+            (None, Some(near)) => format!("did you mean `{near}`?"),
+            (None, None) => match place {
                 Place::Motion(_) => {
                     format!("declare it in the pattern, `amplitude {};`, or as a constant of the model", shorten(name))
                 }
@@ -284,9 +293,13 @@ impl<'a> Names<'a, '_, '_> {
 
     fn call(&mut self, name: &'a Ident, arguments: &'a [Expr], span: Span, place: Place<'a>, user: User<'a>) {
         let Some(function) = Function::from_name(&name.name) else {
-            self.unknown_function(name, place);
+            self.unknown_function(name, arguments, place);
             self.uses.entry(user).or_default().insert(&name.name);
-            arguments.iter().for_each(|argument| self.visit(argument, place, user));
+            // The time in them is told by the error above.
+            arguments
+                .iter()
+                .filter(|argument| !of_time(std::slice::from_ref(argument)))
+                .for_each(|argument| self.visit(argument, place, user));
             return;
         };
         // The number of arguments.
@@ -413,7 +426,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    fn unknown_function(&mut self, name: &Ident, place: Place<'a>) {
+    fn unknown_function(&mut self, name: &Ident, arguments: &[Expr], place: Place<'a>) {
         let text = name.name.as_str();
         let local: Option<&Scope<'a>> =
             if let Place::Motion(index) = place { self.symbols.patterns.get(index) } else { None };
@@ -422,6 +435,19 @@ impl<'a> Names<'a, '_, '_> {
             Some(SymbolKind::Function(_)) => {
                 Diagnostic::error(name.span, format!("`{text}` is written without its argument"))
                     .help(format!("write `{text}`"))
+            }
+            Some(SymbolKind::Quantity(role @ (Role::Input | Role::Coordinate))) if of_time(arguments) => {
+                let error = Diagnostic::error(name.span, format!("`{text}` is written without its time"));
+                let delay = delay(arguments);
+                match (role, delay) {
+                    (Role::Input, Some(delay)) => error.help(format!(
+                        "write `{text}`; a delay belongs to the machine's drive, and the commands that read logs take it: `--delay {text}={delay}`"
+                    )),
+                    (_, Some(_)) => error.help(format!(
+                        "write `{text}`; equations of motion have no delayed coordinates, and the delay of an input is given as `--delay INPUT=SECONDS`"
+                    )),
+                    (_, None) => error.help(format!("write `{text}`")),
+                }
             }
             Some(_) => Diagnostic::error(name.span, format!("`{text}` is no function"))
                 .help(format!("a product is written with `*`: `{text}*(...)`")),
@@ -437,6 +463,13 @@ impl<'a> Names<'a, '_, '_> {
                     "arcsin" => error.help("write `asin`"),
                     "arccos" => error.help("write `acos`"),
                     "sgn" | "signum" => error.help("write `sign`"),
+                    "max" => error.help(
+                        "write `(a + b + abs(a - b))/2` for the larger of a and b: `(a + abs(a))/2` where b is 0",
+                    ),
+                    "min" => error.help("write `(a + b - abs(a - b))/2` for the smaller of a and b"),
+                    "step" | "heaviside" => {
+                        error.help("write `(1 + sign(a))/2`, which is 1 where a is positive, else 0")
+                    }
                     _ => match nearest(text, names.iter().copied()) {
                         Some(near) => error.help(format!("did you mean `{near}`?")),
                         None => error.help(format!("the functions are {}", names.join(", "))),
@@ -545,6 +578,41 @@ impl<'a> Names<'a, '_, '_> {
 /// Whether the name is defined here, and not by an earlier statement.
 fn defines(scope: &Scope<'_>, name: &Ident) -> bool {
     scope.get(name.name.as_str()).is_some_and(|symbol| symbol.span == name.span)
+}
+
+/// The time derivative of a coordinate that a name means where it is written as elsewhere: `xdot`, `dx`, `x_ddot`, `d2x_dt2`, `xpp`.
+fn derivative(name: &str, coordinate: &str) -> Option<String> {
+    let plain = name.replace('_', "");
+    let spelled = |form: &str| plain == form.replace('x', &coordinate.replace('_', ""));
+    let is = |forms: &[&str]| forms.iter().any(|form| spelled(form));
+    if is(&["xdot", "dotx", "dx", "dxdt", "xd", "xp"]) {
+        return Some(format!("dot({coordinate})"));
+    }
+    let second = ["xddot", "ddotx", "xdotdot", "ddx", "d2x", "d2xdt2", "xdd", "xpp"];
+    is(&second).then(|| format!("ddot({coordinate})"))
+}
+
+/// Whether the time is in the arguments of what is written as its function.
+fn of_time(arguments: &[Expr]) -> bool {
+    let mut found = false;
+    for argument in arguments {
+        argument.walk(&mut |part| found |= matches!(&part.kind, ExprKind::Name(name) if name == "t"));
+    }
+    found
+}
+
+/// By how much the time in an argument is earlier, in the words of the text or as a decimal.
+fn delay(arguments: &[Expr]) -> Option<String> {
+    let [argument] = arguments else { return None };
+    match argument.terms()[..] {
+        [(Sign::Plus, time), (Sign::Minus, by)] if matches!(&time.kind, ExprKind::Name(name) if name == "t") => {
+            Some(match &by.kind {
+                ExprKind::Number(value) => rational::to_f64(value).to_string(),
+                _ => "SECONDS".to_owned(),
+            })
+        }
+        _ => None,
+    }
 }
 
 fn counted(arguments: usize) -> String {

@@ -65,6 +65,7 @@ pub(crate) struct Symbol {
 pub(crate) type Scope<'a> = HashMap<&'a str, Symbol>;
 
 /// The names of a model and of each of its patterns, by the order of the patterns.
+#[derive(Clone)]
 pub(crate) struct Symbols<'a> {
     pub(crate) model: Scope<'a>,
     pub(crate) patterns: Vec<Scope<'a>>,
@@ -215,15 +216,11 @@ pub(super) fn resolve(expr: &UnitExpr, diagnostics: &mut Diagnostics) -> Option<
 fn unknown_unit(name: &Ident) -> Diagnostic {
     let text = name.name.as_str();
     let error = Diagnostic::error(name.span, format!("`{text}` is not a unit that is known here"));
-    let split = text
-        .char_indices()
-        .skip(1)
-        .map(|(at, _)| text.split_at(at))
-        .find(|(left, right)| Unit::named(left).is_some() && Unit::named(right).is_some());
-    if let Some((left, right)) = split {
-        return error.help(format!("a product of units is written with `*`: `{left}*{right}`"));
-    }
     match text {
+        "rads" | "degs" | "revs" => return error.help(format!("write `{}/s`", text.trim_end_matches('s'))),
+        "rps" => return error.help("write `rev/s`"),
+        "mps" => return error.help("write `m/s`"),
+        "lbs" => return error.help("write `lb`"),
         "kph" | "kmh" => return error.help("write `km/h`"),
         "Ohm" | "Ohms" | "ohms" => return error.help("write `ohm`"),
         "sec" | "second" | "seconds" => return error.help("write `s`"),
@@ -231,9 +228,66 @@ fn unknown_unit(name: &Ident) -> Diagnostic {
         "radian" | "radians" => return error.help("write `rad`"),
         _ => {}
     }
+    if let Some(product) = written_together(text) {
+        let power = if product.contains('^') { ", a power with `^`" } else { "" };
+        return error.help(format!("a product of units is written with `*`{power}: `{product}`"));
+    }
     match nearest(text, tpm_units::names()) {
         Some(near) => error.help(format!("did you mean `{near}`?")),
         None => error
             .help("units are SI units with prefixes, such as kg, mm, s, A, N, J, W, V, ohm, mH, Pa, Hz, rad, deg, rpm"),
+    }
+}
+
+/// Names of units that are written together without `*` and `^`, as products of few names. A name with a prefix is less likely than two
+/// units (`Nms` is N*m*s) but for the usual ones, and more likely than a unit twice (`mNm` is mN*m).
+fn written_together(text: &str) -> Option<String> {
+    const PLAIN: [&str; 16] =
+        ["kg", "mm", "cm", "rad", "deg", "rev", "ohm", "Pa", "Hz", "g", "m", "s", "N", "J", "V", "A"];
+    const PREFIXED: [&str; 6] = ["kN", "mN", "ms", "mA", "mV", "cN"];
+    /// The longest text that is split, and what a prefixed name and a repetition cost beside a plain one.
+    const LONGEST: usize = 16;
+    const DEARER: usize = 3;
+    fn split<'a>(text: &'a str, before: &mut Vec<(&'a str, &'a str)>) -> Option<(usize, String)> {
+        if text.is_empty() {
+            let part = |(name, power): &(&str, &str)| {
+                if power.is_empty() { (*name).to_owned() } else { format!("{name}^{power}") }
+            };
+            return Some((0, before.iter().map(part).collect::<Vec<_>>().join("*")));
+        }
+        let names = PLAIN.iter().map(|name| (*name, 1)).chain(PREFIXED.iter().map(|name| (*name, DEARER)));
+        let ways = names.filter_map(|(name, cost)| {
+            let rest = text.strip_prefix(name)?;
+            let name = &text[..name.len()];
+            let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+            let again = before.iter().any(|(own, _)| *own == name);
+            before.push((name, &rest[..digits]));
+            let way = split(&rest[digits..], before);
+            before.pop();
+            way.map(|(other, product)| (cost + other + if again { DEARER } else { 0 }, product))
+        });
+        ways.min_by_key(|(cost, _)| *cost)
+    }
+    (text.len() <= LONGEST).then(|| split(text, &mut Vec::new()))?.map(|(_, product)| product)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::written_together;
+
+    #[test]
+    fn units_without_a_sign_between_them_are_told_apart() {
+        for (text, product) in [
+            ("kgm2", Some("kg*m^2")),
+            ("Nms", Some("N*m*s")),
+            ("Nmm", Some("N*mm")),
+            ("mNm", Some("mN*m")),
+            ("kNm", Some("kN*m")),
+            ("m2", Some("m^2")),
+            ("Nmrad", Some("N*m*rad")),
+            ("frog", None),
+        ] {
+            assert_eq!(written_together(text).as_deref(), product, "{text}");
+        }
     }
 }

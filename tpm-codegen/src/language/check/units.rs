@@ -28,6 +28,38 @@ pub(super) fn check(
     source: &Source,
     diagnostics: &mut Diagnostics,
 ) -> Vec<Option<Unit>> {
+    let (bound, mut found) = checked(model, symbols, source);
+    let count = |found: &Diagnostics| found.iter().count() + found.omitted();
+    // Functions take angles in rad: what another unit of a coordinate does to all its terms is one fault.
+    let turned = |symbol: &Symbol| {
+        let angle = matches!(symbol.kind, SymbolKind::Quantity(Role::Coordinate | Role::Amplitude));
+        angle && symbol.unit.as_ref().is_some_and(|unit| !unit.is_one() && unit.same_dimension(&Unit::one()))
+    };
+    if found.has_errors() && symbols.model.values().any(turned) {
+        let mut in_radians = symbols.clone();
+        for scope in std::iter::once(&mut in_radians.model).chain(&mut in_radians.patterns) {
+            scope.values_mut().filter(|symbol| turned(symbol)).for_each(|symbol| symbol.unit = Some(Unit::one()));
+        }
+        let mut named: Vec<_> = symbols.model.iter().filter(|(_, symbol)| turned(symbol)).collect();
+        named.sort_by_key(|(_, symbol)| symbol.span);
+        let (_, others) = checked(model, &in_radians, source);
+        if count(&others) + named.len() < count(&found) {
+            found = others;
+            for (name, symbol) in named {
+                let factor = symbol.unit.as_ref().map_or_else(String::new, |unit| unit.factor(&Unit::one()));
+                let message = format!("`{name}` is in a unit of {factor} rad, and the equations take it in rad");
+                found.push(Diagnostic::error(symbol.span, message).help(format!(
+                    "write `coordinate {name} [rad]`; readings of a log are converted, by the unit in the column's header or by `--scale {name}={factor}`"
+                )));
+            }
+        }
+    }
+    found.iter().for_each(|fault| diagnostics.push(fault.clone()));
+    bound
+}
+
+/// The units of the series functions, and what is wrong with those of the terms.
+fn checked(model: &ModelDeclaration, symbols: &Symbols<'_>, source: &Source) -> (Vec<Option<Unit>>, Diagnostics) {
     let series: Vec<_> = model
         .items
         .iter()
@@ -41,14 +73,12 @@ pub(super) fn check(
     let torque = written_torque(model);
     loop {
         let before = bound.iter().flatten().count();
-        let mut silent = Diagnostics::new();
-        Round::new(symbols, source, &arguments, &torque, &mut bound, &mut silent).visit(model);
+        let mut found = Diagnostics::new();
+        Round::new(symbols, source, &arguments, &torque, &mut bound, &mut found).visit(model);
         if bound.iter().flatten().count() == before {
-            break;
+            return (bound, found);
         }
     }
-    Round::new(symbols, source, &arguments, &torque, &mut bound, diagnostics).visit(model);
-    bound
 }
 
 /// Spelling of the common unit of torques and energies: that of an input, else that of any other quantity in the model;
@@ -489,6 +519,10 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     fn call(&mut self, name: &Ident, arguments: &[Expr], span: Span) -> Dimension {
         if Function::from_name(&name.name) == Some(Function::Shape) {
             return self.shape(name, arguments);
+        }
+        if Function::from_name(&name.name).is_none() {
+            // It is reported as no function; what stands in it may be no term either.
+            return Dimension::Unknown;
         }
         let dimensions: Vec<_> = arguments.iter().map(|argument| self.terms(argument, None)).collect();
         let second = Dimension::of(Unit::second());

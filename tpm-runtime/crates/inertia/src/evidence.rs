@@ -91,6 +91,15 @@ impl Shown {
         (0..self.values.len()).find(only).map(|row| self.values[row] / self.rows[(row, parameter)])
     }
 
+    /// The largest size that a positive parameter has in any of the sums that the data show, where it is in one.
+    pub(crate) fn most(&self, parameter: usize) -> Option<f64> {
+        let size = |row: usize| {
+            let own = self.rows[(row, parameter)].abs();
+            (own > 0.0).then(|| (self.values[row].abs() + self.covariance[(row, row)].max(0.0).sqrt()) / own)
+        };
+        (0..self.values.len()).filter_map(size).filter(|size| *size > 0.0).max_by(f64::total_cmp)
+    }
+
     /// The parameters that the data show by themselves, in order.
     pub(crate) fn alone(&self) -> Vec<Option<Alone>> {
         let (scaled, lengths) = unit_columns(self.rows.clone());

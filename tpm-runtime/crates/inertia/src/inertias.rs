@@ -135,7 +135,14 @@ pub fn inertias(request: &InertiasRequest<'_>) -> Result<Inertias, InertiaError>
         |body: &DescribedBody<'_>| names_of(body.name).map(|name| shown.index(&name).map_or(0.0, |j| parameters[j]));
     let values = bodies.iter().map(|body| (body.name.to_owned(), of(body))).collect();
     let parted = request.described.split(&values)?;
-    Ok(stage.report(request, &shown, &found, parameters, parted, remarks))
+    let report = stage.report(request, &shown, &found, parameters, parted, remarks);
+    let of = |own: &Parameter| [Some(own.value), own.std, own.description, Some(own.from_data)];
+    let numbers = report.parameters.iter().flat_map(of).flatten().chain([report.distance, report.chance]);
+    let of = |own: &Combination| [own.estimate, own.std, own.possible];
+    if !numbers.chain(report.combinations.iter().flat_map(of)).all(f64::is_finite) {
+        return Err(InertiaError::NoMinimum);
+    }
+    Ok(report)
 }
 
 impl Stage {
@@ -192,6 +199,7 @@ impl Stage {
         let place = self.unknown.iter().position(|own| *own == j);
         let share = place.map_or(0.0, |at| found.from_data[at]);
         let origin = match (place, self.described[j]) {
+            (Some(_), _) if self.loose[j] => Origin::Both,
             (Some(_), _) if share >= MOSTLY => Origin::Data,
             (Some(_), _) if share > 1.0 - MOSTLY => Origin::Both,
             (Some(_), _) => Origin::Description,

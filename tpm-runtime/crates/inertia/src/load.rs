@@ -117,6 +117,7 @@ pub fn payload(request: &LoadRequest<'_>) -> Result<Load, InertiaError> {
         },
         bodies: vec![std::array::from_fn(|k| k)],
         positive: Vec::new(),
+        loose: Vec::new(),
         reference: DVector::from_column_slice(&start),
         weight: 1.0,
     };
@@ -136,10 +137,15 @@ pub fn payload(request: &LoadRequest<'_>) -> Result<Load, InertiaError> {
     }
     let possible: Vec<f64> =
         std::iter::once(&possible.mass).chain(&possible.centre).chain(&possible.moments).map(to_f64).collect();
+    let parameters = estimate.parameters(&possible);
+    let of = |own: &LoadParameter| [own.value, own.std, Some(own.possible)];
+    if !parameters.iter().flat_map(of).flatten().chain(chance).all(f64::is_finite) {
+        return Err(InertiaError::NoMinimum);
+    }
     Ok(Load {
         schema: "tpm.load/1",
         model: request.with.model().to_owned(),
-        parameters: estimate.parameters(&possible),
+        parameters,
         unobservable: estimate.directions(),
         body,
         chance,

@@ -27,6 +27,9 @@ const STEPS: usize = 60;
 const FALL: f64 = 0.1;
 /// Squared Newton decrement, as a share of the weight, at which a minimum is found: half of it is the decrease that is left.
 const LEFT: f64 = 1e-20;
+/// Weight of the size of a loose parameter beside that of the reference: small, so that one that a machine lacks becomes a thousandth of the
+/// sum that it is in, and large enough that a size which nothing else decides stays in its order of magnitude.
+const LOOSE: f64 = 1e-6;
 /// Share of the predicted decrease that a step must give (Armijo).
 const DECREASE: f64 = 1e-4;
 
@@ -58,6 +61,8 @@ pub(crate) struct Problem {
     pub(crate) bodies: Vec<[usize; 10]>,
     /// Parameters that are not negative, by their index.
     pub(crate) positive: Vec<usize>,
+    /// Parameters that are not negative and of which the reference knows no more than an order of magnitude, by their index.
+    pub(crate) loose: Vec<usize>,
     /// Values of all parameters: possible ones. A parameter of no body that may have either sign moves freely from here, and must be
     /// shown by the data.
     pub(crate) reference: DVector<f64>,
@@ -78,7 +83,7 @@ pub(crate) struct Nearest {
 /// Scalar or body in coordinates about the reference.
 enum Part {
     Body { start: usize },
-    Positive { at: usize },
+    Positive { at: usize, weight: f64 },
 }
 
 struct Scaled {
@@ -124,14 +129,15 @@ impl Problem {
             parts.push(Part::Body { start: column });
             column += ENTRIES.len();
         }
-        for &index in &self.positive {
+        let known = self.positive.iter().map(|&index| (index, 1.0));
+        for (index, weight) in known.chain(self.loose.iter().map(|&index| (index, LOOSE))) {
             let size = self.reference[index];
             if size <= 0.0 {
                 return None;
             }
             scale[(index, column)] = size;
             free.retain(|other| *other != index);
-            parts.push(Part::Positive { at: column });
+            parts.push(Part::Positive { at: column, weight });
             column += 1;
         }
         for index in free {
@@ -189,7 +195,7 @@ impl Scaled {
                 let root = factor(&(Pseudo::identity() + x));
                 root.map_or(f64::INFINITY, |root| x.trace() - 2.0 * root.diagonal().map(f64::ln).sum())
             }
-            Part::Positive { at } if u[*at] > -1.0 => u[*at] - u[*at].ln_1p(),
+            Part::Positive { at, weight } if u[*at] > -1.0 => weight * (u[*at] - u[*at].ln_1p()),
             Part::Positive { .. } => f64::INFINITY,
         };
         self.parts.iter().map(part).sum()
@@ -213,10 +219,10 @@ impl Scaled {
                         }
                     }
                 }
-                Part::Positive { at } => {
+                Part::Positive { at, weight } => {
                     let inverse = 1.0 / (1.0 + u[*at]);
-                    gradient[*at] = 1.0 - inverse;
-                    curvature[(*at, *at)] = inverse * inverse;
+                    gradient[*at] = weight * (1.0 - inverse);
+                    curvature[(*at, *at)] = weight * inverse * inverse;
                 }
             }
         }

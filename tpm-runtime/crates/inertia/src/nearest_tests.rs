@@ -18,6 +18,7 @@ fn problem(mass: (f64, f64), friction: (f64, f64)) -> Problem {
         },
         bodies: vec![std::array::from_fn(|k| k)],
         positive: vec![10],
+        loose: Vec::new(),
         reference: DVector::from_iterator(11, reference),
         weight: 1.0,
     }
@@ -53,4 +54,25 @@ fn a_reference_that_no_body_has_is_refused() {
     let mut own = problem((2.0, 0.1), (0.5, 0.1));
     own.reference[10] = 0.0;
     assert!(own.solve().is_none());
+}
+
+/// A rotor of which the data show only its sum with a moment of the body.
+#[test]
+fn a_rotor_seen_with_its_link_takes_what_leaves_the_link_nearest_to_its_reference() {
+    let of = |sum: f64| {
+        let mut own = problem((2.0, 0.1), (sum, 1e-4));
+        own.evidence.rows[(1, 9)] = 1.0;
+        (own.positive, own.loose) = (Vec::new(), vec![10]);
+        own.reference[10] = sum;
+        own.solve().expect("a minimum").parameters
+    };
+    // Far more than the body has: the rotor is the rest.
+    let found = of(2.5 + BODY[9]);
+    assert!((found[10] - 2.5).abs() < 1e-3 && (found[9] - BODY[9]).abs() < 1e-3, "{found:?}");
+    // Where the sum is what the body alone has, a rotor is next to nothing.
+    let found = of(BODY[9]);
+    assert!(found[10] > 0.0 && found[10] < 0.01 * BODY[9], "{found:?}");
+    // Where it is less, the body gives way.
+    let found = of(0.8 * BODY[9]);
+    assert!(found[10] > 0.0 && (found[9] + found[10] - 0.8 * BODY[9]).abs() < 1e-3, "{found:?}");
 }

@@ -34,6 +34,8 @@ pub(crate) struct Stage {
     /// What the description or the request says.
     pub(crate) described: Vec<Option<f64>>,
     pub(crate) held: Vec<bool>,
+    /// Losses of which only sums with other parameters are known: bounded by zero, and free otherwise.
+    pub(crate) loose: Vec<bool>,
     /// The parameters in the order of the report: those of bodies first.
     pub(crate) order: Vec<usize>,
     pub(crate) coordinates: Vec<String>,
@@ -71,7 +73,7 @@ impl Stage {
             of_bodies.push(index);
         }
         let signed = may_have_either_sign(bodies, shown);
-        let (mut unknown, mut positive, mut held) = (Vec::new(), Vec::new(), vec![false; n]);
+        let (mut unknown, mut positive, mut held, mut loose) = (Vec::new(), Vec::new(), vec![false; n], vec![false; n]);
         for j in 0..n {
             let value = shown.held(j).filter(|_| !in_body[j]);
             held[j] = value.is_some();
@@ -85,6 +87,10 @@ impl Stage {
                 if !signed[j] {
                     positive.push(j);
                 }
+            } else if let Some(size) = shown.most(j).filter(|_| !signed[j]) {
+                reference[j] = size;
+                unknown.push(j);
+                loose[j] = true;
             } else {
                 remarks.push(format!(
                     "neither data nor description say anything of {}; it counts as zero unless a value is stated",
@@ -102,13 +108,14 @@ impl Stage {
             evidence,
             bodies: of_bodies.iter().map(|index| index.map(place)).collect(),
             positive: positive.into_iter().map(place).collect(),
+            loose: (0..n).filter(|j| loose[*j]).map(place).collect(),
             reference: DVector::from_iterator(unknown.len(), unknown.iter().map(|j| reference[*j])),
             weight: request.weight,
         };
         let of_body = of_bodies.iter().flatten().copied();
         let order = of_body.chain((0..n).filter(|j| !in_body[*j])).collect();
         let coordinates = bodies.iter().map(|body| body.coordinate.to_owned()).collect();
-        Ok(Self { problem, unknown, fixed, described, held, order, coordinates })
+        Ok(Self { problem, unknown, fixed, described, held, loose, order, coordinates })
     }
 
     /// All parameters.

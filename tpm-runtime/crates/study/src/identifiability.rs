@@ -12,6 +12,7 @@
 
 use crate::content::{EntryContent, entries_along, showing};
 use crate::report::{Means, Report, ReportedBase, ReportedParameter, ReportedRow, SCHEMA};
+use num_complex::Complex;
 use std::collections::BTreeMap;
 use tpm_controller::model::{EvalError, Model};
 use tpm_interpret::Interpreted;
@@ -23,6 +24,7 @@ use tpm_numerics::{DMatrix, DVector, tolerance};
 use tpm_report::number;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::generic_point;
+use tpm_symbolic::budget;
 use tpm_symbolic::harmonic::identifiability::PhysicalIdentifiability;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::to_f64;
@@ -31,6 +33,8 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Number of samples in a period.
 const SAMPLES: usize = 1 << 13;
+/// Number of samples that show the harmonics of smooth rows, whose coefficients fall faster than any power.
+const FEW: usize = 1 << 10;
 /// The highest harmonic that every second sample shows.
 const MOST_HARMONICS: usize = SAMPLES / 4 - 1;
 /// Number of samples that are averaged over the interval around a sample at which an entry jumps.
@@ -307,16 +311,22 @@ impl Harmonics {
                     }
                 })?;
             }
-            let Samples { values: samples, every_second } = Samples::new(model, &constants, &trajectory)?;
-            if samples.iter().any(|value| !value.is_finite()) {
-                return Err(NumericalError::NotFinite);
-            }
             let size = dims.regressor_len();
-            for entry in 0..size {
+            let found = |samples: Samples| -> Result<Vec<EntryHarmonics>, NumericalError> {
+                if samples.values.iter().any(|value| !value.is_finite()) {
+                    return Err(NumericalError::NotFinite);
+                }
+                Ok((0..size).map(|entry| EntryHarmonics::new(&samples, entry, size, played.harmonics)).collect())
+            };
+            let mut entries = Vec::new();
+            if played.harmonics < FEW / 4 {
+                entries = found(Samples::smooth(model, &constants, &trajectory)?)?;
+            }
+            if entries.is_empty() || !entries.iter().all(EntryHarmonics::is_settled) {
+                entries = found(Samples::new(model, &constants, &trajectory)?)?;
+            }
+            for (entry, EntryHarmonics { whole, half, size }) in entries.into_iter().enumerate() {
                 let (equation, column) = (entry / dims.parameters, entry % dims.parameters);
-                let whole = analyse(&samples, entry, size, played.harmonics);
-                let half = analyse(&every_second, entry, size, played.harmonics);
-                let square: f64 = samples.iter().skip(entry).step_by(size).map(|value| value * value).sum();
                 let first = at + equation * (2 * played.harmonics + 1);
                 for (k, (whole, half)) in whole.iter().zip(&half).enumerate() {
                     for (part, fine_part, coarse_part) in [(0, whole.re, half.re), (1, whole.im, half.im)] {
@@ -328,7 +338,7 @@ impl Harmonics {
                         let sign = if part == 0 { 1.0 } else { -1.0 };
                         fine[(row, column)] = sign * fine_part;
                         coarse[(row, column)] = sign * coarse_part;
-                        sizes[(row, column)] = (square / SAMPLES as f64).sqrt();
+                        sizes[(row, column)] = size;
                     }
                 }
             }
@@ -347,8 +357,49 @@ struct Samples {
     every_second: Vec<f64>,
 }
 
+/// The harmonics of one entry from all samples and from half of them, and the root mean square of its samples.
+struct EntryHarmonics {
+    whole: Vec<Complex<f64>>,
+    half: Vec<Complex<f64>>,
+    size: f64,
+}
+
+impl EntryHarmonics {
+    fn new(samples: &Samples, entry: usize, size: usize, harmonics: usize) -> Self {
+        let square: f64 = samples.values.iter().skip(entry).step_by(size).map(|value| value * value).sum();
+        Self {
+            whole: analyse(&samples.values, entry, size, harmonics),
+            half: analyse(&samples.every_second, entry, size, harmonics),
+            size: (square / (samples.values.len() / size) as f64).sqrt(),
+        }
+    }
+
+    /// Whether half of the samples say the same.
+    fn is_settled(&self) -> bool {
+        let mut both = self.whole.iter().zip(&self.half);
+        both.all(|(whole, half)| (whole - half).norm() <= tolerance::FORCE * self.size)
+    }
+}
+
 impl Samples {
+    /// Few samples, for rows without jumps.
+    fn smooth(model: &Interpreted, constants: &[f64], trajectory: &Trajectory) -> Result<Self, EvalError> {
+        let dims = Model::<f64>::dims(model);
+        let size = dims.regressor_len();
+        charge(model, FEW);
+        let mut scratch = vec![0.0; Model::<f64>::workspace_len(model)];
+        let mut motion = vec![0.0; dims.motion_len()];
+        let mut values = vec![0.0; FEW * size];
+        for (n, out) in values.chunks_exact_mut(size.max(1)).enumerate() {
+            trajectory.motion_at(n, FEW, 0.0, &mut motion);
+            model.regressor(&motion, constants, &mut scratch, out)?;
+        }
+        let every_second = values.chunks_exact(size.max(1)).step_by(2).flatten().copied().collect();
+        Ok(Self { values, every_second })
+    }
+
     fn new(model: &Interpreted, constants: &[f64], trajectory: &Trajectory) -> Result<Self, EvalError> {
+        charge(model, 2 * SAMPLES);
         let dims = Model::<f64>::dims(model);
         let size = dims.regressor_len();
         let mut scratch = vec![0.0; Model::<f64>::workspace_len(model)];
@@ -375,6 +426,7 @@ impl Samples {
             let changes = before.iter().zip(&after).zip(&square);
             if changes.into_iter().any(|((before, after), square)| (after - before).abs() > JUMP * square.sqrt()) {
                 jumps[n] = true;
+                charge(model, INNER);
                 out.fill(0.0);
                 for part in 0..INNER {
                     evaluate(n, (part as f64 + 0.5) / INNER as f64 - 0.5, &mut inner)?;
@@ -398,6 +450,15 @@ impl Samples {
         }
         Ok(Samples { values, every_second })
     }
+}
+
+/// Charges the budget for evaluations of the rows.
+fn charge(model: &Interpreted, evaluations: usize) {
+    let each = Model::<f64>::workspace_len(model) as u64;
+    budget::within(
+        || format!("the rows along the pattern, {evaluations} times {each} operations"),
+        || budget::charge(each.saturating_mul(evaluations as u64)),
+    );
 }
 
 /// The results at one setting.

@@ -1,11 +1,12 @@
 //! The models to begin with.
 
 use crate::templates::quantity::Quantity;
+use crate::templates::start::Start;
 use serde::Serialize;
 use tpm_units::Unit;
 
 /// A model to begin with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Template {
     /// Its name, a word.
@@ -24,6 +25,9 @@ pub struct Template {
     /// Its text where sensors read the rates of all coordinates, and no position; nothing where these show too little of it.
     #[serde(skip)]
     pub(super) text_by_rates: Option<&'static str>,
+    /// Numbers to begin with where there is no log.
+    #[serde(skip)]
+    pub(super) start: Start,
 }
 
 /// All of them, those of one coordinate first.
@@ -35,6 +39,14 @@ pub const TEMPLATES: [Template; 6] = [
         also_angles: true,
         text: include_str!("models/spring.tpm"),
         text_by_rates: None,
+        start: Start {
+            values: &[("m", 2.0), ("d", 3.0), ("k", 40.0)],
+            kp: 2000.0,
+            kd: 120.0,
+            most: 800.0,
+            off: 0.2,
+            amplitude: 0.2,
+        },
     },
     Template {
         name: "slider",
@@ -43,6 +55,14 @@ pub const TEMPLATES: [Template; 6] = [
         also_angles: false,
         text: include_str!("models/slider.tpm"),
         text_by_rates: Some(include_str!("models/slider.tpm")),
+        start: Start {
+            values: &[("m", 2.0), ("d", 10.0), ("c", 5.0), ("o", 1.0)],
+            kp: 2000.0,
+            kd: 120.0,
+            most: 800.0,
+            off: 0.2,
+            amplitude: 0.2,
+        },
     },
     Template {
         name: "motor",
@@ -51,6 +71,14 @@ pub const TEMPLATES: [Template; 6] = [
         also_angles: false,
         text: include_str!("models/motor.tpm"),
         text_by_rates: Some(include_str!("models/motor.tpm")),
+        start: Start {
+            values: &[("J", 0.01), ("d", 0.02), ("c", 0.05), ("o", 0.01)],
+            kp: 10.0,
+            kd: 0.6,
+            most: 10.0,
+            off: 0.3,
+            amplitude: 1.0,
+        },
     },
     Template {
         name: "pendulum",
@@ -59,6 +87,14 @@ pub const TEMPLATES: [Template; 6] = [
         also_angles: false,
         text: include_str!("models/pendulum.tpm"),
         text_by_rates: None,
+        start: Start {
+            values: &[("J", 0.05), ("d", 0.02), ("c", 0.05), ("a", 1.5), ("b", 0.0)],
+            kp: 50.0,
+            kd: 3.0,
+            most: 50.0,
+            off: 0.3,
+            amplitude: 0.5,
+        },
     },
     Template {
         name: "two_masses",
@@ -67,6 +103,14 @@ pub const TEMPLATES: [Template; 6] = [
         also_angles: true,
         text: include_str!("models/two_masses.tpm"),
         text_by_rates: Some(include_str!("models/two_masses_by_rates.tpm")),
+        start: Start {
+            values: &[("m1", 2.0), ("m2", 1.0), ("d1", 3.0), ("d2", 1.0), ("d", 2.0), ("k", 300.0), ("o", 0.0)],
+            kp: 4000.0,
+            kd: 240.0,
+            most: 800.0,
+            off: 0.2,
+            amplitude: 0.1,
+        },
     },
     Template {
         name: "cart_pole",
@@ -75,6 +119,14 @@ pub const TEMPLATES: [Template; 6] = [
         also_angles: false,
         text: include_str!("models/cart_pole.tpm"),
         text_by_rates: None,
+        start: Start {
+            values: &[("m", 2.0), ("d", 3.0), ("c", 1.0), ("b", 0.1), ("J", 0.04), ("e", 0.005), ("w", 0.981)],
+            kp: 2000.0,
+            kd: 120.0,
+            most: 800.0,
+            off: 0.4,
+            amplitude: 0.1,
+        },
     },
 ];
 

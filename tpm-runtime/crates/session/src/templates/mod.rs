@@ -6,6 +6,7 @@
 mod catalogue;
 mod proposal;
 mod quantity;
+mod start;
 
 pub use catalogue::{TEMPLATES, Template};
 pub use proposal::{Placed, Proposal, proposals};

@@ -18,7 +18,7 @@ pub struct Placed {
 }
 
 /// A template with the columns of a log.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Proposal {
     /// The template.

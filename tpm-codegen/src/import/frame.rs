@@ -9,13 +9,8 @@ pub(super) fn product(a: &Turn, b: &Turn) -> Turn {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }
 
-/// The rotation of a vector.
-pub(super) fn turned(turn: &Turn, vector: [f64; 3]) -> [f64; 3] {
-    turn.map(|row| row.iter().zip(vector).map(|(entry, component)| entry * component).sum())
-}
-
 /// A vector of length one; nothing for zero.
-pub(super) fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
+fn unit(vector: [f64; 3]) -> Option<[f64; 3]> {
     let length = vector.iter().map(|component| component * component).sum::<f64>().sqrt();
     (length > 0.0 && length.is_finite()).then(|| vector.map(|component| component / length))
 }
@@ -95,8 +90,12 @@ pub(super) fn roll_pitch_yaw(turn: &Turn) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::{Turn, about, of_axes, of_euler, of_quaternion, of_z_axis, product, roll_pitch_yaw, turned};
+    use super::{Turn, about, of_axes, of_euler, of_quaternion, of_z_axis, product, roll_pitch_yaw};
     use std::f64::consts::{FRAC_PI_2, PI};
+
+    fn turned(turn: &Turn, vector: [f64; 3]) -> [f64; 3] {
+        turn.map(|row| row.iter().zip(vector).map(|(entry, component)| entry * component).sum())
+    }
 
     fn near(a: &Turn, b: &Turn) -> bool {
         a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-14)
