@@ -16,8 +16,8 @@ use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
-    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, OutputErrorFault, Refine, ResidualOf,
-    TermKind, is_static,
+    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, Outcome, OutputErrorFault, Refine,
+    ResidualOf, TermKind, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
@@ -305,8 +305,11 @@ fn found(
         // the measured motion.
         let named = |own: &Found| own.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }));
         let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other);
-        let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
-        let other = if enough { None } else { by_lines().ok().filter(|other| better(other) || says_more(other)) };
+        let limited = found.refinement.as_ref().is_some_and(|report| report.used && report.is_limited());
+        let tells = limited || harmonics_tell(&found, dims, options.reading.hold);
+        let other = if asked || exact || (tells && !named(&found)) { None } else { by_lines().ok() };
+        // What harmonics tell is told better only by what explains the record.
+        let other = other.filter(|other| if tells { is_explained(other) } else { better(other) || says_more(other) });
         return Ok(other.unwrap_or(found));
     }
     match by_lines() {
@@ -332,6 +335,11 @@ fn found(
         }
         found => found,
     }
+}
+
+/// Whether one likelihood explains a record.
+fn is_explained(found: &Found) -> bool {
+    found.refinement.as_ref().is_some_and(|report| report.used && report.outcome == Some(Outcome::Explained))
 }
 
 /// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is
