@@ -305,11 +305,8 @@ fn found(
         // the measured motion.
         let named = |own: &Found| own.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }));
         let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other);
-        let limited = found.refinement.as_ref().is_some_and(|report| report.used && report.is_limited());
-        let tells = limited || harmonics_tell(&found, dims, options.reading.hold);
-        let other = if asked || exact || (tells && !named(&found)) { None } else { by_lines().ok() };
-        // What harmonics tell is told better only by what explains the record.
-        let other = other.filter(|other| if tells { is_explained(other) } else { better(other) || says_more(other) });
+        let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
+        let other = if enough { None } else { by_lines().ok().filter(|other| better(other) || says_more(other)) };
         return Ok(other.unwrap_or(found));
     }
     match by_lines() {
@@ -328,7 +325,10 @@ fn found(
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
-        Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
+        Ok(found)
+            if (found.estimate.residual > LARGE_RESIDUAL || lacks(&found))
+                && dims.coordinates <= lines_log::MOST_SIMULATED =>
+        {
             let other = samples_log::identify(model, machine, segments, options)?;
             let follows = |other: &Found| other.refinement.as_ref().is_some_and(lines_log::follows);
             Ok(other.filter(follows).unwrap_or(found))
@@ -337,9 +337,9 @@ fn found(
     }
 }
 
-/// Whether one likelihood explains a record.
-fn is_explained(found: &Found) -> bool {
-    found.refinement.as_ref().is_some_and(|report| report.used && report.outcome == Some(Outcome::Explained))
+/// Whether one likelihood came to nothing but forces that the model lacks, or to much of the motion that nothing explains.
+fn lacks(found: &Found) -> bool {
+    found.refinement.as_ref().is_some_and(|report| report.outcome == Some(Outcome::Lacks))
 }
 
 /// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is

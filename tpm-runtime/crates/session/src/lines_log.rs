@@ -97,15 +97,15 @@ pub(super) fn identify(
     let refined = if explained {
         own
     } else {
-        // Why a simulation that was asked for, or one of many coordinates, is not used stays in the report.
+        // Why a simulation is not used stays in the report, but where one that nobody asked for could not be made.
         let left_out = asked || !is_simulated(dims) || !settings.fitted_delays.is_empty();
         let why = |report: RefinementReport| match report.used {
-            true => RefinementReport { used: false, note: Some(NotRefined::Lacks), ..report },
-            false => report,
+            true => Some(RefinementReport { used: false, note: Some(NotRefined::Lacks), ..report }),
+            false => Some(report).filter(|_| left_out),
         };
         let of_hold = |warning: &Warning| matches!(warning, Warning::OtherHold { .. } | Warning::LateByHold { .. });
         let warnings = own.warnings.into_iter().filter(of_hold).collect();
-        let report = own.report.filter(|_| left_out).map(why);
+        let report = own.report.and_then(why);
         Refined { report, warnings, tells_hold: own.tells_hold, ..unrefined(&found) }
     };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
