@@ -46,8 +46,6 @@ pub const LUMPED_CONTRADICT: f64 = ONE_IN_A_THOUSAND;
 pub const HALVES_CONTRADICT: f64 = 3.5;
 /// A log contradicts the others in one parameter: 6.3 in 100,000, to either side.
 pub const LOGS_CONTRADICT: f64 = 4.0;
-/// Rate at which two ways to estimate one record of a right model contradict each other, in any parameter (Bonferroni).
-pub const WAYS_CONTRADICT_RATE: f64 = 1e-3;
 /// Rate at which several logs of an unchanged machine are found to scatter more than their deviations say (chi-squared), so that
 /// deviations are widened.
 pub const LOGS_SCATTER_RATE: f64 = 0.01;

@@ -16,8 +16,8 @@ use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
-    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, OutputErrorFault, Refine, ResidualOf,
-    TermKind, is_static,
+    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, Outcome, OutputErrorFault, Refine,
+    ResidualOf, TermKind, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
@@ -325,13 +325,21 @@ fn found(
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
-        Ok(found) if found.estimate.residual > LARGE_RESIDUAL && dims.coordinates <= lines_log::MOST_SIMULATED => {
+        Ok(found)
+            if (found.estimate.residual > LARGE_RESIDUAL || lacks(&found))
+                && dims.coordinates <= lines_log::MOST_SIMULATED =>
+        {
             let other = samples_log::identify(model, machine, segments, options)?;
             let follows = |other: &Found| other.refinement.as_ref().is_some_and(lines_log::follows);
             Ok(other.filter(follows).unwrap_or(found))
         }
         found => found,
     }
+}
+
+/// Whether one likelihood came to nothing but forces that the model lacks, or to much of the motion that nothing explains.
+fn lacks(found: &Found) -> bool {
+    found.refinement.as_ref().is_some_and(|report| report.outcome == Some(Outcome::Lacks))
 }
 
 /// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is

@@ -14,12 +14,11 @@ use crate::term_words::lacking;
 use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{
-    Arranged, CalibrationFault, Course, Differentiable, Estimate, LARGE_RESIDUAL, Lacking, OfAnyMotion, OneBand,
-    Refine, ResidualOf, Sensor, Settings, Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
+    Arranged, CalibrationFault, Course, Differentiable, Lacking, OfAnyMotion, Outcome, Refine, ResidualOf, Sensor,
+    Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_motion::Dynamics;
-use tpm_numerics::alarm;
 
 /// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
 pub(super) const MOST_SIMULATED: usize = 2;
@@ -66,9 +65,9 @@ pub(super) fn identify(
     let report = &found.report;
     let asked = options.refine == Refine::OutputError;
     // A simulation estimates the motion along with the parameters, and knows limits of the inputs.
-    let simulated = |estimate: &Estimate| {
+    let simulated = || {
         let start = Start {
-            estimate,
+            estimate: &found.estimate,
             excerpt: Excerpt::of_stretches(&all),
             course: Course::Any {
                 typical_period: found.typical_period,
@@ -81,48 +80,33 @@ pub(super) fn identify(
             sample_time: first.sample_time,
         };
         let restate = |values, covariance| found.restated(values, covariance, settings);
-        let by = if asked || is_chain(dims) { By::Likelihood } else { By::OutputError };
-        refined(machine, start, Conditions { by, ..Conditions::of_log(options) }, settings, &restate)
+        let conditions = Conditions { by: By::Likelihood, ..Conditions::of_log(options) };
+        refined(machine, start, conditions, settings, &restate)
     };
-    let refined = if !settings.fitted_delays.is_empty() {
+    let own = if !settings.fitted_delays.is_empty() {
         // A delay that is found is a parameter of the lines, which the simulation does not have.
         let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::FittedDelay);
         Refined { report: (options.refine != Refine::None).then(why), ..unrefined(&found) }
-    } else if asked || is_chain(dims) {
-        simulated(&found.estimate)
-    } else if dims.coordinates <= MOST_SIMULATED {
-        let by_lines = simulated(&found.estimate);
-        // The ratios of a row without an input have optima of their own, so that the simulation begins once more from another side.
-        let once_more = dims.inputs < dims.rows
-            && dims.coordinates <= MOST_SIMULATED
-            && !by_lines.report.as_ref().is_some_and(follows);
-        let derivatives = machine.map(|machine| machine.derivatives);
-        let in_band =
-            || OneBand::new(&record).and_then(|band| band.estimate(model, derivatives, &options.constants, settings));
-        let other = once_more.then(in_band).and_then(Result::ok).map(|estimate| simulated(&estimate));
-        let left = |own: &Refined| {
-            let used = own.report.as_ref().is_some_and(|report| report.used);
-            if used { own.estimate.residual } else { f64::INFINITY }
-        };
-        match other {
-            Some(other) if left(&other) < left(&by_lines) => other,
-            _ => by_lines,
-        }
+    } else if asked || is_simulated(dims) {
+        simulated()
     } else {
         not_simulated(&found, options.refine)
     };
-    let apart = Apart::of(&refined, &found);
-    let used = refined.report.as_ref().is_some_and(|report| report.used);
-    let refined = if ((asked || is_chain(dims)) && used) || told_by_simulation(&refined, &found, dims, apart.as_ref()) {
-        refined
+    // With the other hold than the one that is stated a record is another one.
+    let explained = !own.tells_hold && own.report.as_ref().is_some_and(|report| explains(report, &found));
+    let refined = if explained {
+        own
     } else {
-        // Why a simulation that was asked for, or one of many coordinates, was not made stays in the report.
-        let left_out = asked || dims.coordinates > MOST_SIMULATED || !settings.fitted_delays.is_empty();
-        let why = refined.report.filter(|report| !report.used && left_out);
-        // Nothing that is named says why the two are apart, so that the lines may be as far off.
-        let unexplained = apart.filter(|_| found.lacking.is_empty());
-        let lines = unexplained.map_or_else(|| unrefined(&found), |apart| apart.widened(model, &found, settings));
-        Refined { report: why, ..lines }
+        // Why a simulation is not used stays in the report, but where one that nobody asked for could not be made.
+        let left_out = asked || !is_simulated(dims) || !settings.fitted_delays.is_empty();
+        let why = |report: RefinementReport| match report.used {
+            true => Some(RefinementReport { used: false, note: Some(NotRefined::Lacks), ..report }),
+            false => Some(report).filter(|_| left_out),
+        };
+        let of_hold = |warning: &Warning| matches!(warning, Warning::OtherHold { .. } | Warning::LateByHold { .. });
+        let warnings = own.warnings.into_iter().filter(of_hold).collect();
+        let report = own.report.and_then(why);
+        Refined { report, warnings, tells_hold: own.tells_hold, ..unrefined(&found) }
     };
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     warnings.extend(differing_rates(model, &report.rate_gains));
@@ -133,8 +117,8 @@ pub(super) fn identify(
     if !refined.tells_hold {
         warnings.extend(late_by_hold(model, &record, &found, whole.is_some(), options));
     }
-    let settled = refined.report.as_ref().is_some_and(|report| report.used);
-    if !settled {
+    // What the lines name stays, but where the simulation explains the record.
+    if !explained {
         warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force }));
         warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
         let inputs = || (0..dims.inputs).map(|i| model.input(i).name.to_string()).collect();
@@ -152,7 +136,7 @@ pub(super) fn identify(
         way: Way::Spectral(SpectralReport {
             lines: report.clone(),
             period: whole.map(|period| period as f64 * first.sample_time),
-            missing: if settled { Vec::new() } else { missing },
+            missing: if explained { Vec::new() } else { missing },
         }),
         estimate: refined.estimate,
         refinement: refined.report,
@@ -163,9 +147,20 @@ pub(super) fn identify(
     })
 }
 
-/// Whether a machine has more coordinates than are simulated otherwise, and rows without an input, whose ratios alone show in the lines.
-const fn is_chain(dims: Dims) -> bool {
-    dims.inputs < dims.rows && dims.coordinates > MOST_SIMULATED && dims.coordinates <= MOST_IN_A_CHAIN
+/// Whether a machine is simulated without being asked for. Where every row of several has an input, the lines of the rows tell the
+/// parameters as well; of a row without one they tell ratios alone.
+const fn is_simulated(dims: Dims) -> bool {
+    dims.coordinates == 1 || (dims.inputs < dims.rows && dims.coordinates <= MOST_IN_A_CHAIN)
+}
+
+/// Whether a simulation explains a record, so that it replaces the lines from which it began. Where the model lacks forces the lines are as
+/// near, and what they name of them stays; the simulation sees such forces where the lines see none.
+fn explains(report: &RefinementReport, lines: &OfAnyMotion) -> bool {
+    match report.outcome {
+        Some(Outcome::Explained) => true,
+        Some(Outcome::Forces) => lines.lacking.is_empty(),
+        Some(_) | None => false,
+    }
 }
 
 /// What is said of an input that seems late by about half a sample, where it is not with the other hold.
@@ -235,83 +230,15 @@ pub(super) fn follows(report: &RefinementReport) -> bool {
         && report.residual.iter().zip(&report.sensor_noise).all(within)
 }
 
-/// Whether a simulation tells more than the lines from which it began. A model of several coordinates that lacks something follows no record,
-/// so that its simulation tells less. But the ratios of a row without an input it may find better: where the lines did not find them, or no
-/// term of theirs explains as much of what is left as one of the simulation does. Of a single coordinate it knows what the model lacks, unless
-/// it follows no better than the lines do.
-fn told_by_simulation(refined: &Refined, lines: &OfAnyMotion, dims: Dims, apart: Option<&Apart>) -> bool {
-    let Some(report) = refined.report.as_ref().filter(|report| report.used) else { return false };
-    // With noise of the inputs a simulation follows any record, and what the model lacks passes for such noise.
-    let exact = report.input_noise.iter().all(|noise| *noise == 0.0);
-    let left_by_lines = lines.report.with_terms.iter().copied().fold(0.0, f64::max);
-    if (follows(report) && (exact || apart.is_none())) || left_by_lines > LARGE_RESIDUAL {
-        return true;
-    }
-    if dims.coordinates > 1 {
-        let clearest = |gains: &mut dyn Iterator<Item = f64>| gains.fold(0.0, f64::max);
-        let by_lines = clearest(&mut lines.lacking.iter().map(|term| term.gain));
-        let by_simulation = clearest(&mut report.missing.iter().map(|term| term.gain));
-        return dims.inputs < dims.rows && (lines.report.free_row_left.is_some() || by_simulation > by_lines);
-    }
-    refined.estimate.residual <= LARGE_RESIDUAL
-}
-
-/// Estimates of one record, by its lines and by a simulation, that contradict each other. Of a right model both are consistent, so that their
-/// difference is no larger than their deviations (Hausman 1978).
-struct Apart {
-    /// The parameter that contradicts most.
-    parameter: usize,
-    /// Deviation of its difference.
-    deviation: f64,
-    /// By how much every parameter of the simulation is larger, zero for those that the record does not show.
-    moved: Vec<f64>,
-}
-
-impl Apart {
-    fn of(refined: &Refined, lines: &OfAnyMotion) -> Option<Self> {
-        let explains = refined.estimate.residual <= LARGE_RESIDUAL;
-        refined.report.as_ref().filter(|report| report.used && explains)?;
-        let (own, other) = (&lines.estimate, &refined.estimate);
-        let deviation = |j: usize| own.std[j].hypot(other.std[j]);
-        let shown: Vec<usize> =
-            (0..own.values.len()).filter(|&j| deviation(j) > 0.0 && deviation(j).is_finite()).collect();
-        let mut moved = vec![0.0; own.values.len()];
-        shown.iter().for_each(|&j| moved[j] = other.values[j] - own.values[j]);
-        let standardised = |j: &usize| (moved[*j] / deviation(*j)).powi(2);
-        let farthest = shown.iter().copied().max_by(|a, b| standardised(a).total_cmp(&standardised(b)))?;
-        let threshold = alarm::squared_normal(alarm::WAYS_CONTRADICT_RATE, shown.len());
-        (standardised(&farthest) > threshold).then(|| Apart {
-            parameter: farthest,
-            deviation: deviation(farthest),
-            moved,
-        })
-    }
-
-    /// The estimate of the lines, whose deviations contain the difference.
-    fn widened(&self, model: &dyn Model<f64>, lines: &OfAnyMotion, settings: &Settings) -> Refined {
-        let own = &lines.estimate;
-        let parameter = model.parameter(self.parameter).name.to_string();
-        let warning =
-            Warning::WaysContradict { parameter, moved: self.moved[self.parameter], deviation: self.deviation };
-        Refined {
-            estimate: lines.restated(own.values.clone(), own.covariance.moved_by(&self.moved), settings),
-            report: None,
-            warnings: vec![warning],
-            tells_hold: false,
-        }
-    }
-}
-
 /// Whether a record of a motion that repeats has no noise: then its harmonics are exact, while the smoothing of a motion and the window that
 /// rounds off the ends of a record leave a little of them.
 pub(super) fn has_exact_harmonics(log: &Log) -> bool {
     log.channels.iter().all(|channel| !Sensor::of(&[channel]).noisy)
 }
 
-/// The estimate of the lines of a machine that has too many coordinates to be simulated without being asked for.
+/// The estimate of the lines of a machine that is not simulated without being asked for.
 fn not_simulated(found: &OfAnyMotion, refine: Refine) -> Refined {
-    let left_out =
-        || RefinementReport::left_out(&found.estimate.values, NotRefined::Coordinates { most: MOST_SIMULATED });
+    let left_out = || RefinementReport::left_out(&found.estimate.values, NotRefined::NotAsked);
     Refined { report: (refine == Refine::Auto).then(left_out), ..unrefined(found) }
 }
 

@@ -98,7 +98,6 @@ impl Warning {
             Warning::MissingTerm { .. } => (Misfit, Record, Nothing),
             Warning::Limited { .. } => (Remark, Record, Nothing),
             Warning::Halves { parameter, .. } => (Distrust, Record, Concern::one(parameter)),
-            Warning::WaysContradict { .. } => (Misfit, Record, Nothing),
             Warning::Unsettled { .. } => (Distrust, Record, All),
             Warning::Repeats { .. } => (Misfit, Record, Nothing),
             Warning::Vibration { .. } => (Misfit, Record, Nothing),

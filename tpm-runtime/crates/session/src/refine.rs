@@ -272,6 +272,7 @@ fn by_likelihood(
         sensor_noise: found.sensor_noise.clone(),
         input_noise: vec![0.0; dims.inputs],
         force_left: found.force_left.clone(),
+        outcome: Some(found.outcome()),
         ways: found.tried.clone(),
         rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
         residual: found.residual.clone(),
@@ -281,14 +282,28 @@ fn by_likelihood(
     let shifted = |own: &&Lacking| {
         own.term.kind == TermKind::Delay && HALF_A_SAMPLE.contains(&(own.value.abs() / start.sample_time))
     };
-    let late = found.lacking.iter().find(shifted).filter(|_| conditions.actuators.iter().all(Dynamics::is_ideal));
-    let better = conditions.hold.other();
-    let other_hold = late.and_then(|late| {
-        let other = Simulation::fit(&Question { start: &found.values, ..question.clone() }, &record(better)).ok()?;
-        let input = model.input(late.term.of).name.to_string();
-        let likelier = other.cost < found.cost - alarm::LIKELIHOOD_GAIN;
-        likelier.then_some(Warning::LateByHold { input, late: late.value, better })
-    });
+    let other_hold = || {
+        // Where nothing lies between the inputs and the machine, the other hold is as likely beforehand.
+        let better = conditions.hold.other();
+        let question = Question { start: &found.values, terms: false, ..question.clone() };
+        let other = Simulation::fit(&question, &record(better)).ok()?;
+        if other.cost >= found.cost - alarm::LIKELIHOOD_GAIN {
+            return None;
+        }
+        Some(match found.lacking.iter().find(shifted) {
+            Some(late) => {
+                Warning::LateByHold { input: model.input(late.term.of).name.into(), late: late.value, better }
+            }
+            None => Warning::OtherHold {
+                stated: conditions.hold,
+                left: found.share,
+                better,
+                left_by_better: other.share,
+                of: ResidualOf::Motion,
+            },
+        })
+    };
+    let other_hold = conditions.actuators.iter().all(Dynamics::is_ideal).then(other_hold).flatten();
     let tells_hold = other_hold.is_some();
     let mut warnings: Vec<Warning> = other_hold.into_iter().collect();
     warnings.extend(report.missing.iter().cloned().map(|term| match term.of.kind {

@@ -176,7 +176,12 @@ fn an_input_that_is_held_is_told_from_one_that_is_late() {
         let file = saved(&text);
         let held = |hold| from_log(&model, LogRequest::new(file.path()).hold(hold)).expect("identifies");
         let other = |result: &Identification| {
-            result.warnings.iter().any(|warning| matches!(warning, Warning::OtherHold { better: Hold::Zoh, .. }))
+            result.warnings.iter().any(|warning| {
+                matches!(
+                    warning,
+                    Warning::OtherHold { better: Hold::Zoh, .. } | Warning::LateByHold { better: Hold::Zoh, .. }
+                )
+            })
         };
         let (none, zoh) = (held(Hold::None), held(Hold::Zoh));
         assert!(other(&none) && !other(&zoh), "{seed}: {:?} {:?}", texts(&none), texts(&zoh));

@@ -4,7 +4,7 @@ use crate::excerpt::Excerpt;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_controller::model::Model;
-use tpm_estimate::{Explained, OutputErrorFault, RateFault, RateUse, Term, TermKind};
+use tpm_estimate::{Explained, Outcome, OutputErrorFault, RateFault, RateUse, Term, TermKind};
 use tpm_report::number;
 
 /// What the refinement did with a log or a campaign.
@@ -39,6 +39,9 @@ pub struct RefinementReport {
     /// The ways in which that likelihood explained the log, and how much less likely each is than the one that is handed out.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub ways: Vec<Explained>,
+    /// What that likelihood came to; nothing where it weighed nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outcome: Option<Outcome>,
     /// Measured rates, where there are any.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rates: Vec<RateReport>,
@@ -142,11 +145,10 @@ pub enum NotRefined {
     Fault(OutputErrorFault),
     /// The simulation settles only with a term that the model lacks.
     WithoutTerm,
-    /// The machine has more coordinates than are simulated without being asked for.
-    Coordinates {
-        /// The most that are.
-        most: usize,
-    },
+    /// The machine is one that is simulated only where that is asked for.
+    NotAsked,
+    /// The simulation needs forces that the model lacks.
+    Lacks,
     /// A delay is found with the parameters, which the simulation takes as known.
     FittedDelay,
     /// A nonlinear parameter goes on moving.
@@ -164,9 +166,11 @@ impl fmt::Display for NotRefined {
             NotRefined::WithoutTerm => f.write_str(
                 "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them",
             ),
-            NotRefined::Coordinates { most } => write!(
-                f,
-                "not refined by a simulation: a machine of more than {most} coordinates is simulated where that is asked for"
+            NotRefined::NotAsked => f.write_str(
+                "not refined by a simulation: a machine of several coordinates with an input in every row, or of more than four, is simulated where that is asked for",
+            ),
+            NotRefined::Lacks => f.write_str(
+                "not refined by a simulation: it needs forces that the model lacks, and says no more of the parameters than the lines of the rows beside the terms that they name",
             ),
             NotRefined::FittedDelay => f.write_str(
                 "not refined by a simulation: it takes delays as known, and one is found with the parameters",
@@ -229,6 +233,7 @@ impl RefinementReport {
             input_noise: Vec::new(),
             force_left: Vec::new(),
             ways: Vec::new(),
+            outcome: None,
             rates: Vec::new(),
             residual: Vec::new(),
             before: values.to_vec(),

@@ -268,7 +268,7 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
         };
         text.push_str(&format!("refined by a simulation of {part}, because the log is long\n\n"));
     }
-    if let Some(note @ NotRefined::Coordinates { .. }) = log.refinement.as_ref().and_then(|own| own.note.as_ref()) {
+    if let Some(note @ NotRefined::NotAsked) = log.refinement.as_ref().and_then(|own| own.note.as_ref()) {
         text.push_str(&format!("{note}\n\n"));
     }
     for rate in log.refinement.iter().flat_map(|refined| &refined.rates) {

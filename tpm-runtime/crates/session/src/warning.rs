@@ -355,15 +355,6 @@ pub enum Warning {
         /// Widened standard deviation of that difference.
         deviation: f64,
     },
-    /// Two ways to estimate the same record contradict each other, and no term that is named as missing says why.
-    WaysContradict {
-        /// The parameter that contradicts most.
-        parameter: String,
-        /// By how much its value is larger in a simulation of the record, in its unit.
-        moved: f64,
-        /// Standard deviation of that difference.
-        deviation: f64,
-    },
     /// No parameters of the model make it follow the record sample by sample.
     Unsettled {
         /// How the simulation went.
@@ -714,11 +705,6 @@ impl fmt::Display for Warning {
             Warning::Halves { parameter, moved, deviation } => write!(
                 f,
                 "the halves of the record contradict each other: {parameter} is {moved:+.3e} larger in the second half, {:.1} deviations: the machine changed, or the recording did",
-                moved.abs() / deviation
-            ),
-            Warning::WaysContradict { parameter, moved, deviation } => write!(
-                f,
-                "the model leaves something unexplained: {parameter} is {moved:+.3e} larger when the record is simulated, {:.1} deviations from what its spectrum says; deviations contain the difference",
                 moved.abs() / deviation
             ),
             Warning::Limited { term } => write!(

@@ -97,6 +97,17 @@ pub enum TermKind {
     Limit,
 }
 
+impl TermKind {
+    /// Whether it is a force. Others are what a channel does beside what is recorded of it.
+    #[must_use]
+    pub const fn is_force(self) -> bool {
+        !matches!(
+            self,
+            TermKind::Delay | TermKind::InputGain | TermKind::PositionOffset | TermKind::Backlash | TermKind::Limit
+        )
+    }
+}
+
 /// A term in its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Term {

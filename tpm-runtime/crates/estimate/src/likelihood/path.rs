@@ -80,9 +80,38 @@ impl Measured {
     }
 
     /// What smoothing leaves of the position at an angular frequency, when motions up to `fastest`, Hz, are followed.
-    fn smoothing(&self, w: f64, fastest: f64) -> f64 {
+    fn smoothing(&self, w: f64, (fastest, circular): (f64, bool)) -> f64 {
         let share = if self.rate_noise.is_some() { 1.0 } else { self.spectrum.share(w / (2.0 * PI)) };
-        wide(fastest).response(w) * share
+        passes(w, fastest, circular) * share
+    }
+}
+
+/// A value at successive times within a cell.
+#[derive(Clone, Default)]
+struct Swept {
+    sum: f64,
+    last: Option<f64>,
+    least: f64,
+    most: f64,
+    /// Largest change from one time to the next.
+    step: f64,
+}
+
+impl Swept {
+    fn take(&mut self, value: f64) {
+        let last = *self.last.get_or_insert_with(|| {
+            (self.least, self.most) = (value, value);
+            value
+        });
+        self.sum += value;
+        self.step = self.step.max((value - last).abs());
+        (self.least, self.most) = (self.least.min(value), self.most.max(value));
+        self.last = Some(value);
+    }
+
+    /// Whether one of the steps makes most of the change: what is smooth takes many, and is exact where it is evaluated.
+    fn jumps(&self) -> bool {
+        self.step > 0.5 * (self.most - self.least)
     }
 }
 
@@ -169,7 +198,8 @@ impl<'a> Paths<'a> {
     ) -> Vec<Vec<Vec<f64>>> {
         let fastest = self.fastest();
         let of = |(moving, path): (&Moving, &Path)| {
-            let input = |i: usize| force(record, moving, (i, hold, acting[i]), path.points, fastest, 0);
+            let input =
+                |i: usize| force(record, moving, (i, hold, acting[i]), path.points, (fastest, path.circular), 0);
             (0..moving.inputs.len()).map(input).collect()
         };
         motion.stretches.iter().zip(&self.paths).map(of).collect()
@@ -182,7 +212,8 @@ impl<'a> Paths<'a> {
             let mut noisy = path.clone();
             for (c, own) in self.measured.iter().enumerate() {
                 for d in 0..=self.rows.model.coordinate_order(c) {
-                    let noise = moving.noise[c].derivative(path.points, d, |w| own.smoothing(w, fastest));
+                    let noise =
+                        moving.noise[c].derivative(path.points, d, |w| own.smoothing(w, (fastest, path.circular)));
                     noisy
                         .motion
                         .iter_mut()
@@ -311,20 +342,27 @@ fn force(
     moving: &Moving,
     (input, hold, acting): (usize, Hold, Acting),
     points: usize,
-    fastest: f64,
+    (fastest, circular): (f64, bool),
     derivative: u32,
 ) -> Vec<f64> {
     let mut actuator: Dynamics = record.actuators.get(input).copied().unwrap_or_default();
     actuator.delay += acting.delay;
-    let wide = wide(fastest);
     moving.inputs[input].filtered(points, |w| {
-        let own = held(hold, w * record.sample_time) * actuator.response(w) * wide.response(w) * acting.gain;
+        let own =
+            held(hold, w * record.sample_time) * actuator.response(w) * passes(w, fastest, circular) * acting.gain;
         own * Complex::new(0.0, w).powu(derivative)
     })
 }
 
 fn wide(fastest: f64) -> LowPass {
     LowPass { cut_off: 2.0 * PI * MOTION_CUT_OFF * fastest }
+}
+
+/// What passes of motion and inputs at an angular frequency, when motions up to `fastest`, Hz, are followed. Whole periods have no ends into
+/// which a sharp edge could ring, and then nothing is lost below it.
+fn passes(w: f64, fastest: f64, circular: bool) -> f64 {
+    let wide = wide(fastest);
+    if circular { f64::from(w <= wide.cut_off) } else { wide.response(w) }
 }
 
 fn on_grid(
@@ -346,14 +384,15 @@ fn on_grid(
     for (c, signal) in moving.coordinates.iter().enumerate() {
         let own = &measured[c];
         for d in 0..=model.coordinate_order(c) {
-            let values = signal.derivative(points, d, |w| own.smoothing(w, fastest));
+            let values = signal.derivative(points, d, |w| own.smoothing(w, (fastest, circular)));
             for (k, value) in values.iter().enumerate() {
                 motion[k * slots + d * dims.coordinates + c] = *value;
             }
         }
     }
-    let of =
-        |i: usize, derivative: u32| force(record, moving, (i, record.hold, acting[i]), points, fastest, derivative);
+    let of = |i: usize, derivative: u32| {
+        force(record, moving, (i, record.hold, acting[i]), points, (fastest, circular), derivative)
+    };
     let mut path = Path {
         coordinates: dims.coordinates,
         slots,
@@ -463,7 +502,8 @@ impl Along {
 }
 
 impl<'a> Rows<'a> {
-    /// The rows at a point of a path with a slot moved by something; means over the point's cell where a velocity changes its sign in it.
+    /// The rows at a point of a path with a slot moved by something; means over the point's cell of what jumps in it, where a velocity changes
+    /// its sign.
     fn evaluate_at(
         self,
         path: &Path,
@@ -477,13 +517,14 @@ impl<'a> Rows<'a> {
                 instant[slot] += by;
             }
         };
+        instant.copy_from_slice(path.instant(k));
+        shift(instant);
+        self.evaluate(instant, scratch)?;
         if !path.reverses[k] {
-            instant.copy_from_slice(path.instant(k));
-            shift(instant);
-            return self.evaluate(instant, scratch);
+            return Ok(());
         }
-        let (mut regressor, mut known, mut map) =
-            (vec![0.0; scratch.regressor.len()], vec![0.0; scratch.known.len()], vec![0.0; scratch.map.len()]);
+        let here = (scratch.regressor.clone(), scratch.known.clone(), scratch.map.clone());
+        let mut swept = [&here.0, &here.1, &here.2].map(|values| vec![Swept::default(); values.len()]);
         let share = 1.0 / TIMES_AT_A_REVERSAL as f64;
         for time in 0..TIMES_AT_A_REVERSAL {
             let ahead = (time as f64 + 0.5) * share - 0.5;
@@ -494,13 +535,15 @@ impl<'a> Rows<'a> {
             }
             shift(instant);
             self.evaluate(instant, scratch)?;
-            for (sums, values) in
-                [(&mut regressor, &scratch.regressor), (&mut known, &scratch.known), (&mut map, &scratch.map)]
-            {
-                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
+            for (swept, values) in swept.iter_mut().zip([&scratch.regressor, &scratch.known, &scratch.map]) {
+                swept.iter_mut().zip(values).for_each(|(swept, value)| swept.take(*value));
             }
         }
-        (scratch.regressor, scratch.known, scratch.map) = (regressor, known, map);
+        (scratch.regressor, scratch.known, scratch.map) = here;
+        for (values, swept) in [&mut scratch.regressor, &mut scratch.known, &mut scratch.map].into_iter().zip(&swept) {
+            let jumps = values.iter_mut().zip(swept).filter(|(_, swept)| swept.jumps());
+            jumps.for_each(|(value, swept)| *value = share * swept.sum);
+        }
         Ok(())
     }
 

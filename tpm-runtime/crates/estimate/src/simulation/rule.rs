@@ -9,7 +9,8 @@ use crate::simulation::problem::{Point, Problem};
 use crate::simulation::record::{Reading, Record};
 use crate::simulation::terms::{Library, behind_play};
 use crate::simulation::triangle::Triangle;
-use tpm_numerics::{DMatrix, root_mean_square};
+use crate::verdict::LARGE_RESIDUAL;
+use tpm_numerics::{DMatrix, alarm, root_mean_square};
 
 /// What terms, play or a limit must gain, twice the logarithm of the likelihood: a factor of twenty in evidence.
 const GAIN: f64 = 6.0;
@@ -20,7 +21,10 @@ const CLOSE_GUARD: f64 = 0.01;
 /// Share of the force of a row, and samples, that forces of the first order are taken for at first.
 const FIRST_DRIFT: (f64, f64) = (0.1, 20.0);
 /// Limits of an input that are tried at first, as shares of its largest size.
-const LIMITS: [f64; 12] = [0.97, 0.93, 0.88, 0.83, 0.78, 0.72, 0.66, 0.6, 0.54, 0.48, 0.42, 0.36];
+const LIMITS: [f64; 22] = [
+    0.97, 0.93, 0.88, 0.83, 0.78, 0.72, 0.66, 0.6, 0.54, 0.48, 0.42, 0.36, 0.3, 0.24, 0.18, 0.13, 0.09, 0.06, 0.04,
+    0.025, 0.016, 0.01,
+];
 /// Least half width of play, in deviations of a reading.
 const LEAST_PLAY: f64 = 3.0;
 /// Share of a coordinate's spread that play is taken for at first.
@@ -57,6 +61,19 @@ pub enum Variant {
     },
 }
 
+/// What a likelihood comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Outcome {
+    /// The model explains every reading, with what a channel does beside what is recorded of it.
+    Explained,
+    /// Forces that the model lacks explain a part: terms, a little that goes on, or noise.
+    Forces,
+    /// Forces that go on remain, or much of the motion, which nothing explains.
+    Lacks,
+}
+
 /// A way to explain a record, and how much less likely it is than the one that is handed out.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Explained {
@@ -82,6 +99,8 @@ pub struct Simulation {
     pub passes: usize,
     /// Terms that the model lacks, the clearest first.
     pub lacking: Vec<Lacking>,
+    /// Whether it needs forces that the model lacks: terms, or noise of the forces.
+    pub needs_forces: bool,
     /// How much later every input acts than it is recorded, s.
     pub delays: Vec<f64>,
     /// What every measured rate is to the fit.
@@ -120,6 +139,18 @@ pub struct Question<'a> {
 }
 
 impl Simulation {
+    /// What the likelihood comes to.
+    #[must_use]
+    pub fn outcome(&self) -> Outcome {
+        let large = self.force_left.iter().any(|left| *left > UNEXPLAINED);
+        match self.variant {
+            _ if self.share > LARGE_RESIDUAL => Outcome::Lacks,
+            Variant::Drift if large => Outcome::Lacks,
+            _ if self.needs_forces => Outcome::Forces,
+            _ => Outcome::Explained,
+        }
+    }
+
     /// Fits the free parameters of a model to a record.
     ///
     /// # Errors
@@ -178,7 +209,8 @@ impl Simulation {
                 fault.unwrap_or(OutputErrorFault::NotConverged { steps: crate::simulation::fit::PARAMS.passes })
             );
         };
-        trial.handed_out(&fit, &reached, best).map(|found| Simulation { rates, ..found })
+        let needs_forces = trial.needs_forces(&fit, &reached[best]);
+        trial.handed_out(&fit, &reached, best).map(|found| Simulation { rates, needs_forces, ..found })
     }
 }
 
@@ -299,10 +331,27 @@ impl<'a> Trial<'a> {
             let found = self.behind_play(question, term.of);
             reached.extend(found.ok().map(|found| (Variant::Play { coordinate: term.of }, found)));
         }
-        for term in asked.iter().filter(|term| term.kind == TermKind::Limit) {
+        let limits =
+            library.iter().filter(|term| term.kind == TermKind::Limit && (unexplained || asked.contains(term)));
+        for term in limits {
             let found = model.and_then(|model| self.limited(fit, model, *term).ok());
             reached.extend(found.map(|found| (Variant::Limit { input: term.of }, found)));
         }
+    }
+
+    /// Whether an optimum needs forces that the model lacks: without any it is clearly less likely. A little noise of the forces is enough to
+    /// hide a term that the parameters nearly make up for.
+    fn needs_forces(&self, fit: &Fit<'_>, (variant, own): &(Variant, Reached)) -> bool {
+        let mut state = own.state.clone();
+        match variant {
+            Variant::Drift => return true,
+            // What is left of the readings tells no forces.
+            Variant::Play { .. } => return false,
+            _ if !state.active.is_empty() => return true,
+            _ => state.noise.force.fill(0.0),
+        }
+        let exact = fit.settle(state, How { forces: false, ..How::plain(GUARD) });
+        !exact.is_ok_and(|exact| exact.settled && exact.cost < own.cost + alarm::LIKELIHOOD_GAIN)
     }
 
     /// Values of the free parameters by least squares of the rows along the first motion; nothing where that does not show them.
@@ -486,6 +535,7 @@ impl<'a> Trial<'a> {
                 .collect(),
             passes: own.passes,
             lacking: lacking.collect(),
+            needs_forces: true,
             delays: own.state.point.delays.clone(),
             rates: Vec::new(),
             halves: if in_play { Vec::new() } else { fit.halves(own)? },

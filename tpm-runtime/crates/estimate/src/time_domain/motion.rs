@@ -96,7 +96,8 @@ impl Motion {
         let mut stretches = Vec::with_capacity(record.stretches.len());
         for stretch in &record.stretches {
             let samples = stretch.samples();
-            let points = quick(samples);
+            // Whole periods are their own spectrum; anything that is added would open them.
+            let points = if circular { samples } else { quick(samples) };
             let transform = |signal: &[f64]| Transform::new(signal, points, record.sample_time);
             let mut random = |deviation: f64| -> Vec<f64> {
                 let draw = |_| -> f64 { deviation * Distribution::<f64>::sample(&StandardNormal, &mut rng) };

@@ -93,9 +93,10 @@ impl Transform {
         for (k, (slot, bin)) in bins.iter_mut().zip(&self.bins).enumerate() {
             *slot = bin * factor(k) * scale;
         }
-        // A real signal has real bins at no frequency and at half of the rate.
-        for end in [0, last] {
-            bins[end] = Complex::new(bins[end].re, 0.0);
+        // A real signal has real bins at no frequency and at half of the rate, which an odd number of points does not reach.
+        bins[0] = Complex::new(bins[0].re, 0.0);
+        if points.is_multiple_of(2) {
+            bins[last] = Complex::new(bins[last].re, 0.0);
         }
         let mut out = plan.make_output_vec();
         plan.process(&mut bins, &mut out)
