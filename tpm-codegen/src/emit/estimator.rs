@@ -3,6 +3,7 @@
 //! Invariant of [`EstimatorSource`]: the form belongs to the model, the plans to both, and every number of the plans has a finite,
 //! non-vanishing double.
 
+use std::collections::BTreeMap;
 use thiserror::Error;
 use tpm_symbolic::expr::graph::{Coordinate, Function};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
@@ -25,6 +26,7 @@ use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
 use super::part::{Parts, RUN_HARMONICS};
 use super::specialise::{SpecialiseError, specialised};
+use super::text;
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 use crate::language::ast::{Ident, Item, ModelDeclaration};
@@ -59,6 +61,8 @@ pub struct EstimatorSource {
     pub(super) specialised: bool,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
+    /// What is said of rounding, by the names of functions; that of the file has an empty one. Nothing where no ranges are stated.
+    pub(super) rounding: BTreeMap<&'static str, String>,
 }
 
 /// Why no source code can be made of a model.
@@ -98,6 +102,10 @@ pub enum EmitError {
     /// Code cannot be made for one machine.
     #[error(transparent)]
     Specialise(#[from] SpecialiseError),
+    /// Ranges from which no bounds of rounding follow.
+    #[cfg(feature = "generate")]
+    #[error(transparent)]
+    Range(#[from] super::rounding::RangeError),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),
@@ -113,6 +121,11 @@ fn unmeasured(model: &ModelDeclaration) -> Option<&Ident> {
 }
 
 impl EstimatorSource {
+    /// The operations of a function, and the bounds of its rounding where there are any.
+    pub(super) fn told(&self, function: &str, plan: &Plan) -> String {
+        text::operations(plan) + self.rounding.get(function).map_or("", String::as_str)
+    }
+
     /// Checks that low passes exist, and that there is a feed-forward for them to pass.
     ///
     /// # Errors
@@ -241,6 +254,7 @@ impl EstimatorSource {
             campaign: None,
             specialised: false,
             formulas,
+            rounding: BTreeMap::new(),
         }
     }
 
