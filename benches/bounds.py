@@ -5,7 +5,7 @@
 
 TPM is the program. Every function of every model is generated in C, in both precisions, compiled with gcc beside a twin of more digits
 (`double` for `float`, `long double` for `double`), and called at POINTS random points, of which three quarters have some or all inputs at ends
-of their ranges. Ranges: positions and velocities 3.2, accelerations and higher derivatives 15, all else .5 to 2 unless VALUES has a value.
+of their ranges. Ranges: positions and velocities 3.2, accelerations and higher derivatives 15, all else .9 to 1.1 unless VALUES has a value.
 Prints the results, the largest and the median ratio of bound and worst error, and the time of `tpm generate` with the bounds, less that
 without them, by functions; then the largest ratio of all. Exit code 1 where a bound is below an error, or the checker refuses one.
 """
@@ -21,7 +21,7 @@ import time
 
 CHECKER = pathlib.Path(__file__).parent.parent / "tests/scripts/check_bounds.py"
 PARTS = ["gravity", "mass_matrix", "forward_dynamics", "base_regressor"]
-MOTION = ["*=-3.2..3.2", "dot(*)=-3.2..3.2", "ddot(*)=-15..15", "der(*, 3)=-15..15", "der(*, 4)=-15..15"]
+MOTION = ["*=-3.2..3.2", "dot(*)=-3.2..3.2", "ddot(*)=-15..15", "der(*, 3)=-15..15", "der(*, 4)=-15..15", "der(*, 5)=-15..15", "der(*, 6)=-15..15"]
 
 PROGRAM = """#include <stdio.h>
 #include <stdint.h>
@@ -117,10 +117,10 @@ def generate(tpm, model, values, real, folder, ranges):
     parts = [part for part in PARTS if run([part], [])[1].returncode == 0]
     plain, _ = run(parts, [])
     header = pathlib.Path(folder, "m.h").read_text()
-    for record in ["constants", "inputs", "physical"] + ([] if values else ["parameters"]):
+    for record in ["constants", "inputs"] + ([] if values else ["physical", "parameters"]):
         if found := re.search(rf"typedef struct m_{record} \{{(.*?)^\}}", header, re.S | re.M):
-            ranges = ranges + [f"{name}=0.5..2" for name in re.findall(r"^    \w+ (\w+);", found[1], re.M)]
-    orders = re.findall(r"^    \w+ (dot|ddot|der3|der4);", header, re.M)
+            ranges = ranges + [f"{name}=0.9..1.1" for name in re.findall(r"^    \w+ (\w+);", found[1], re.M)]
+    orders = re.findall(r"^    \w+ (dot|ddot|der3|der4|der5|der6);", header, re.M)
     known = {"*", *(f"{order}(*)" for order in orders if order.startswith("d") and not order.startswith("der"))}
     known |= {f"der(*, {order[3]})" for order in orders if order.startswith("der")}
     ranges = [own for own in dict.fromkeys(ranges) if "*" not in own or own.split("=")[0] in known]

@@ -3,11 +3,12 @@
 
     tests/scripts/check_bounds.py FILE.c FILE.bounds.json
 
-Of the JSON document only the ranges, the precision, the assumed errors of functions and the bounds are read. Exit code 1 where a bound is
+Of the JSON document only the ranges, the parts into which they are cut, the precision, the assumed errors of functions and the bounds are read. Exit code 1 where a bound is
 smaller than what is derived here, a result has none, or there is one for something that the code does not have. Python 3.9 or later, nothing
 else. The derivation is that of `tpm-codegen/src/emit/rounding/tape.rs`, written again from its description.
 """
 
+import itertools
 import json
 import math
 import re
@@ -423,6 +424,14 @@ def results(source, name, tape):
     return stored
 
 
+def boxes(ranges, parts):
+    """The boxes into which parts of ranges cut all of them."""
+    edge = lambda ends, k, n: ends[1] if k == n else ends[0] + (ends[1] - ends[0]) * (k / n)
+    cut = {name: [(edge(ranges[name], k, n), edge(ranges[name], k + 1, n)) for k in range(n)] for name, n in parts.items()}
+    for own in itertools.product(*cut.values()):
+        yield {**ranges, **dict(zip(cut, own))}
+
+
 def main():
     if len(sys.argv) != 3:
         sys.exit(__doc__)
@@ -435,9 +444,12 @@ def main():
     for function, own in document["functions"].items():
         if "refused" in own:
             continue
-        tape = Tape(document["precisions"][kind], document["assumed_ulps"], document["ranges"])
         try:
-            derived = {name: tape.bound(step) for name, step in results(source, f"{prefix}_{function}", tape).items()}
+            derived = {}
+            for box in boxes(document["ranges"], own["parts"].get(kind, {})):
+                tape = Tape(document["precisions"][kind], document["assumed_ulps"], box)
+                for name, step in results(source, f"{prefix}_{function}", tape).items():
+                    derived[name] = max(derived.get(name, 0.0), tape.bound(step))
         except Refused as fault:
             print(f"{function}: {fault}")
             faults += 1

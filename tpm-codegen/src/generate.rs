@@ -7,8 +7,8 @@ use crate::emit::estimator::{EmitError, EstimatorSource, Identified};
 pub use crate::emit::filter::{Filters, LowPass};
 use crate::emit::name::Language as Words;
 use crate::emit::regulator::RegulatorSource;
-pub use crate::emit::rounding::{RangeError, Ranges};
 use crate::emit::rounding;
+pub use crate::emit::rounding::{RangeError, Ranges};
 use crate::emit::{c, rust};
 
 /// A target language.

@@ -208,14 +208,16 @@ pub(super) fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize
 /// The terms without an unknown parameter.
 pub(super) fn known(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.known;
-    let about = format!("The terms without an unknown parameter, on the left-hand side.{}", estimator.told("known", plan));
+    let about =
+        format!("The terms without an unknown parameter, on the left-hand side.{}", estimator.told("known", plan));
     Function::values(estimator, plan, about)
 }
 
 /// B, rows times inputs.
 pub(super) fn input_map(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.input_map;
-    let about = format!("The input map B, one row per equation and one column per input.{}", estimator.told("input_map", plan));
+    let about =
+        format!("The input map B, one row per equation and one column per input.{}", estimator.told("input_map", plan));
     let statements = entries(plan, estimator.plan.evaluation.inputs.len(), |row, input| {
         let name = &estimator.model.quantity(estimator.plan.evaluation.inputs[input]).name;
         format!("{}, {name}: {}", estimator.form.rows[row].name, text::input_factor(estimator, row, input))
@@ -242,7 +244,10 @@ pub(super) fn feed_forward(estimator: &EstimatorSource) -> Option<Function> {
         [] => String::new(),
         names => format!(" The motion must satisfy {} by itself.", names.join(", ")),
     };
-    let about = format!("Feed-forward: the inputs that the reference motion needs.{free}{}", estimator.told("feed_forward", plan));
+    let about = format!(
+        "Feed-forward: the inputs that the reference motion needs.{free}{}",
+        estimator.told("feed_forward", plan)
+    );
     Some(Function::values(estimator, plan, about))
 }
 

@@ -33,6 +33,12 @@ pub(crate) const EXTENSION: &str = ".bounds.json";
 /// Most shares of a bound in the JSON document.
 const MOST_SHARES: usize = 5;
 
+/// Most steps of a function's bounds in all boxes that are tried.
+const MOST_STEPS: usize = 200_000;
+
+/// Least sum of logarithms by which a cut must make the bounds of a function smaller.
+const LEAST_GAIN: f64 = 0.05;
+
 /// Deepest nesting of an expression in a message.
 const DEEPEST: usize = 4;
 
@@ -113,6 +119,20 @@ struct Bounded {
     shares: Vec<Value>,
 }
 
+impl Bounded {
+    /// The larger bound, and the range of both.
+    fn with(self, other: Self) -> Self {
+        let range = Interval::new(self.range.low.min(other.range.low), self.range.high.max(other.range.high));
+        Self { range, ..if self.bound >= other.bound { self } else { other } }
+    }
+}
+
+/// The bounds of a function's results, and into how many parts the ranges of what it reads were cut for them.
+struct Cut {
+    results: Vec<Bounded>,
+    parts: BTreeMap<String, usize>,
+}
+
 /// A function with the names of its results where they are not the entries of a matrix, and how many results come before those.
 struct Subject {
     name: &'static str,
@@ -149,11 +169,14 @@ pub(crate) fn add(
     let (mut functions, mut read) = (Map::new(), BTreeMap::new());
     let mut bounded = 0;
     for subject in source.subjects() {
-        let (mut text, mut results, mut reason) = (String::new(), Map::new(), None);
+        let (mut text, mut results, mut parts, mut reason) = (String::new(), Map::new(), Map::new(), None);
         for &scalar in scalars {
             let precision = format!("{} precision", adjective(scalar));
             match source.bounds(&subject, scalar, &mut read) {
-                Ok(list) => {
+                Ok(Cut { results: list, parts: cut }) => {
+                    if !cut.is_empty() {
+                        parts.insert(adjective(scalar).to_owned(), json!(cut));
+                    }
                     let bounds = list.iter().map(|own| format!("`{}` {}", own.name, rounded_up(own.bound)));
                     let bounds: Vec<String> = bounds.collect();
                     text.push_str(&format!("\n\nRounding in {precision}, at most: {}.", bounds.join(", ")));
@@ -174,7 +197,7 @@ pub(crate) fn add(
         }
         told.insert(subject.name, text);
         bounded += usize::from(!results.is_empty());
-        let mut entry = json!({ "results": results });
+        let mut entry = json!({ "parts": parts, "results": results });
         if let Some(reason) = reason {
             entry["refused"] = Value::from(reason);
         }
@@ -250,7 +273,8 @@ impl Source<'_> {
         };
         let forces = || fields("forces", &mut names.rows.iter().map(|row| &row.field));
         let inputs = || fields("inputs", &mut names.inputs.iter().map(|(_, name)| name));
-        let [independent, dependent] = function::feed_forward_parts(estimator).map_or([None, None], |parts| parts.map(Some));
+        let [independent, dependent] =
+            function::feed_forward_parts(estimator).map_or([None, None], |parts| parts.map(Some));
         let accelerations = fields("accelerations", &mut names.coordinates.iter().map(|names| &names.field));
         let count = accelerations.len();
         let factored = estimator.parts.forward_dynamics.as_ref().is_some_and(|dynamics| dynamics.factored);
@@ -260,7 +284,12 @@ impl Source<'_> {
         base.sort_unstable();
         let lists = [
             ("lump", function::lump(estimator), fields("parameters", &mut names.columns.iter()), 0),
-            ("unlump", function::unlump(estimator), fields("physical", &mut names.physical.iter().map(|(_, name)| name)), 0),
+            (
+                "unlump",
+                function::unlump(estimator),
+                fields("physical", &mut names.physical.iter().map(|(_, name)| name)),
+                0,
+            ),
             ("regressor", Some(function::regressor(estimator)), Vec::new(), 0),
             ("input_map", Some(function::input_map(estimator)), Vec::new(), 0),
             ("known", Some(function::known(estimator)), forces(), 0),
@@ -303,8 +332,11 @@ impl Source<'_> {
                 let named = |list: &[(Symbol, String)]| {
                     list.iter().find(|(own, _)| *own == symbol).map(|(_, field)| field.clone())
                 };
-                let lists =
-                    [("constants", &self.names.constants), ("inputs", &self.names.inputs), ("physical", &self.names.physical)];
+                let lists = [
+                    ("constants", &self.names.constants),
+                    ("inputs", &self.names.inputs),
+                    ("physical", &self.names.physical),
+                ];
                 let found = lists.into_iter().find_map(|(owner, list)| Some(format!("{owner}.{}", named(list)?)));
                 let name = model.quantity(symbol).name.to_string();
                 (name.clone(), found.unwrap_or(name))
@@ -348,8 +380,14 @@ impl Source<'_> {
         let of = |name: &str| self.ranges.0.get(&plain(name));
         let stated = of(&name).or_else(|| of(&self.every(leaf)?));
         let value = match leaf {
-            Leaf::Column(column) => self.values[column],
-            _ => None,
+            Leaf::Motion(..) => None,
+            _ => self
+                .estimator
+                .form
+                .columns
+                .iter()
+                .position(|column| *column.name == name)
+                .and_then(|at| self.values[at]),
         };
         match (stated, value) {
             (Some(ends), _) => Ok(*ends),
@@ -361,15 +399,69 @@ impl Source<'_> {
         }
     }
 
-    /// The bounds of a function's results; the ranges of what it reads are added to `read`.
-    fn bounds(
+    /// The bounds of a function's results, over boxes into which the ranges are cut as long as that makes them smaller and [`MOST_STEPS`] are
+    /// not exceeded. The ranges of what the function reads are added to `read`.
+    fn bounds(&self, subject: &Subject, scalar: Scalar, read: &mut BTreeMap<String, [f64; 2]>) -> Result<Cut, String> {
+        let mut whole = Vec::new();
+        let (mut best, steps) = self.evaluated(subject, scalar, &mut whole)?;
+        let ranges: Vec<[f64; 2]> =
+            whole.iter().map(|&(leaf, _)| self.range(leaf, scalar)).collect::<Result<_, String>>()?;
+        read.extend(whole.iter().zip(&ranges).map(|(&(leaf, _), ends)| (self.spelled(leaf).1, *ends)));
+        let (mut parts, mut taken) = (vec![1_usize; whole.len()], 0);
+        let wide: Vec<usize> = (0..whole.len()).filter(|&place| ranges[place][0] < ranges[place][1]).collect();
+        loop {
+            let mut found: Option<(f64, Vec<Bounded>, Vec<usize>)> = None;
+            taken += 3 * wide.len() * steps * parts.iter().product::<usize>();
+            for &place in wide.iter().filter(|_| taken <= MOST_STEPS) {
+                // Thirds, since halves of a range about zero are as wide as the whole to functions that are even or odd.
+                let mut finer = parts.clone();
+                finer[place] *= 3;
+                let mut merged: Option<Vec<Bounded>> = None;
+                for number in 0..finer.iter().product() {
+                    let mut rest = number;
+                    let cut = whole.iter().zip(&ranges).zip(&finer).map(|((&(leaf, _), &[low, high]), &parts)| {
+                        let (own, edge) =
+                            (rest % parts, |place: usize| low + (high - low) * (place as f64 / parts as f64));
+                        rest /= parts;
+                        (leaf, Interval::new(edge(own), if own + 1 == parts { high } else { edge(own + 1) }))
+                    });
+                    let (more, _) = self.evaluated(subject, scalar, &mut cut.collect())?;
+                    merged = Some(match merged {
+                        None => more,
+                        Some(merged) => merged.into_iter().zip(more).map(|(a, b)| a.with(b)).collect(),
+                    });
+                }
+                let gain = |of: &[Bounded]| -> f64 {
+                    of.iter()
+                        .zip(&best)
+                        .filter(|(own, _)| own.bound > 0.0)
+                        .map(|(own, best)| (best.bound / own.bound).ln())
+                        .sum()
+                };
+                if let Some(merged) =
+                    merged.filter(|merged| gain(merged) > found.as_ref().map_or(LEAST_GAIN, |(gain, ..)| *gain))
+                {
+                    found = Some((gain(&merged), merged, finer));
+                }
+            }
+            let Some((_, merged, finer)) = found else { break };
+            (best, parts) = (merged, finer);
+        }
+        let parts = whole.iter().zip(parts).filter(|(_, parts)| *parts > 1);
+        Ok(Cut { results: best, parts: parts.map(|(&(leaf, _), parts)| (self.spelled(leaf).1, parts)).collect() })
+    }
+
+    /// The bounds of a function's results in a box, and the number of steps that they take; what the function reads beyond the box has its
+    /// whole range, and is added to the box.
+    fn evaluated(
         &self,
         subject: &Subject,
         scalar: Scalar,
-        read: &mut BTreeMap<String, [f64; 2]>,
-    ) -> Result<Vec<Bounded>, String> {
+        cut: &mut Vec<(Leaf, Interval)>,
+    ) -> Result<(Vec<Bounded>, usize), String> {
         let Subject { function: Function { body, .. }, results, skipped, .. } = subject;
-        let mut tracing = Tracing { source: self, scalar, tape: Tape::new(precision(scalar)), leaves: Vec::new(), named: BTreeMap::new() };
+        let tape = Tape::new(precision(scalar));
+        let mut tracing = Tracing { source: self, scalar, tape, leaves: cut, named: BTreeMap::new() };
         let mut found: Vec<(String, usize)> = Vec::new();
         let (statements, values): (&[Statement], &[Expression]) = match body {
             Body::Values(statements, values) => (statements, values),
@@ -404,10 +496,7 @@ impl Source<'_> {
             });
             bounded.push(Bounded { name, range: tracing.tape.values[step], bound, shares: shares.collect() });
         }
-        for &leaf in &tracing.leaves {
-            read.insert(self.spelled(leaf).1, self.range(leaf, scalar)?);
-        }
-        Ok(bounded)
+        Ok((bounded, tracing.tape.steps.len()))
     }
 }
 
@@ -416,7 +505,7 @@ struct Tracing<'a> {
     source: &'a Source<'a>,
     scalar: Scalar,
     tape: Tape,
-    leaves: Vec<Leaf>,
+    leaves: &'a mut Vec<(Leaf, Interval)>,
     /// The steps of named intermediate results.
     named: BTreeMap<usize, usize>,
 }
@@ -435,12 +524,12 @@ impl Tracing<'_> {
             }
             Expression::Pi => Step::Number(round(std::f64::consts::PI, self.scalar).to_bits(), true),
             Expression::Leaf(leaf) => {
-                let place = self.leaves.iter().position(|own| own == leaf).unwrap_or(self.leaves.len());
+                let place = self.leaves.iter().position(|(own, _)| own == leaf).unwrap_or(self.leaves.len());
                 if place == self.leaves.len() {
-                    self.leaves.push(*leaf);
+                    let [low, high] = self.source.range(*leaf, self.scalar)?;
+                    self.leaves.push((*leaf, Interval::new(low, high)));
                 }
-                let [low, high] = self.source.range(*leaf, self.scalar)?;
-                return Ok(self.tape.leaf(place, Interval::new(low, high)));
+                return Ok(self.tape.leaf(place, self.leaves[place].1));
             }
             Expression::Temporary(name) => return Ok(self.named[name]),
             Expression::Binary(operator, a, b) => {
@@ -464,7 +553,9 @@ impl Tracing<'_> {
         let Interval { low, high } = self.tape.values[step];
         let what = format!("`{}` ranges from {low:.3e} to {high:.3e}", self.text(step, 0));
         match fault {
-            Fault::Divisor(_) => format!("the divisor {what}, which holds zero; narrow the ranges of what stands in it"),
+            Fault::Divisor(_) => {
+                format!("the divisor {what}, which holds zero; narrow the ranges of what stands in it")
+            }
             Fault::Undefined(_) => {
                 format!("{what}, where the function of it is not defined; narrow the ranges of what stands in it")
             }
@@ -477,7 +568,7 @@ impl Tracing<'_> {
         let of = |step: usize| self.text(step, depth + 1);
         match self.tape.steps[step] {
             Step::Number(bits, _) => f64::from_bits(bits).to_string(),
-            Step::Leaf(leaf) => self.source.spelled(self.leaves[leaf]).0,
+            Step::Leaf(leaf) => self.source.spelled(self.leaves[leaf].0).0,
             _ if depth == DEEPEST => "...".to_owned(),
             Step::Add(a, b) => format!("({} + {})", of(a), of(b)),
             Step::Sub(a, b) => format!("({} - {})", of(a), of(b)),
@@ -492,7 +583,7 @@ impl Tracing<'_> {
 
 /// Whether a number is a fraction over 1024 of few digits, which is taken to be meant as it is written.
 fn is_short(value: f64) -> bool {
-    (value * 1024.0).fract().is_zero() && value.abs() < 1048576.0
+    (value * 1024.0).fract().is_zero() && value.abs() < 1_048_576.0
 }
 
 /// A number in a precision.
@@ -540,10 +631,9 @@ fn number(text: &str) -> f64 {
     text.parse().expect("invariant: a formatted number is one")
 }
 
-/// Exactness of a number of the model.
 #[cfg(test)]
 mod tests {
-    use super::{Ranges, RangeError, rounded_up};
+    use super::{RangeError, Ranges, rounded_up};
 
     #[test]
     fn bounds_are_rounded_up() {

@@ -56,12 +56,7 @@ impl Interval {
     }
 
     pub(super) fn mul(self, other: Self) -> Self {
-        Self::hull([
-            self.low * other.low,
-            self.low * other.high,
-            self.high * other.low,
-            self.high * other.high,
-        ])
+        Self::hull([self.low * other.low, self.low * other.high, self.high * other.low, self.high * other.high])
     }
 
     pub(super) fn squared(self) -> Self {
@@ -129,7 +124,13 @@ impl Interval {
             Function::Log if self.low <= 0.0 => return None,
             Function::Log => self.increasing(f64::ln, all),
             Function::Abs if self.holds_zero() => Self::new(0.0, self.size()),
-            Function::Abs => if self.low > 0.0 { self } else { self.neg() },
+            Function::Abs => {
+                if self.low > 0.0 {
+                    self
+                } else {
+                    self.neg()
+                }
+            }
             Function::Sign if self.holds_zero() => Self::new(-1.0, 1.0),
             Function::Sign => Self::new(self.low.signum(), self.low.signum()),
         })

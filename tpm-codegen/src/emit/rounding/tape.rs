@@ -162,7 +162,9 @@ impl Tape {
             // A sign jumps where rounding moves its argument past zero.
             Step::Call(Function::Sign, a) if self.sign_is_exact(a) || !self.values[a].holds_zero() => 0.0,
             Step::Call(Function::Sign, _) => 2.0,
-            Step::Call(Function::Sin | Function::Cos, _) => 2.0 * half_ulp(value.size().min(1.0_f64.next_down())) + tiny,
+            Step::Call(Function::Sin | Function::Cos, _) => {
+                2.0 * half_ulp(value.size().min(1.0_f64.next_down())) + tiny
+            }
             Step::Call(function, _) => 2.0 * ulps(function) * half_ulp(value.size()) + tiny,
             Step::Atan2(..) => 2.0 * ATAN2_ULPS * half_ulp(value.size()) + tiny,
             Step::Mul(a, b) if [a, b].into_iter().any(|factor| self.is_power_of_two(factor)) => tiny,
