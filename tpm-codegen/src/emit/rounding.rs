@@ -616,8 +616,8 @@ fn adjective(scalar: Scalar) -> &'static str {
 
 /// A number that is not smaller, of three digits.
 fn rounded_up(value: f64) -> String {
-    // A checker that adds up in another order derives the same but for the last digits of doubles.
-    let value = value * (1.0 + 1e-9);
+    // A checker that adds up in another order derives the same but for the last digits of doubles, which numbers below the normal ones lack.
+    let value = if value > 0.0 { value * (1.0 + 1e-9) + f64::MIN_POSITIVE } else { value };
     let text = format!("{value:.2e}");
     let (digits, exponent) = text.split_once('e').expect("invariant: an exponent is written");
     if number(&text) >= value {
@@ -640,7 +640,7 @@ mod tests {
         for value in [0.0, 1.0, 1.23e-16, 9.999e-15, 9.99999e3, 5e-324] {
             let text = rounded_up(value);
             let up: f64 = text.parse().expect("a number");
-            assert!(up >= value && up <= value * 1.011 + 1e-323, "{value:e} {text}");
+            assert!(up >= value && up <= value * 1.011 + 1e-307, "{value:e} {text}");
         }
     }
 
