@@ -243,14 +243,18 @@ class Tape:
         ways = self.turn(index)
         if not ways:
             return
+        slack = self.slack(index)
+        for _, x, y, rest in ways:
+            most = (self.length(x[1], y[1]) + self.size(rest)) * (1 + SLACK * self.unit) + slack
+            low, high = self.values[index]
+            self.values[index] = max(low, -up(most)), min(high, up(most))
+
+    def slack(self, index):
         slack = 0.0
         for _, factors in self.terms(index, 1, []):
             sizes = [size(self.values[f]) for f in factors]
             slack += self.unit * math.prod(sizes) + self.tiny * math.prod(max(s, 1.0) for s in sizes)
-        for _, x, y, rest in ways:
-            most = (self.length(x[1], y[1]) + self.size(rest)) * (1 + SLACK * self.unit) + SLACK * slack
-            low, high = self.values[index]
-            self.values[index] = max(low, -up(most)), min(high, up(most))
+        return SLACK * slack
 
     def _length(self, x, y):
         if x > y:
@@ -258,22 +262,22 @@ class Tape:
         at = lambda i: size(self.values[i])
         hypot = lambda a, b: math.sqrt(a * a + b * b) * (1 + 1e-15)
         length = hypot(at(x), at(y))
-        near = 1 + SLACK * self.unit
+        near, slack = 1 + SLACK * self.unit, self.slack(x) + self.slack(y)
         for angle, p, q, r in self.turn(x):
             for other, s, t, v in self.turn(y):
                 if angle == other and p[1] == t[1] and q[1] == s[1] and p[0] * t[0] * q[0] * s[0] < 0:
-                    length = min(length, (self.length(p[1], q[1]) + hypot(self.size(r), self.size(v))) * near)
+                    length = min(length, (self.length(p[1], q[1]) + hypot(self.size(r), self.size(v))) * near + slack)
         (_, a), (_, b) = self.factors(x), self.factors(y)
         if len(a) > 1 and len(b) > 1:
             for place, factor in enumerate(a):
                 if factor in b:
                     other = b.index(factor)
                     rest, others = self.product(a[:place] + a[place + 1 :]), self.product(b[:other] + b[other + 1 :])
-                    length = min(length, at(factor) * hypot(at(rest), at(others)) * (1 + 1e-15))
+                    length = min(length, at(factor) * hypot(at(rest), at(others)) * near + slack)
         for angle, kind, rest in self.turning(a):
             for other, own, others in self.turning(b):
                 if angle == other and kind != own:
-                    length = min(length, max(at(self.product(rest)), at(self.product(others))) * near)
+                    length = min(length, max(at(self.product(rest)), at(self.product(others))) * near + slack)
         return length
 
     def derivatives(self, index):

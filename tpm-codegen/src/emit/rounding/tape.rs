@@ -197,20 +197,24 @@ impl Tape {
         if turned.is_empty() {
             return Ok(());
         }
-        // What is written as a sum is that sum up to the roundings in it.
-        let mut terms = Vec::new();
-        self.terms(index, false, &mut terms);
-        let mut slack = 0.0;
-        for (_, factors) in &terms {
-            let sizes = factors.iter().map(|&factor| self.values[factor].size());
-            let (product, large) = sizes.fold((1.0, 1.0), |(p, l): (f64, f64), size| (p * size, l * size.max(1.0)));
-            slack += self.precision.unit * product + self.precision.tiny * large;
-        }
+        let slack = self.slack(index);
         for Turned { x, y, rest, .. } in turned {
-            let length = (self.length(x.1, y.1)? + self.size(rest)) * (1.0 + SLACK * self.precision.unit);
-            self.values[index] = self.values[index].within((length + SLACK * slack).next_up());
+            let length = (self.length(x.1, y.1)? + self.size(rest)) * (1.0 + SLACK * self.precision.unit) + slack;
+            self.values[index] = self.values[index].within(length.next_up());
         }
         Ok(())
+    }
+
+    /// A step written as a sum of products is that sum up to the roundings in it, which are at most these.
+    fn slack(&self, index: usize) -> f64 {
+        let mut terms = Vec::new();
+        self.terms(index, false, &mut terms);
+        let of = |(_, factors): &(bool, Vec<usize>)| {
+            let sizes = factors.iter().map(|&factor| self.values[factor].size());
+            let (product, large) = sizes.fold((1.0, 1.0), |(p, l): (f64, f64), size| (p * size, l * size.max(1.0)));
+            self.precision.unit * product + self.precision.tiny * large
+        };
+        SLACK * terms.iter().map(of).sum::<f64>()
     }
 
     /// The terms of a sum as signed products.
@@ -329,13 +333,14 @@ impl Tape {
         let size = |tape: &Self, index: usize| tape.values[index].size();
         let mut length = hypot(size(self, x), size(self, y));
         self.lengths.insert(key, length);
+        let (near, slack) = (1.0 + SLACK * self.precision.unit, self.slack(x) + self.slack(y));
         // A vector and the same vector turned: (c x + s y, c y - s x).
         for a in self.turn(x)? {
             for b in self.turn(y)? {
                 let turned = a.angle == b.angle && a.x.1 == b.y.1 && a.y.1 == b.x.1;
                 if turned && (a.x.0 != b.y.0) != (a.y.0 != b.x.0) {
                     let rest = hypot(self.size(a.rest), self.size(b.rest));
-                    length = length.min((self.length(a.x.1, a.y.1)? + rest) * (1.0 + SLACK * self.precision.unit));
+                    length = length.min((self.length(a.x.1, a.y.1)? + rest) * near + slack);
                 }
             }
         }
@@ -347,14 +352,14 @@ impl Tape {
             rest.remove(place);
             others.remove(other);
             let (rest, others) = (self.product(&rest)?, self.product(&others)?);
-            length = length.min(size(self, *factor) * hypot(size(self, rest), size(self, others)) * (1.0 + 1e-15));
+            length = length.min(size(self, *factor) * hypot(size(self, rest), size(self, others)) * near + slack);
         }
         for (angle, cosine, rest) in self.turning(&first) {
             for (other, own, others) in self.turning(&second) {
                 if angle == other && cosine != own {
                     let (rest, others) = (self.product(&rest)?, self.product(&others)?);
                     let larger = size(self, rest).max(size(self, others));
-                    length = length.min(larger * (1.0 + SLACK * self.precision.unit));
+                    length = length.min(larger * near + slack);
                 }
             }
         }
