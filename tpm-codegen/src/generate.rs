@@ -8,7 +8,7 @@ pub use crate::emit::filter::{Filters, LowPass};
 use crate::emit::name::Language as Words;
 use crate::emit::regulator::RegulatorSource;
 use crate::emit::rounding;
-pub use crate::emit::rounding::{RangeError, Ranges};
+pub use crate::emit::rounding::ranges::{RangeError, Ranges};
 use crate::emit::{c, rust};
 
 /// A target language.

@@ -26,7 +26,6 @@ use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
 use super::part::{Parts, RUN_HARMONICS};
 use super::specialise::{SpecialiseError, specialised};
-use super::text;
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 use crate::language::ast::{Ident, Item, ModelDeclaration};
@@ -105,7 +104,7 @@ pub enum EmitError {
     /// Ranges from which no bounds of rounding follow.
     #[cfg(feature = "generate")]
     #[error(transparent)]
-    Range(#[from] super::rounding::RangeError),
+    Range(#[from] super::rounding::ranges::RangeError),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),
@@ -121,11 +120,6 @@ fn unmeasured(model: &ModelDeclaration) -> Option<&Ident> {
 }
 
 impl EstimatorSource {
-    /// The operations of a function, and the bounds of its rounding where there are any.
-    pub(super) fn told(&self, function: &str, plan: &Plan) -> String {
-        text::operations(plan) + self.rounding.get(function).map_or("", String::as_str)
-    }
-
     /// Checks that low passes exist, and that there is a feed-forward for them to pass.
     ///
     /// # Errors

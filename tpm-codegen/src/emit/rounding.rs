@@ -3,12 +3,12 @@
 //! Invariant: a bound is of |computed - exact|, where exact is the model's formula in real numbers for the numbers that the function is given.
 
 mod interval;
+pub mod ranges;
 mod tape;
 
 use num_traits::Zero;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
-use thiserror::Error;
 use tpm_symbolic::expr::graph::{Function as Elementary, Symbol};
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::leaf::Leaf;
@@ -22,6 +22,7 @@ use super::names::{Names, Style, derivative_name, derivative_text};
 use super::number::Rounded;
 use super::requested;
 use interval::Interval;
+use ranges::{RangeError, Ranges, plain};
 use tape::{ATAN2_ULPS, Fault, Precision, Step, Tape, ulps};
 
 /// The version of the JSON document.
@@ -41,75 +42,6 @@ const LEAST_GAIN: f64 = 0.05;
 
 /// Deepest nesting of an expression in a message.
 const DEEPEST: usize = 4;
-
-/// Ranges of what functions read, by the names of the model language, such as `dot(q)`; `*` stands for every coordinate.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ranges(BTreeMap<String, [f64; 2]>);
-
-/// Why ranges cannot be taken.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum RangeError {
-    /// The text is no range.
-    #[error("`{0}` is no range: write NAME=LOW..HIGH, such as q=-3.14..3.14 or dot(q)=-2..2")]
-    Form(String),
-    /// An end is no finite number, or the ends are in the wrong order.
-    #[error("the range {0}: both ends must be finite numbers, the lower one first")]
-    Ends(String),
-    /// A name is given twice.
-    #[error("the range of `{0}` is given twice")]
-    Twice(String),
-    /// Nothing has this name.
-    #[error("there is no `{name}` for a range; functions read {known}")]
-    Unknown {
-        /// The name.
-        name: String,
-        /// What there is.
-        known: String,
-    },
-    /// No function has a bound.
-    #[error("no function has a bound of its rounding errors: {0}")]
-    Nothing(String),
-}
-
-impl Ranges {
-    /// Ranges of the form NAME=LOW..HIGH, several in a text separated by commas.
-    ///
-    /// # Errors
-    /// [`RangeError`] where a text has another form, an end is not finite, a range is empty, or a name is given twice.
-    pub fn parse<T: AsRef<str>>(texts: &[T]) -> Result<Self, RangeError> {
-        let mut ranges = BTreeMap::new();
-        for text in texts.iter().flat_map(|text| apart(text.as_ref())) {
-            let form = || RangeError::Form(text.to_owned());
-            let (name, ends) = text.split_once('=').ok_or_else(form)?;
-            let (low, high) = ends.split_once("..").ok_or_else(form)?;
-            let number = |text: &str| text.trim().parse::<f64>().map_err(|_| form());
-            let ends = [number(low)?, number(high)?];
-            if !(ends[0].is_finite() && ends[1].is_finite() && ends[0] <= ends[1]) {
-                return Err(RangeError::Ends(text.to_owned()));
-            }
-            let name = plain(name);
-            if ranges.insert(name.clone(), ends).is_some() {
-                return Err(RangeError::Twice(name));
-            }
-        }
-        Ok(Self(ranges))
-    }
-}
-
-/// A text at its commas, but for those in parentheses.
-fn apart(text: &str) -> Vec<&str> {
-    let mut depth = 0_i32;
-    let outside = move |letter: char| {
-        depth += i32::from(letter == '(') - i32::from(letter == ')');
-        letter == ',' && depth == 0
-    };
-    text.split(outside).collect()
-}
-
-/// A name without blanks.
-fn plain(name: &str) -> String {
-    name.split_whitespace().collect()
-}
 
 /// A result of a function, its range, the bound of its error and the largest shares in it.
 struct Bounded {
@@ -369,7 +301,7 @@ impl Source<'_> {
         let mut known: Vec<String> = leaves.iter().map(|&leaf| self.spelled(leaf).0).collect();
         let every: Vec<String> = leaves.iter().filter_map(|&leaf| self.every(leaf)).collect();
         let fits = |name: &String| known.iter().chain(&every).any(|own| plain(own) == *name);
-        let Some(name) = self.ranges.0.keys().find(|name| !fits(name)) else { return Ok(()) };
+        let Some(name) = self.ranges.names().find(|name| !fits(name)) else { return Ok(()) };
         let name = name.clone();
         known.dedup();
         Err(RangeError::Unknown { name, known: known.join(", ") })
@@ -377,7 +309,7 @@ impl Source<'_> {
 
     fn range(&self, leaf: Leaf, scalar: Scalar) -> Result<[f64; 2], String> {
         let (name, _) = self.spelled(leaf);
-        let of = |name: &str| self.ranges.0.get(&plain(name));
+        let of = |name: &str| self.ranges.of(name);
         let stated = of(&name).or_else(|| of(&self.every(leaf)?));
         let value = match leaf {
             Leaf::Motion(..) => None,
@@ -390,7 +322,7 @@ impl Source<'_> {
                 .and_then(|at| self.values[at]),
         };
         match (stated, value) {
-            (Some(ends), _) => Ok(*ends),
+            (Some(ends), _) => Ok(ends),
             (None, Some(value)) => {
                 let given = round(value, scalar);
                 Ok([given.min(value), given.max(value)])
@@ -633,7 +565,7 @@ fn number(text: &str) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{RangeError, Ranges, rounded_up};
+    use super::rounded_up;
 
     #[test]
     fn bounds_are_rounded_up() {
@@ -642,16 +574,5 @@ mod tests {
             let up: f64 = text.parse().expect("a number");
             assert!(up >= value && up <= value * 1.011 + 1e-307, "{value:e} {text}");
         }
-    }
-
-    #[test]
-    fn ranges_that_are_none_are_named() {
-        let fault = |text: &str| Ranges::parse(&[text]).expect_err(text).to_string();
-        assert!(fault("q").contains("`q` is no range"));
-        assert!(fault("q=1..x").contains("`q=1..x` is no range"));
-        assert!(fault("q=2..1").contains("q=2..1: both ends must be finite numbers, the lower one first"));
-        assert!(fault("q=0..inf").contains("q=0..inf"));
-        assert_eq!(Ranges::parse(&["q=0..1", "q=0..2"]), Err(RangeError::Twice("q".to_owned())));
-        assert!(Ranges::parse(&["dot( q ) = -1e-3 .. 2"]).is_ok());
     }
 }
