@@ -81,6 +81,9 @@ struct Turned {
 /// A step, and whether it is negated.
 type Signed = (bool, usize);
 
+/// A factor by which an operand moves a step: whether it is negative, and the step that it is where it is not 1.
+type Factor = (bool, Option<usize>);
+
 /// Steps with their values.
 pub(super) struct Tape {
     precision: Precision,
@@ -415,8 +418,8 @@ impl Tape {
         Ok((total, shares))
     }
 
-    /// The operands of a step, with the factors by which they move its value: a sign, and a step where the factor is not 1.
-    fn derivatives(&mut self, step: usize) -> Result<Vec<(usize, (bool, Option<usize>))>, Fault> {
+    /// The operands of a step, with the factors by which they move its value.
+    fn derivatives(&mut self, step: usize) -> Result<Vec<(usize, Factor)>, Fault> {
         let quotient = |tape: &mut Self, a: usize, b: usize| tape.push(Step::Div(a, b));
         Ok(match self.steps[step] {
             Step::Number(..) | Step::Leaf(_) | Step::Call(Function::Sign, _) => Vec::new(),
