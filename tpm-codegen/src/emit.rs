@@ -23,6 +23,8 @@ pub mod part;
 #[cfg(feature = "generate")]
 pub mod regulator;
 mod requested;
+#[cfg(feature = "generate")]
+pub mod rounding;
 mod run;
 pub mod rust;
 pub mod specialise;

@@ -5,7 +5,10 @@
 pub use crate::emit::c::Scalar;
 use crate::emit::estimator::{EmitError, EstimatorSource, Identified};
 pub use crate::emit::filter::{Filters, LowPass};
+use crate::emit::name::Language as Words;
 use crate::emit::regulator::RegulatorSource;
+use crate::emit::rounding;
+pub use crate::emit::rounding::ranges::{RangeError, Ranges};
 use crate::emit::{c, rust};
 
 /// A target language.
@@ -64,6 +67,8 @@ pub struct Options<'a> {
     pub prefix: Option<&'a str>,
     /// The scalar type in C. Rust code is generic over both.
     pub scalar: Scalar,
+    /// Ranges of what functions read: with them, bounds of rounding errors stand beside the functions and in a file of their own.
+    pub ranges: Option<&'a Ranges>,
 }
 
 impl<'a> Options<'a> {
@@ -80,6 +85,7 @@ impl<'a> Options<'a> {
             strokes: false,
             prefix: None,
             scalar: Scalar::default(),
+            ranges: None,
         }
     }
 }
@@ -92,6 +98,12 @@ pub struct File {
     pub name: String,
     /// Its text.
     pub text: String,
+}
+
+/// The functions without a bound of rounding, each with the reason; none in a file other than that with the bounds.
+#[must_use]
+pub fn unbounded(file: &File) -> Vec<String> {
+    if file.name.ends_with(rounding::EXTENSION) { rounding::refused(&file.text) } else { Vec::new() }
 }
 
 /// The source files of a regulator: state feedback that keeps a machine at rest at an operating point.
@@ -124,7 +136,7 @@ pub fn generate_regulator(
 ///
 /// # Errors
 /// [`EmitError`] when no sensor measures a coordinate, the identified values are of another model or leave open what an equation needs, or
-/// are not there for code that is made for one machine, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
+/// are not there for code that is made for one machine, no bound of rounding follows from the ranges, a filter is out of range or has no feed-forward to pass, there are no strokes or nothing to forget, or the
 /// target language cannot express the model.
 pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(own) = estimator.model.coordinates.iter().find(|coordinate| coordinate.unmeasured) {
@@ -145,9 +157,20 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
     if options.forgetting {
         estimator.check_forgetting()?;
     }
-    let specialised = options.specialise.then(|| estimator.specialised(options.identified)).transpose()?;
-    let estimator = specialised.as_ref().unwrap_or(estimator);
-    match options.language {
+    let mut own = options.specialise.then(|| estimator.specialised(options.identified)).transpose()?;
+    let mut document = None;
+    if let Some(ranges) = options.ranges {
+        let both = [Scalar::Double, Scalar::Float];
+        let (language, scalars) = match options.language {
+            Language::Rust => (Words::Rust, both.as_slice()),
+            Language::C => (Words::C, std::slice::from_ref(&options.scalar)),
+        };
+        let bounded = own.get_or_insert_with(|| estimator.clone());
+        let given = (ranges, options.identified);
+        document = Some(rounding::add(bounded, given, (language, scalars), options.command)?);
+    }
+    let estimator = own.as_ref().unwrap_or(estimator);
+    let mut files = match options.language {
         Language::Rust => {
             let rust_options = rust::Options {
                 command: options.command,
@@ -159,16 +182,21 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
                 ..rust::Options::default()
             };
             let text = rust::file(estimator, &rust_options).map_err(|error| EmitError::Layout(error.to_string()))?;
-            Ok(vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }])
+            vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }]
         }
         Language::C => {
             let Options { command, identified, filters, forgetting, strokes, prefix, scalar, .. } = *options;
             let files =
                 c::files(estimator, &c::Options { command, prefix, scalar, identified, filters, forgetting, strokes })?;
-            Ok(vec![
+            vec![
                 File { name: format!("{}.h", files.name), text: files.header },
                 File { name: format!("{}.c", files.name), text: files.source },
-            ])
+            ]
         }
+    };
+    if let (Some(text), Some(last)) = (document, files.last()) {
+        let stem = last.name.split('.').next().unwrap_or_default();
+        files.push(File { name: format!("{stem}{}", rounding::EXTENSION), text });
     }
+    Ok(files)
 }

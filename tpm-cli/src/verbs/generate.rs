@@ -8,7 +8,7 @@ use crate::output::file;
 use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part};
-use tpm_codegen::generate::{File, Filters, Language, LowPass, Options, Scalar, generate};
+use tpm_codegen::generate::{File, Filters, Language, LowPass, Options, Ranges, Scalar, generate, unbounded};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -104,6 +104,11 @@ pub(crate) struct Args {
     /// Add parts that are not made without being asked for; several are separated by commas.
     #[arg(long, value_parser = part(), value_name = "PART", value_delimiter = ',')]
     with: Vec<Part>,
+    /// Bound how far rounding moves the results of the functions of the dynamics, where what they read is in these ranges: `q=-3.1..3.1`,
+    /// `dot(q)=-2..2`, `dot(*)=-2..2` of every coordinate; parameters have the values of --params or ranges. The bounds stand beside the
+    /// functions and, with what they follow from, in NAME.bounds.json. Several are separated by commas.
+    #[arg(long, value_name = "NAME=LOW..HIGH,..")]
+    range: Vec<String>,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
     check: bool,
@@ -126,6 +131,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         return Err(Failure::Input(what.to_owned()));
     }
     let filters = filters(args)?;
+    let ranges = Ranges::parse(&args.range).map_err(|error| Failure::Input(format!("--range: {error}")))?;
     let command = command(args);
     let options = Options {
         identified: identified.as_ref(),
@@ -135,6 +141,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         strokes: args.strokes,
         prefix: args.prefix.as_deref(),
         scalar: args.real.unwrap_or_default(),
+        ranges: (!args.range.is_empty()).then_some(&ranges),
         ..Options::new(args.lang, &command)
     };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
@@ -151,10 +158,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
             ))
         }
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
+        (EmitError::Range(error), _) => Failure::Input(format!("--range: {error}")),
         (EmitError::Prefix(_) | EmitError::Filter(_) | EmitError::Specialise(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string()),
     })?;
-    for gap in estimator.gaps() {
+    for gap in estimator.gaps().into_iter().chain(files.iter().flat_map(unbounded)) {
         file::remark(&format!("remark: {gap}"));
     }
     match file::named(args.output.as_deref()) {
@@ -213,6 +221,9 @@ fn command(args: &Args) -> String {
     }
     if args.strokes {
         command.push_str(" --strokes");
+    }
+    if !args.range.is_empty() {
+        command.push_str(&format!(" --range '{}'", args.range.join(",")));
     }
     let with: Vec<&str> = Part::ALL.into_iter().filter(|part| args.with.contains(part)).map(Part::name).collect();
     if !with.is_empty() {

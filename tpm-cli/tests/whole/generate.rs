@@ -313,3 +313,27 @@ fn inputs_that_cannot_be_solved_for_are_named_with_the_reason() {
         fails(&["generate", &model, "--lang", "c", "-o", "never"], 2, &[why]);
     }
 }
+
+/// Bounds stand in a file of their own, whose command makes the same files again; ranges that are none are refused, and nothing is written.
+#[test]
+fn stated_ranges_give_bounds_of_rounding() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("bounds");
+    let out = out.to_str().expect("a readable path");
+    let base = ["generate", SLIDER, "--lang", "c", "-o", out, "--range"];
+    let with = |ranges: &'static str| [&base[..], &[ranges]].concat();
+    fails(&with("x=1..0"), 2, &["--range: the range x=1..0: both ends must be finite numbers, the lower one first"]);
+    fails(&with("x"), 2, &["--range: `x` is no range: write NAME=LOW..HIGH"]);
+    fails(&with("y=0..1"), 2, &["--range: there is no `y` for a range; functions read x, dot(x), ddot(x)"]);
+    assert!(!std::path::Path::new(out).exists(), "nothing is written");
+    let ranges = "*=-1..1,dot(x)=-2..2,ddot(x)=-9..9,m=1..2,k1=1..2,k2=1..2,u=-5..5";
+    let made = tpm(&with(ranges));
+    assert!(made.status.success() && !text(&made.stderr).contains("no bound"), "{}", text(&made.stderr));
+    let files = ["mass_spring_drag.bounds.json", "mass_spring_drag.c", "mass_spring_drag.h"];
+    assert_eq!(names(std::path::Path::new(out)), files);
+    let document = std::fs::read_to_string(format!("{out}/{}", files[0])).expect("written");
+    let document: serde_json::Value = serde_json::from_str(&document).expect("JSON");
+    let command = format!("tpm generate mass_spring_drag.tpm --lang c --range '{ranges}'");
+    assert_eq!(document["command"].as_str(), Some(command.as_str()));
+    assert!(tpm(&[&with(ranges)[..], &["--check"]].concat()).status.success());
+}

@@ -3,6 +3,7 @@
 //! Invariant of [`EstimatorSource`]: the form belongs to the model, the plans to both, and every number of the plans has a finite,
 //! non-vanishing double.
 
+use std::collections::BTreeMap;
 use thiserror::Error;
 use tpm_symbolic::expr::graph::{Coordinate, Function};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
@@ -59,6 +60,8 @@ pub struct EstimatorSource {
     pub(super) specialised: bool,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
+    /// What is said of rounding, by the names of functions; that of the file has an empty one. Nothing where no ranges are stated.
+    pub(super) rounding: BTreeMap<&'static str, String>,
 }
 
 /// Why no source code can be made of a model.
@@ -98,6 +101,10 @@ pub enum EmitError {
     /// Code cannot be made for one machine.
     #[error(transparent)]
     Specialise(#[from] SpecialiseError),
+    /// Ranges from which no bounds of rounding follow.
+    #[cfg(feature = "generate")]
+    #[error(transparent)]
+    Range(#[from] super::rounding::ranges::RangeError),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),
@@ -241,6 +248,7 @@ impl EstimatorSource {
             campaign: None,
             specialised: false,
             formulas,
+            rounding: BTreeMap::new(),
         }
     }
 

@@ -178,7 +178,7 @@ pub(super) fn regressor(estimator: &EstimatorSource) -> Function {
         }
         about.push_str("```\n");
     }
-    about.push_str(text::operations(plan).trim_start_matches('\n'));
+    about.push_str(text::told(estimator, "regressor", plan).trim_start_matches('\n'));
     let statements = entries(plan, estimator.form.columns.len(), |row, column| {
         let name = &estimator.form.columns[column].name;
         format!("{}, {name}: {}", estimator.form.rows[row].name, text::entry(estimator, row, Some(column)))
@@ -208,14 +208,20 @@ pub(super) fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize
 /// The terms without an unknown parameter.
 pub(super) fn known(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.known;
-    let about = format!("The terms without an unknown parameter, on the left-hand side.{}", text::operations(plan));
+    let about = format!(
+        "The terms without an unknown parameter, on the left-hand side.{}",
+        text::told(estimator, "known", plan)
+    );
     Function::values(estimator, plan, about)
 }
 
 /// B, rows times inputs.
 pub(super) fn input_map(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.input_map;
-    let about = format!("The input map B, one row per equation and one column per input.{}", text::operations(plan));
+    let about = format!(
+        "The input map B, one row per equation and one column per input.{}",
+        text::told(estimator, "input_map", plan)
+    );
     let statements = entries(plan, estimator.plan.evaluation.inputs.len(), |row, input| {
         let name = &estimator.model.quantity(estimator.plan.evaluation.inputs[input]).name;
         format!("{}, {name}: {}", estimator.form.rows[row].name, text::input_factor(estimator, row, input))
@@ -228,7 +234,7 @@ pub(super) fn inverse_dynamics(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.inverse_dynamics;
     let about = format!(
         "Phi theta + known: the generalised force of every equation that the motion needs.{}",
-        text::operations(plan)
+        text::told(estimator, "inverse_dynamics", plan)
     );
     Function::values(estimator, plan, about)
 }
@@ -242,7 +248,10 @@ pub(super) fn feed_forward(estimator: &EstimatorSource) -> Option<Function> {
         [] => String::new(),
         names => format!(" The motion must satisfy {} by itself.", names.join(", ")),
     };
-    let about = format!("Feed-forward: the inputs that the reference motion needs.{free}{}", text::operations(plan));
+    let about = format!(
+        "Feed-forward: the inputs that the reference motion needs.{free}{}",
+        text::told(estimator, "feed_forward", plan)
+    );
     Some(Function::values(estimator, plan, about))
 }
 
@@ -283,7 +292,7 @@ pub(super) fn feed_forward_with_regressor(estimator: &EstimatorSource) -> Option
     }
     let about = format!(
         "[`feed_forward`] and [`regressor`] in one go: what they share is computed once.{}",
-        text::operations(&plan)
+        text::told(estimator, "feed_forward_with_regressor", &plan)
     );
     Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
 }
@@ -291,15 +300,18 @@ pub(super) fn feed_forward_with_regressor(estimator: &EstimatorSource) -> Option
 /// The motion-independent and the motion-dependent part of the feed-forward.
 pub(super) fn feed_forward_parts(estimator: &EstimatorSource) -> Option<[Function; 2]> {
     let [independent, dependent] = estimator.plan.feed_forward_parts.as_ref()?;
-    let part =
-        |plan: &Plan, about: &str| Function::values(estimator, plan, format!("{about}{}", text::operations(plan)));
+    let part = |name: &str, plan: &Plan, about: &str| {
+        Function::values(estimator, plan, format!("{about}{}", text::told(estimator, name, plan)))
+    };
     Some([
         part(
+            "feed_forward_independent",
             independent,
             "The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate\n\
              still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.",
         ),
         part(
+            "feed_forward_dependent",
             dependent,
             "The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With\n\
              [`feed_forward_independent`] it adds up to [`feed_forward`].",
@@ -319,7 +331,8 @@ pub(super) fn lump(estimator: &EstimatorSource) -> Option<Function> {
         statements.extend(needed);
         statements.push(Statement::Store(Place::Value(i), value));
     }
-    let about = format!("The estimated parameters that belong to these physical ones.{}", text::operations(plan));
+    let about =
+        format!("The estimated parameters that belong to these physical ones.{}", text::told(estimator, "lump", plan));
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
 }
 
@@ -359,7 +372,7 @@ pub(super) fn unlump(estimator: &EstimatorSource) -> Option<Function> {
              is not checked here, and what stands on the left of it is not used.\n\n```text\n{relations}```"
         ));
     }
-    about.push_str(&text::operations(plan));
+    about.push_str(&text::told(estimator, "unlump", plan));
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
 }
 

@@ -28,6 +28,9 @@ pub(super) fn header(estimator: &EstimatorSource, command: &str, function_name: 
     if estimator.specialised {
         text.push_str(&format!("\n{SPECIALISED}\n"));
     }
+    if let Some(rounding) = estimator.rounding.get("") {
+        text.push_str(&format!("\n{rounding}\n"));
+    }
     if estimator.parts.estimator {
         text.push_str(&format!("\n{RATES}\n"));
     }

@@ -52,7 +52,7 @@ pub(super) fn gravity(estimator: &EstimatorSource) -> Option<Function> {
     let about = format!(
         "Phi theta + known at rest, where all time derivatives are zero: the generalised force of every equation that holds the machine\n\
          against gravity, springs and offsets. Only positions are read.{}",
-        text::operations(plan)
+        text::told(estimator, "gravity", plan)
     );
     Some(Function::values(estimator, plan, about))
 }
@@ -76,7 +76,7 @@ pub(super) fn mass_matrix(estimator: &EstimatorSource) -> Option<Function> {
     let about = format!(
         "The mass matrix M, one row per equation and one column per coordinate: what the highest derivatives are multiplied by in\n\
          [`inverse_dynamics`].{by}{}",
-        text::operations(plan)
+        text::told(estimator, "mass_matrix", plan)
     );
     let statements = entries(plan, estimator.plan.evaluation.coordinates.len(), |row, column| {
         format!("{}, {}", estimator.form.rows[row].name, acceleration(estimator, column))
@@ -99,7 +99,7 @@ pub(super) fn forward_dynamics(estimator: &EstimatorSource) -> Option<Function> 
     let about = format!(
         "Forward dynamics: the highest derivatives that the inputs give, from M a = B u - h with the forces h at zero accelerations.\n\
          The highest derivatives of the motion are not read. {way}{}",
-        text::operations(plan)
+        text::told(estimator, "forward_dynamics", plan)
     );
     Some(Function::values(estimator, plan, about))
 }
@@ -111,7 +111,7 @@ pub(super) fn base_regressor(estimator: &EstimatorSource) -> Option<Function> {
     let about = format!(
         "The regressor in base parameters, one row per equation: its columns are those of [`regressor`] that lead a base parameter, so\n\
          that Phi theta is this matrix times the base parameters.{}",
-        text::operations(plan)
+        text::told(estimator, "base_regressor", plan)
     );
     let statements = entries(plan, base.parameters.len(), |row, column| {
         let column = base.parameters[column].column;
@@ -142,7 +142,7 @@ pub(super) fn base(estimator: &EstimatorSource) -> Option<Function> {
     let base = estimator.parts.base.as_ref()?;
     let about = format!(
         "The base parameters that belong to these parameters: the combinations on which the forces of all motions depend.{}",
-        text::operations(&base.lumping)
+        text::told(estimator, "base", &base.lumping)
     );
     Some(Function::values(estimator, &base.lumping, about))
 }

@@ -71,6 +71,11 @@ pub(super) fn operations(plan: &Plan) -> String {
     }
 }
 
+/// The paragraph `Operations: ...` of a function, and the bounds of its rounding where there are any.
+pub(super) fn told(estimator: &EstimatorSource, function: &str, plan: &Plan) -> String {
+    operations(plan) + estimator.rounding.get(function).map_or("", String::as_str)
+}
+
 /// The suffix ` in kg`; empty for a quantity without a unit.
 pub(super) fn in_unit(unit: Option<&Unit>) -> String {
     match unit {

@@ -18,5 +18,6 @@ mod random_code;
 #[allow(dead_code, reason = "only models with a regressor form are compiled")]
 #[path = "../../../tests/support/random_model.rs"]
 mod random_model;
+mod rounding;
 mod specialised;
 mod support;
