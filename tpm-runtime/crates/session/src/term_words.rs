@@ -50,7 +50,12 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
         ),
         None => (q(), v()),
     };
+    let is_rate = own.kind.is_force() && own.other.is_none() && model.coordinate_order(own.of) == 1;
     let (term, meaning): Words = match own.kind {
+        TermKind::Power(exponent) if is_rate => {
+            (raised(q(), exponent), "damping, a loss or a drag that the model lacks".into())
+        }
+        TermKind::Play if is_rate => (format!("sign({})", q()), "dry (Coulomb) friction".into()),
         TermKind::Offset => offset(),
         TermKind::Friction => friction(&q()),
         TermKind::Stribeck => stribeck(&q()),

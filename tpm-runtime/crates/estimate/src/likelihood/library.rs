@@ -106,6 +106,17 @@ impl TermKind {
             TermKind::Delay | TermKind::InputGain | TermKind::PositionOffset | TermKind::Backlash | TermKind::Limit
         )
     }
+
+    /// Least order of a coordinate in the equations for a term to be a force on it: of a speed, or a temperature, whose rate alone stands in
+    /// the rows, that rate is no velocity, and the coordinate no position.
+    const fn least_order(self) -> usize {
+        match self {
+            TermKind::Offset | TermKind::Power(_) | TermKind::PairPower(_) | TermKind::Play | TermKind::PairPlay => 1,
+            TermKind::Drift | TermKind::DeadZone => 1,
+            kind if !kind.is_force() => 1,
+            _ => 2,
+        }
+    }
 }
 
 /// A term in its place.
@@ -436,6 +447,8 @@ impl Scales {
                 }
             }
         }
+        let order = |c: usize| model.coordinate_order(c.min(dims.coordinates.saturating_sub(1)));
+        terms.retain(|term| !term.kind.is_force() || order(term.of) >= term.kind.least_order());
         terms
     }
 }

@@ -100,13 +100,7 @@ impl Library {
         let coupled = |row: usize, c: usize| felt(row, model.coordinate_order(c) * dims.coordinates + c);
         let moved = |row: usize, c: usize| (0..model.coordinate_order(c)).any(|d| felt(row, d * dims.coordinates + c));
         let mut terms = scales.terms(model, &coupled, &moved);
-        // An acceleration is no state, where the rows are of the first order.
-        let order = |term: &Term| model.coordinate_order(term.of.min(dims.coordinates - 1));
-        terms.retain(|term| match term.kind {
-            TermKind::InputGain | TermKind::PositionOffset => false,
-            TermKind::Delay => true,
-            kind => order(term) >= least_order(kind),
-        });
+        terms.retain(|term| !matches!(term.kind, TermKind::InputGain | TermKind::PositionOffset));
         let read = (0..dims.coordinates).filter(|&c| model.coordinate_order(c) > 1 && problem.sensor(c).is_some());
         terms.extend(read.map(|of| Term { kind: TermKind::Backlash, row: None, of, other: None }));
         terms.extend((0..dims.inputs).map(|of| Term { kind: TermKind::Limit, row: None, of, other: None }));
@@ -150,16 +144,6 @@ impl Library {
                 .fold(0.0, f64::max),
             _ => 1.0,
         }
-    }
-}
-
-/// Least order of a coordinate in the equations for a term to be a force on it.
-const fn least_order(kind: TermKind) -> usize {
-    match kind {
-        TermKind::Offset | TermKind::Power(_) | TermKind::Sine(_) | TermKind::Cosine(_) | TermKind::Drift => 1,
-        TermKind::Ripple { .. } | TermKind::PairPower(_) | TermKind::Play | TermKind::PairPlay => 1,
-        TermKind::DeadZone => 1,
-        _ => 2,
     }
 }
 
