@@ -96,7 +96,7 @@ pub use sampled::{Sampled, estimate_sampled, is_static};
 pub use scale::Scale;
 pub use sensor::Sensor;
 pub use settings::{Domain, Frozen, NumericalSettings, Refine, Settings, Weights};
-pub use simulation::{Evenly, Explained, Outcome, Question, Reading, Record, Simulation, Variant};
+pub use simulation::{Asked, Evenly, Explained, Outcome, Question, Reading, Record, Simulation, Variant};
 pub use table::{LineTable, RowLines};
 pub use time_domain::Swiftness;
 pub use time_domain::{

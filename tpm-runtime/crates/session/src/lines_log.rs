@@ -80,7 +80,12 @@ pub(super) fn identify(
             sample_time: first.sample_time,
         };
         let restate = |values, covariance| found.restated(values, covariance, settings);
-        let conditions = Conditions { by: By::Likelihood, ..Conditions::of_log(options) };
+        let by = By::Likelihood {
+            // What the lines name is not asked again.
+            forces: !found.lacking.iter().any(|own| own.term.kind.is_force()),
+            other_hold: found.other_hold.is_none_or(|other| other <= found.estimate.residual),
+        };
+        let conditions = Conditions { by, ..Conditions::of_log(options) };
         refined(machine, start, conditions, settings, &restate)
     };
     let own = if !settings.fitted_delays.is_empty() {
@@ -94,7 +99,8 @@ pub(super) fn identify(
     };
     // With the other hold than the one that is stated a record is another one.
     let explained = !own.tells_hold && own.report.as_ref().is_some_and(|report| explains(report, &found));
-    let refined = if explained {
+    let used = own.report.as_ref().is_some_and(|report| report.used);
+    let refined = if explained || (asked && used && !own.tells_hold) {
         own
     } else {
         // Why a simulation is not used stays in the report, but where one that nobody asked for could not be made.

@@ -10,8 +10,8 @@ use std::ops::RangeInclusive;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
-    Candidate, CandidateKind, Course, Differentiable, Estimate, Lacking, OutputError, OutputErrorFault, Question,
-    Refine, ResidualOf, Settings, Simulation, Term, TermKind, reach_in,
+    Asked, Candidate, CandidateKind, Course, Differentiable, Estimate, Lacking, OutputError, OutputErrorFault,
+    Question, Refine, ResidualOf, Settings, Simulation, Term, TermKind, reach_in,
 };
 use tpm_motion::Dynamics;
 use tpm_numerics::{Matrix, alarm, tolerance};
@@ -81,7 +81,12 @@ pub(super) enum By {
     /// Output error, whose inputs may have noise.
     OutputError,
     /// The likelihood of all ways to explain a record: noise of sensors and forces, terms, delays, play and limits.
-    Likelihood,
+    Likelihood {
+        /// Whether it is asked which forces the model lacks: nobody has named any.
+        forces: bool,
+        /// Whether the inputs may do the other thing between samples.
+        other_hold: bool,
+    },
 }
 
 impl<'a> Conditions<'a> {
@@ -120,7 +125,7 @@ pub(super) fn refined(
     }
     let refine = match conditions.by {
         By::OutputError => refine,
-        By::Likelihood => by_likelihood,
+        By::Likelihood { .. } => by_likelihood,
     };
     refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {
         let report = RefinementReport::refused(&estimate.values, &fault);
@@ -264,7 +269,10 @@ fn by_likelihood(
         free: &free,
         hidden: &hidden,
         typical_period: typical_period * start.sample_time,
-        terms: dims.coordinates <= MOST_ASKED,
+        asked: match conditions.by {
+            By::Likelihood { forces: true, .. } if dims.coordinates <= MOST_ASKED => Asked::All,
+            _ => Asked::Channels,
+        },
     };
     let found = Simulation::fit(&question, &record(conditions.hold))?;
     let report = RefinementReport {
@@ -285,7 +293,7 @@ fn by_likelihood(
     let other_hold = || {
         // Where nothing lies between the inputs and the machine, the other hold is as likely beforehand.
         let better = conditions.hold.other();
-        let question = Question { start: &found.values, terms: false, ..question.clone() };
+        let question = Question { start: &found.values, asked: Asked::Nothing, ..question.clone() };
         let other = Simulation::fit(&question, &record(better)).ok()?;
         if other.cost >= found.cost - alarm::LIKELIHOOD_GAIN {
             return None;
@@ -303,7 +311,8 @@ fn by_likelihood(
             },
         })
     };
-    let other_hold = conditions.actuators.iter().all(Dynamics::is_ideal).then(other_hold).flatten();
+    let likely = matches!(conditions.by, By::Likelihood { other_hold: true, .. });
+    let other_hold = (likely && conditions.actuators.iter().all(Dynamics::is_ideal)).then(other_hold).flatten();
     let tells_hold = other_hold.is_some();
     let mut warnings: Vec<Warning> = other_hold.into_iter().collect();
     warnings.extend(report.missing.iter().cloned().map(|term| match term.of.kind {

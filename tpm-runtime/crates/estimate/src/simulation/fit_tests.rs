@@ -49,7 +49,7 @@ fn fit_with_rate(
         free: &[0, 1, 2],
         hidden: &[],
         typical_period: PERIOD as f64 * SAMPLE_TIME,
-        terms: true,
+        asked: Asked::All,
     };
     Simulation::fit(&question, &record).expect("settles")
 }

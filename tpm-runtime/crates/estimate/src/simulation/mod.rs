@@ -32,4 +32,4 @@ mod terms;
 mod triangle;
 
 pub use record::{Evenly, Reading, Record};
-pub use rule::{Explained, Outcome, Question, Simulation, Variant};
+pub use rule::{Asked, Explained, Outcome, Question, Simulation, Variant};

@@ -33,6 +33,8 @@ const FIRST_PLAY: f64 = 4e-3;
 const FIRST_PLAY_FORCE: f64 = 1e-3;
 /// Share of the force of a row that noise of the forces makes, above which a reading may be behind play.
 const UNEXPLAINED: f64 = 0.01;
+/// Most readings times terms of which the forces that a model lacks are asked: some ten seconds.
+const MOST_COLUMNS: usize = 800_000;
 /// Instants at which rows are taken for a regression.
 const REGRESSED: usize = 4000;
 
@@ -119,6 +121,17 @@ pub struct Simulation {
     pub share: f64,
 }
 
+/// What is asked where the model alone does not explain a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Asked {
+    /// Nothing.
+    Nothing,
+    /// What a channel does beside what is recorded of it: an input that acts later or is limited, a reading behind play.
+    Channels,
+    /// That, and forces that the model lacks; of a long record, whose hundreds of columns take minutes, that alone.
+    All,
+}
+
 /// What a fit is asked.
 #[derive(Clone, Debug)]
 pub struct Question<'a> {
@@ -134,8 +147,8 @@ pub struct Question<'a> {
     pub hidden: &'a [Vec<f64>],
     /// Time in which the motion goes to and fro once, on the average, s.
     pub typical_period: f64,
-    /// Whether it is asked what the model lacks: hundreds of candidates of many coordinates take minutes.
-    pub terms: bool,
+    /// What is asked beside the model.
+    pub asked: Asked,
 }
 
 impl Simulation {
@@ -179,7 +192,12 @@ impl Simulation {
 
     /// Fits them to readings that are all used.
     fn of_readings(question: &Question<'_>, record: &Record, rates: Vec<RateUse>) -> Result<Self, OutputErrorFault> {
-        let trial = Trial::new(question, record)?;
+        let mut trial = Trial::new(question, record)?;
+        let columns = record.readings() * trial.library.terms.len();
+        if question.asked != Asked::All || columns > MOST_COLUMNS {
+            trial.library.terms.retain(|term| !term.kind.is_force());
+        }
+        let trial = trial;
         let fit = trial.fit(question.hidden);
         let mut reached: Vec<(Variant, Reached)> = Vec::new();
         // The given start and the regression of the rows along the readings: both may be far from the truth, and the lower optimum counts.
@@ -190,10 +208,12 @@ impl Simulation {
             fit.settle(begun, How::plain(GUARD))
         });
         let model = settled.reduce(lower).unwrap_or(Err(OutputErrorFault::Singular));
-        if let Ok(model) = &model {
+        // A model that needs no forces beside its own explains the record: there is nothing more to ask.
+        let alone = model.as_ref().is_ok_and(|own| own.settled && !trial.needs_forces(&fit, Variant::Model, own));
+        if let (Ok(model), false) = (&model, alone) {
             reached.extend(fit.settle(trial.drifting(model), How::plain(GUARD)).ok().map(|own| (Variant::Drift, own)));
         }
-        if question.terms {
+        if question.asked != Asked::Nothing && !alone {
             trial.richer(question, &fit, model.as_ref().ok(), &mut reached);
         }
         let fault = match model {
@@ -209,7 +229,7 @@ impl Simulation {
                 fault.unwrap_or(OutputErrorFault::NotConverged { steps: crate::simulation::fit::PARAMS.passes })
             );
         };
-        let needs_forces = trial.needs_forces(&fit, &reached[best]);
+        let needs_forces = !alone && trial.needs_forces(&fit, reached[best].0, &reached[best].1);
         trial.handed_out(&fit, &reached, best).map(|found| Simulation { rates, needs_forces, ..found })
     }
 }
@@ -341,7 +361,7 @@ impl<'a> Trial<'a> {
 
     /// Whether an optimum needs forces that the model lacks: without any it is clearly less likely. A little noise of the forces is enough to
     /// hide a term that the parameters nearly make up for.
-    fn needs_forces(&self, fit: &Fit<'_>, (variant, own): &(Variant, Reached)) -> bool {
+    fn needs_forces(&self, fit: &Fit<'_>, variant: Variant, own: &Reached) -> bool {
         let mut state = own.state.clone();
         match variant {
             Variant::Drift => return true,
