@@ -122,7 +122,6 @@ fn findings() -> Vec<Warning> {
         Warning::NothingAccepted,
         Warning::MissingTerm { term: term() },
         Warning::Halves { parameter: m(), moved: 0.5, deviation: 0.1 },
-        Warning::WaysContradict { parameter: m(), moved: 0.5, deviation: 0.1 },
         Warning::Limited { term: term() },
         Warning::Repeats { power: 5.0, beside_terms: false },
         Warning::Vibration { frequency: 20.0 },
@@ -175,7 +174,6 @@ fn findings() -> Vec<Warning> {
             | Warning::NothingAccepted
             | Warning::MissingTerm { .. }
             | Warning::Halves { .. }
-            | Warning::WaysContradict { .. }
             | Warning::Limited { .. }
             | Warning::Repeats { .. }
             | Warning::Vibration { .. }

@@ -3,7 +3,7 @@
 use crate::output_error::{Differentiable, reach_in};
 use crate::recorded::Channel;
 use crate::rig_checks::{START, calibrated, cramer_rao};
-use crate::simulation::{Evenly, Question, Reading, Record, Simulation, Variant};
+use crate::simulation::{Asked, Evenly, Question, Reading, Record, Simulation, Variant};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
