@@ -54,7 +54,10 @@ impl Spelling for Fields {
 pub(crate) fn remedy(found: &Remedy) -> Option<String> {
     Some(match found {
         Remedy::MapColumn { signal } => format!("choose the column of {signal} under Signals"),
-        Remedy::MapColumns { signals } => format!("choose the columns of {} under Signals", signals.join(", ")),
+        Remedy::MapColumns { signals } => {
+            let columns = if signals.len() == 1 { "column" } else { "columns" };
+            format!("choose the {columns} of {} under Signals", signals.join(", "))
+        }
         Remedy::Columns { timeless: true, .. } => {
             "choose the column of the time under Signals, or give the time from row to row".to_owned()
         }

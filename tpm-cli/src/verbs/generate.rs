@@ -9,6 +9,7 @@ use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part};
 use tpm_codegen::generate::{File, Filters, Language, LowPass, Options, Ranges, Scalar, generate, unbounded};
+use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -260,12 +261,15 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
 /// Values of parameters: a result, or lines that name what the model has.
 fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<Identified, Failure> {
     let model = loaded.model();
-    let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
+    let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
+    let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
+    let text = String::from_utf8(bytes).map_err(|error| {
+        at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))
+    })?;
     let found = identification(path, &text, &model.name)?;
     if !is_values(path) {
         return Ok(found);
     }
-    let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
     let is_parameter = |symbol: Symbol| model.parameters().any(|own| own == symbol);
     for name in found.parameters.iter().map(|own| own.name.as_str()) {
         match model.find_symbol(name) {

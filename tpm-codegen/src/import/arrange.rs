@@ -206,6 +206,10 @@ impl<'a> Arranger<'a, '_, '_> {
         };
         let reached: BTreeSet<&str> = roots.iter().flat_map(|root| self.reached(&root.name)).collect();
         if let (2.., Some(only)) = (roots.len(), one(roots.iter().copied().filter(|root| moves(root)))) {
+            for aside in roots.iter().filter(|root| root.name != only.name) {
+                let message = format!("the link `{}` hangs on nothing and moves nothing: it is left out", aside.name);
+                self.warning(aside.span, message, "name the base (`--base LINK`) where it is another one");
+            }
             roots = vec![only];
         }
         match roots.as_slice() {

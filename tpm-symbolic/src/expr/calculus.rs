@@ -9,7 +9,7 @@ use num_traits::Zero;
 use std::collections::HashMap;
 
 /// Operations for an expression that a pass looks at, and for each of its operands, for the budget.
-const VISITED: u64 = 50;
+const VISITED: u64 = 20;
 
 impl Graph {
     /// The partial derivative of `expr` with respect to the leaf `variable` (a symbol or a derivative of a

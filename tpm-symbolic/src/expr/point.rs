@@ -23,7 +23,7 @@ use num_traits::{One, ToPrimitive};
 use rustc_hash::FxHashMap;
 
 /// Operations for an expression whose value is found, for the budget.
-const EVALUATED: u64 = 40;
+const EVALUATED: u64 = 20;
 
 /// A quantity whose value the caller chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -83,7 +83,6 @@ pub(super) fn identify(
         let by = By::Likelihood {
             // What the lines name is not asked again.
             forces: !found.lacking.iter().any(|own| own.term.kind.is_force()),
-            other_hold: found.other_hold.is_none_or(|other| other <= found.estimate.residual),
         };
         let conditions = Conditions { by, ..Conditions::of_log(options) };
         refined(machine, start, conditions, settings, &restate)

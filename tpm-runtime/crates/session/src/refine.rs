@@ -84,8 +84,6 @@ pub(super) enum By {
     Likelihood {
         /// Whether it is asked which forces the model lacks: nobody has named any.
         forces: bool,
-        /// Whether the inputs may do the other thing between samples.
-        other_hold: bool,
     },
 }
 
@@ -270,7 +268,8 @@ fn by_likelihood(
         hidden: &hidden,
         typical_period: typical_period * start.sample_time,
         asked: match conditions.by {
-            By::Likelihood { forces: true, .. } if dims.coordinates <= MOST_ASKED => Asked::All,
+            _ if dims.coordinates > MOST_ASKED => Asked::Nothing,
+            By::Likelihood { forces: true } => Asked::All,
             _ => Asked::Channels,
         },
     };
@@ -311,8 +310,10 @@ fn by_likelihood(
             },
         })
     };
-    let likely = matches!(conditions.by, By::Likelihood { other_hold: true, .. });
-    let other_hold = (likely && conditions.actuators.iter().all(Dynamics::is_ideal)).then(other_hold).flatten();
+    // A record that needs no forces beside the model's, and no delay, is held as it is stated.
+    let in_doubt = found.needs_forces || found.lacking.iter().any(|own| own.term.kind == TermKind::Delay);
+    let ideal = conditions.actuators.iter().all(Dynamics::is_ideal);
+    let other_hold = (in_doubt && ideal).then(other_hold).flatten();
     let tells_hold = other_hold.is_some();
     let mut warnings: Vec<Warning> = other_hold.into_iter().collect();
     warnings.extend(report.missing.iter().cloned().map(|term| match term.of.kind {

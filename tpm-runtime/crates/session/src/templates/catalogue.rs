@@ -1,7 +1,7 @@
 //! The models to begin with.
 
 use crate::templates::quantity::Quantity;
-use crate::templates::start::Start;
+use crate::templates::simulated::Start;
 use serde::Serialize;
 use tpm_units::Unit;
 

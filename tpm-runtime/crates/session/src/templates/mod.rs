@@ -6,6 +6,7 @@
 mod catalogue;
 mod proposal;
 mod quantity;
+mod simulated;
 mod start;
 
 pub use catalogue::{TEMPLATES, Template};

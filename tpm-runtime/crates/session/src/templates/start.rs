@@ -3,25 +3,10 @@
 use crate::templates::catalogue::Template;
 use crate::templates::quantity::Quantity;
 use std::fmt::Write as _;
+use tpm_codegen::source::Source;
 
 /// The experiment, in which words in braces stand for what differs from one template to the next.
 const EXPERIMENT: &str = include_str!("models/experiment.toml");
-
-/// Numbers of a machine that is simulated and played.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Start {
-    /// The true values of the parameters. A campaign begins with half of the first one and with zero of the others; where a coordinate moves
-    /// as the others move it, that motion is found with what is known before, which is half of each.
-    pub(super) values: &'static [(&'static str, f64)],
-    /// Gains of the feedback on the first coordinate.
-    pub(super) kp: f64,
-    pub(super) kd: f64,
-    /// What the drive can do at most, and how far a run may be off.
-    pub(super) most: f64,
-    pub(super) off: f64,
-    /// The amplitude of the slow stage; the fast one has twice as much.
-    pub(super) amplitude: f64,
-}
 
 impl Template {
     /// The texts of a model of this name in a file of the name `stem`, and of its experiment, for who has no log yet.
@@ -42,6 +27,8 @@ impl Template {
             units.first().unwrap_or(&"1")
         );
         let model = model.trim_end().trim_end_matches('}').trim_end().to_owned() + "\n" + &pattern;
+        let laid_out = tpm_codegen::language::format(&Source::new(stem, &*model));
+        let model = laid_out.unwrap_or(model);
         let start = &self.start;
         let list = |value: &dyn Fn(usize, f64) -> f64| -> Vec<String> {
             start.values.iter().enumerate().map(|(at, (name, own))| format!("{name} = {:?}", value(at, *own))).collect()
