@@ -50,21 +50,22 @@ impl Spelling for Fields {
     }
 }
 
+/// What to do where columns of signals are not found.
+fn columns_of<'a>(signals: impl Iterator<Item = &'a str>) -> String {
+    let signals: Vec<&str> = signals.collect();
+    let columns = if signals.len() == 1 { "column" } else { "columns" };
+    format!("choose the {columns} of {} under Signals", signals.join(", "))
+}
+
 /// The field of the page that follows a remedy; nothing where it has none.
 pub(crate) fn remedy(found: &Remedy) -> Option<String> {
     Some(match found {
         Remedy::MapColumn { signal } => format!("choose the column of {signal} under Signals"),
-        Remedy::MapColumns { signals } => {
-            let columns = if signals.len() == 1 { "column" } else { "columns" };
-            format!("choose the {columns} of {} under Signals", signals.join(", "))
-        }
+        Remedy::MapColumns { signals } => columns_of(signals.iter().map(String::as_str)),
         Remedy::Columns { timeless: true, .. } => {
             "choose the column of the time under Signals, or give the time from row to row".to_owned()
         }
-        Remedy::Columns { columns, .. } => {
-            let signals: Vec<&str> = columns.iter().map(|(signal, _)| signal.as_str()).collect();
-            format!("choose the columns of {} under Signals", signals.join(", "))
-        }
+        Remedy::Columns { columns, .. } => columns_of(columns.iter().map(|(signal, _)| signal.as_str())),
         Remedy::Scale { signal } => format!("give the factor of {signal} under Signals"),
         Remedy::Scales { signals } => format!("give the factors of {} under Signals", signals.join(", ")),
         Remedy::PeriodAndStart => "give the period and the first sample under More settings".to_owned(),

@@ -128,8 +128,8 @@ impl<'r, 's, 'd> Reader<'r, 's, 'd> {
     /// Three numbers of an attribute, with their texts.
     pub(super) fn triple(&mut self, node: Node<'_, '_>, attribute: &str) -> Option<[(Rational, String); 3]> {
         let text = self.named(node, attribute)?;
-        // Of an axis the direction alone counts.
-        let read = if node.has_tag_name("axis") { rational::parse } else { number };
+        // Of an axis the direction alone counts, and angles have a bound of their own.
+        let read = if node.has_tag_name("axis") || attribute == "rpy" { rational::parse } else { number };
         let numbers: Vec<Option<(Rational, String)>> =
             text.split_whitespace().map(|word| Some((read(word)?, word.to_owned()))).collect();
         let numbers: Option<Vec<(Rational, String)>> = numbers.into_iter().collect();

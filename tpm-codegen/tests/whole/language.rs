@@ -98,9 +98,9 @@ fn shipped_models_are_clean() {
     }
 }
 
-fn judge(text: &[u8]) -> Result<(), (Source, Diagnostics)> {
+fn judge(text: &[u8]) -> Result<(), Box<(Source, Diagnostics)>> {
     let source = Source::from_bytes("garbage", text.to_vec());
-    language::parse_model(&source).map(|_| ()).map_err(|errors| (source, errors))
+    language::parse_model(&source).map(|_| ()).map_err(|errors| Box::new((source, errors)))
 }
 
 #[test]
@@ -120,7 +120,7 @@ fn ten_megabytes_of_garbage_are_refused_on_one_page() {
         vec![0; 10_000_000],
     ];
     for text in texts {
-        let (source, errors) = judge(&text).unwrap_err();
+        let (source, errors) = *judge(&text).unwrap_err();
         let page = errors.render(&source);
         assert!(page.len() < 60_000, "{}", page.len());
         assert!(page.contains("garbage:1:") || page.contains("garbage:"), "{page}");
@@ -297,7 +297,8 @@ proptest! {
 
     #[test]
     fn any_bytes_are_judged(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        if let Err((source, errors)) = judge(&bytes) {
+        if let Err(fault) = judge(&bytes) {
+            let (source, errors) = *fault;
             prop_assert!(!errors.render(&source).is_empty());
         }
     }
@@ -310,7 +311,8 @@ proptest! {
         Just("3w"), Just("\u{2028}"), Just("\u{85}"), Just("\u{b}"), Just("\r"), Just("\u{0}"), Just("²"), Just("let"), Just("kinetic"), Just("force"), Just("eliminate"), Just("rest_to_rest"), Just("sin"), Just("t"),
     ], 0..80)) {
         let text = format!("model A {{ coordinate x; input u; {}", words.join(" "));
-        if let Err((source, errors)) = judge(text.as_bytes()) {
+        if let Err(fault) = judge(text.as_bytes()) {
+            let (source, errors) = *fault;
             prop_assert!(!errors.render(&source).is_empty());
         }
     }
@@ -322,7 +324,8 @@ proptest! {
         let end = (at + gone).min(characters.len());
         characters.splice(at..end, with.chars());
         let text: String = characters.into_iter().collect();
-        if let Err((source, errors)) = judge(text.as_bytes()) {
+        if let Err(fault) = judge(text.as_bytes()) {
+            let (source, errors) = *fault;
             prop_assert!(!errors.render(&source).is_empty());
         }
     }

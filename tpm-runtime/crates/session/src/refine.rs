@@ -310,10 +310,7 @@ fn by_likelihood(
             },
         })
     };
-    // A record that needs no forces beside the model's, and no delay, is held as it is stated.
-    let in_doubt = found.needs_forces || found.lacking.iter().any(|own| own.term.kind == TermKind::Delay);
-    let ideal = conditions.actuators.iter().all(Dynamics::is_ideal);
-    let other_hold = (in_doubt && ideal).then(other_hold).flatten();
+    let other_hold = conditions.actuators.iter().all(Dynamics::is_ideal).then(other_hold).flatten();
     let tells_hold = other_hold.is_some();
     let mut warnings: Vec<Warning> = other_hold.into_iter().collect();
     warnings.extend(report.missing.iter().cloned().map(|term| match term.of.kind {
