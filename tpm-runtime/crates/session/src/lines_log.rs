@@ -99,7 +99,7 @@ pub(super) fn identify(
     // With the other hold than the one that is stated a record is another one.
     let explained = !own.tells_hold && own.report.as_ref().is_some_and(|report| explains(report, &found));
     let used = own.report.as_ref().is_some_and(|report| report.used);
-    let refined = if explained || (asked && used && !own.tells_hold) {
+    let refined = if explained || (asked && used) {
         own
     } else {
         // Why a simulation is not used stays in the report, but where one that nobody asked for could not be made.

@@ -24,7 +24,8 @@ const LEAST_MOVE: f64 = 1e-3;
 const MOST_WORK: f64 = 1.5e8;
 /// Delays, samples, that the other hold would explain.
 pub(super) const HALF_A_SAMPLE: RangeInclusive<f64> = 0.25..=0.75;
-/// Most coordinates of a machine of which the likelihood asks what the model lacks; of more the lines of the rows say it.
+/// Most coordinates of a machine of which the likelihood asks what the model lacks, and how its inputs are held; of more the lines of the rows
+/// say it.
 const MOST_ASKED: usize = 2;
 /// Evaluations of the derivatives in one step of the integration.
 const EVALUATIONS_PER_STEP: f64 = 4.0;
@@ -310,7 +311,8 @@ fn by_likelihood(
             },
         })
     };
-    let other_hold = conditions.actuators.iter().all(Dynamics::is_ideal).then(other_hold).flatten();
+    let tried = dims.coordinates <= MOST_ASKED && conditions.actuators.iter().all(Dynamics::is_ideal);
+    let other_hold = tried.then(other_hold).flatten();
     let tells_hold = other_hold.is_some();
     let mut warnings: Vec<Warning> = other_hold.into_iter().collect();
     warnings.extend(report.missing.iter().cloned().map(|term| match term.of.kind {

@@ -208,11 +208,12 @@ impl Simulation {
             fit.settle(begun, How::plain(GUARD))
         });
         let model = settled.reduce(lower).unwrap_or(Err(OutputErrorFault::Singular));
+        let drift = model.as_ref().ok().and_then(|own| fit.settle(trial.drifting(own), How::plain(GUARD)).ok());
         // A model that needs no forces beside its own explains the record: there is nothing more to ask.
-        let alone = model.as_ref().is_ok_and(|own| own.settled && !trial.needs_forces(&fit, Variant::Model, own));
-        if let (Ok(model), false) = (&model, alone) {
-            reached.extend(fit.settle(trial.drifting(model), How::plain(GUARD)).ok().map(|own| (Variant::Drift, own)));
-        }
+        let likelier = |own: &Reached| drift.as_ref().is_some_and(|drift| drift.cost < own.cost - GAIN);
+        let explains = |own: &Reached| own.settled && !likelier(own) && !trial.needs_forces(&fit, Variant::Model, own);
+        let alone = model.as_ref().is_ok_and(explains);
+        reached.extend(drift.map(|own| (Variant::Drift, own)));
         if question.asked != Asked::Nothing && !alone {
             trial.richer(question, &fit, model.as_ref().ok(), &mut reached);
         }
