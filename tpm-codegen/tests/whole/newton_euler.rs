@@ -1,19 +1,17 @@
 //! Arms written by hand, by recursive Newton-Euler with a `let` for every intermediate vector.
 
-use crate::support::parse;
+use crate::support::{outputs, parse};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::Instant;
 use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::generate::{Language, Options, generate};
 use tpm_symbolic::algebra::field::{Field, Rationals};
-use tpm_symbolic::expr::graph::ExprId;
+use tpm_symbolic::expr::graph::{ExprId, Function};
 use tpm_symbolic::expr::point::{Drawn, Draws, Points};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::plan::leaf::Leaf;
-use tpm_symbolic::plan::operation::{Op, Slot};
-use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters, verify};
 use tpm_symbolic::regressor::form::{RegressorForm, regressor_form, structured_form};
 use tpm_symbolic::regressor::prepare::prepare;
@@ -295,34 +293,13 @@ fn seven_joints_are_checked_and_generated_without_being_multiplied_out() {
         Leaf::Column(column) => 0.2 + (column as f64 * 1.1).cos(),
         _ => f64::NAN,
     };
-    let [phi, known, found] = [regressor, &estimator.plan.evaluation.known, forces].map(|plan| evaluated(plan, value));
+    let [phi, known, found] = [regressor, &estimator.plan.evaluation.known, forces]
+        .map(|plan| outputs(plan, rational::to_f64, Function::apply, value));
     for (row, found) in found.iter().enumerate() {
         let products = (0..columns).map(|c| phi[row * columns + c] * value(&Leaf::Column(c)));
         let expected = known[row] + products.sum::<f64>();
         assert!((found - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{found} {expected}");
     }
-}
-
-/// The outputs of a plan in double precision.
-fn evaluated(plan: &Plan, leaf: impl Fn(&Leaf) -> f64) -> Vec<f64> {
-    let mut values: Vec<f64> = Vec::with_capacity(plan.ops.len());
-    for op in &plan.ops {
-        let at = |slot: &Slot| values[slot.index()];
-        let value = match op {
-            Op::Constant(value) => rational::to_f64(value),
-            Op::Pi => std::f64::consts::PI,
-            Op::Load(index) => leaf(&plan.inputs[*index as usize]),
-            Op::Add(a, b) => at(a) + at(b),
-            Op::Sub(a, b) => at(a) - at(b),
-            Op::Mul(a, b) => at(a) * at(b),
-            Op::Div(a, b) => at(a) / at(b),
-            Op::Neg(a) => -at(a),
-            Op::Function(function, a) => function.apply(at(a)),
-            Op::Atan2(y, x) => at(y).atan2(at(x)),
-        };
-        values.push(value);
-    }
-    plan.outputs.iter().map(|slot| values[slot.index()]).collect()
 }
 
 /// The links of a UR5 have 36 base parameters, those of a Panda 43; friction adds three per joint. The rank does not depend on the way

@@ -10,10 +10,8 @@ use tpm_codegen::emit::number::Rounded;
 use tpm_codegen::generate::{File, Language, Options, Ranges, Scalar, generate, unbounded};
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::plan::leaf::Leaf;
-use tpm_symbolic::plan::operation::Op;
-use tpm_symbolic::plan::straight_line::Plan;
 
-use crate::support::{estimator, models_in, root, skipped};
+use crate::support::{estimator, models_in, outputs, root, skipped};
 
 /// The ends of what a function reads: those of positions and rates, of higher derivatives, and of all else.
 const ENDS: [[f64; 2]; 3] = [[-3.0, 3.0], [-9.0, 9.0], [0.75, 1.25]];
@@ -68,36 +66,19 @@ fn document(files: &[File]) -> Value {
     serde_json::from_str(&file.text).expect("JSON")
 }
 
-/// The outputs of a plan in a precision, whose constants are rounded by `number`.
-fn run<T: Float>(plan: &Plan, number: impl Fn(Rounded) -> T, leaf: impl Fn(&Leaf) -> T) -> Vec<T> {
-    let mut values: Vec<T> = Vec::with_capacity(plan.ops.len());
-    for op in &plan.ops {
-        let at = |slot: &tpm_symbolic::plan::operation::Slot| values[slot.index()];
-        let value = match op {
-            Op::Constant(value) => number(Rounded::new(value)),
-            Op::Pi => T::from(std::f64::consts::PI).expect("a float"),
-            Op::Load(index) => leaf(&plan.inputs[*index as usize]),
-            Op::Add(a, b) => at(a) + at(b),
-            Op::Sub(a, b) => at(a) - at(b),
-            Op::Mul(a, b) => at(a) * at(b),
-            Op::Div(a, b) => at(a) / at(b),
-            Op::Neg(a) => -at(a),
-            Op::Function(function, a) => match function {
-                Function::Sin => at(a).sin(),
-                Function::Cos => at(a).cos(),
-                Function::Tanh => at(a).tanh(),
-                Function::Sqrt => at(a).sqrt(),
-                Function::Exp => at(a).exp(),
-                Function::Abs => at(a).abs(),
-                Function::Sign if at(a).is_zero() => at(a),
-                Function::Sign => at(a).signum(),
-                other => panic!("no shipped model calls {}", other.name()),
-            },
-            Op::Atan2(y, x) => at(y).atan2(at(x)),
-        };
-        values.push(value);
+/// A function in the precision of its argument.
+fn called<T: Float>(function: Function, x: T) -> T {
+    match function {
+        Function::Sin => x.sin(),
+        Function::Cos => x.cos(),
+        Function::Tanh => x.tanh(),
+        Function::Sqrt => x.sqrt(),
+        Function::Exp => x.exp(),
+        Function::Abs => x.abs(),
+        Function::Sign if x.is_zero() => x,
+        Function::Sign => x.signum(),
+        other => panic!("no shipped model calls {}", other.name()),
     }
-    plan.outputs.iter().map(|slot| values[slot.index()]).collect()
 }
 
 #[test]
@@ -135,8 +116,9 @@ fn no_error_in_single_precision_is_above_its_bound() {
                 })
                 .collect();
             let place = |leaf: &Leaf| plan.inputs.iter().position(|own| own == leaf).expect("a leaf of the plan");
-            let single = run(plan, |number| number.single, |leaf| given[place(leaf)]);
-            let double = run(plan, |number| number.double, |leaf| f64::from(given[place(leaf)]));
+            let single = outputs(plan, |value| Rounded::new(value).single, called, |leaf| given[place(leaf)]);
+            let double =
+                outputs(plan, |value| Rounded::new(value).double, called, |leaf| f64::from(given[place(leaf)]));
             for (worst, (single, double)) in worst.iter_mut().zip(single.into_iter().zip(double)) {
                 *worst = worst.max((f64::from(single) - double).abs());
             }

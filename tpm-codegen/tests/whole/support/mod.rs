@@ -6,10 +6,16 @@ mod skipped;
 
 pub(crate) use skipped::skipped;
 
+use num_traits::Float;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::{Parsed, Source, parse_model};
+use tpm_symbolic::expr::graph::Function;
+use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::straight_line::Plan;
 
 /// The workspace's folder.
 pub(crate) fn root() -> PathBuf {
@@ -29,6 +35,33 @@ pub(crate) fn estimator(path: &Path) -> EstimatorSource {
     let source = Source::from_bytes(name.as_str(), std::fs::read(path).expect("a model file"));
     let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
     EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
+}
+
+/// The outputs of a plan in a precision: `number` rounds its constants, `function` calls one of a single argument.
+pub(crate) fn outputs<T: Float>(
+    plan: &Plan,
+    number: impl Fn(&Rational) -> T,
+    function: impl Fn(Function, T) -> T,
+    leaf: impl Fn(&Leaf) -> T,
+) -> Vec<T> {
+    let mut values: Vec<T> = Vec::with_capacity(plan.ops.len());
+    for op in &plan.ops {
+        let at = |slot: &Slot| values[slot.index()];
+        let value = match op {
+            Op::Constant(value) => number(value),
+            Op::Pi => T::from(std::f64::consts::PI).expect("a float"),
+            Op::Load(index) => leaf(&plan.inputs[*index as usize]),
+            Op::Add(a, b) => at(a) + at(b),
+            Op::Sub(a, b) => at(a) - at(b),
+            Op::Mul(a, b) => at(a) * at(b),
+            Op::Div(a, b) => at(a) / at(b),
+            Op::Neg(a) => -at(a),
+            Op::Function(called, a) => function(*called, at(a)),
+            Op::Atan2(y, x) => at(y).atan2(at(x)),
+        };
+        values.push(value);
+    }
+    plan.outputs.iter().map(|slot| values[slot.index()]).collect()
 }
 
 /// Parses the text of a faultless model.

@@ -107,15 +107,14 @@ impl TermKind {
         )
     }
 
-    /// Least order of a coordinate in the equations for a term to be a force on it: of a speed, or a temperature, whose rate alone stands in
-    /// the rows, that rate is no velocity, and the coordinate no position.
-    const fn least_order(self) -> usize {
-        match self {
-            TermKind::Offset | TermKind::Power(_) | TermKind::PairPower(_) | TermKind::Play | TermKind::PairPlay => 1,
-            TermKind::Drift | TermKind::DeadZone => 1,
-            kind if !kind.is_force() => 1,
-            _ => 2,
-        }
+    /// Whether it is asked of a coordinate whose rate alone stands in the rows, as a speed or a temperature: that rate is no velocity, and the
+    /// coordinate no position.
+    const fn is_of_first_order(self) -> bool {
+        let of_state = matches!(
+            self,
+            TermKind::Offset | TermKind::Power(_) | TermKind::PairPower(_) | TermKind::Play | TermKind::PairPlay
+        );
+        of_state || matches!(self, TermKind::Drift | TermKind::DeadZone) || !self.is_force()
     }
 }
 
@@ -448,7 +447,7 @@ impl Scales {
             }
         }
         let order = |c: usize| model.coordinate_order(c.min(dims.coordinates.saturating_sub(1)));
-        terms.retain(|term| !term.kind.is_force() || order(term.of) >= term.kind.least_order());
+        terms.retain(|term| term.kind.is_of_first_order() || order(term.of) != 1);
         terms
     }
 }

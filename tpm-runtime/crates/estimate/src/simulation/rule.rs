@@ -10,6 +10,7 @@ use crate::simulation::record::{Reading, Record};
 use crate::simulation::terms::{Library, behind_play};
 use crate::simulation::triangle::Triangle;
 use crate::verdict::LARGE_RESIDUAL;
+use std::cell::OnceCell;
 use tpm_numerics::{DMatrix, alarm, root_mean_square};
 
 /// What terms, play or a limit must gain, twice the logarithm of the likelihood: a factor of twenty in evidence.
@@ -128,7 +129,7 @@ pub enum Asked {
     Nothing,
     /// What a channel does beside what is recorded of it: an input that acts later or is limited, a reading behind play.
     Channels,
-    /// That, and forces that the model lacks; of a long record, whose hundreds of columns take minutes, that alone.
+    /// What a channel does, and forces that the model lacks. Hundreds of forces along a long record take minutes: there only channels are asked.
     All,
 }
 
@@ -211,8 +212,9 @@ impl Simulation {
         let drift = model.as_ref().ok().and_then(|own| fit.settle(trial.drifting(own), How::plain(GUARD)).ok());
         // A model that needs no forces beside its own explains the record: there is nothing more to ask.
         let likelier = |own: &Reached| drift.as_ref().is_some_and(|drift| drift.cost < own.cost - GAIN);
-        let explains = |own: &Reached| own.settled && !likelier(own) && !trial.needs_forces(&fit, Variant::Model, own);
-        let alone = model.as_ref().is_ok_and(explains);
+        let asked = OnceCell::new();
+        let needs_forces = |own: &Reached| *asked.get_or_init(|| trial.needs_forces(&fit, Variant::Model, own));
+        let alone = model.as_ref().is_ok_and(|own| own.settled && !likelier(own) && !needs_forces(own));
         reached.extend(drift.map(|own| (Variant::Drift, own)));
         if question.asked != Asked::Nothing && !alone {
             trial.richer(question, &fit, model.as_ref().ok(), &mut reached);
@@ -230,7 +232,10 @@ impl Simulation {
                 fault.unwrap_or(OutputErrorFault::NotConverged { steps: crate::simulation::fit::PARAMS.passes })
             );
         };
-        let needs_forces = !alone && trial.needs_forces(&fit, reached[best].0, &reached[best].1);
+        let needs_forces = match &reached[best] {
+            (Variant::Model, own) => needs_forces(own),
+            (variant, own) => trial.needs_forces(&fit, *variant, own),
+        };
         trial.handed_out(&fit, &reached, best).map(|found| Simulation { rates, needs_forces, ..found })
     }
 }
