@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
-const EXAMPLES: [(&str, &str); 42] = [
+const EXAMPLES: [(&str, &str); 43] = [
     ("actuator", "tpm actuator cart.tpm --motor motors.toml --params values.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),
@@ -14,6 +14,7 @@ const EXAMPLES: [(&str, &str); 42] = [
     ("campaign submit", "tpm campaign submit my_campaign run1.csv"),
     ("check", "tpm check cart.tpm"),
     ("compare", "tpm compare before.json after.json"),
+    ("complete", "tpm complete result.json -o completed.tpm"),
     ("completions", "tpm completions bash"),
     ("convert", "tpm convert log.mat --to csv"),
     ("demo", "tpm demo"),

@@ -49,6 +49,8 @@ enum Command {
     Campaign(Box<verbs::campaign::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
     Check(verbs::check::Args),
+    /// Write the model with the forces that a result says it lacks.
+    Complete(verbs::complete::Args),
     /// Print the completions of the command line for a shell.
     Completions(verbs::shell::CompletionArgs),
     /// Show it all in a minute: write a sample machine, record a log of it, identify from the log and write the report.
@@ -164,6 +166,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Design(args) => verbs::design::run(args),
         Command::Convert(args) => verbs::convert::run(args),
         Command::Compare(args) => verbs::compare::run(args),
+        Command::Complete(args) => verbs::complete::run(args),
         Command::Excite(args) => verbs::excite::run(args),
         Command::Expand(args) => verbs::expand::run(args),
         Command::Explain(args) => verbs::explain::run(args),

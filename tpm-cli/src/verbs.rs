@@ -4,6 +4,7 @@ pub(crate) mod actuator;
 pub(crate) mod campaign;
 pub(crate) mod check;
 pub(crate) mod compare;
+pub(crate) mod complete;
 pub(crate) mod convert;
 pub(crate) mod demo;
 pub(crate) mod design;

@@ -23,7 +23,7 @@ use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
-    CampaignFolder, EstimationSettings, Identifiable as _, LogRequest, Session, evidence, from_logs, inspect, proposals,
+    CampaignFolder, DeclaredModel, EstimationSettings, Identifiable as _, Identification, LogRequest, Session, completed, evidence, from_logs, inspect, proposals,
 };
 
 /// Options of `tpm identify`.
@@ -73,6 +73,11 @@ pub(crate) struct Args {
     /// parameters with intervals, correlations; of a campaign a table of the runs too.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
+    /// Identify the model with the forces that it lacks on the logs: what is printed is its result, and this file is its text,
+    /// MODEL_completed.tpm when not given. Where the lines of the rows tell parameters, they are those with which the model is nearest to the
+    /// forces, so that it predicts best.
+    #[arg(long, value_name = "FILE.tpm", num_args = 0..=1, require_equals = true, requires = "log")]
+    complete: Option<Option<PathBuf>>,
     /// Record measured, predicted and simulated motion of the logs in this MCAP file, for PlotJuggler, Foxglove and Rerun.
     #[arg(long, value_name = "FILE.mcap", requires = "log")]
     record: Option<PathBuf>,
@@ -154,7 +159,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 };
             }
             let kept = (args.report.is_some() || args.record.is_some()).then(|| requests.clone());
-            let result = from_logs(&model, requests)?;
+            let result = from_logs(&model, requests.clone())?;
+            let (model, result) = match &args.complete {
+                Some(path) => with_what_it_lacks(model, requests, result, &path.clone().unwrap_or_else(|| beside(&args.file)))?,
+                None => (model, result),
+            };
             print(&result, args.json, args.output.as_deref())?;
             if let Some(requests) = kept {
                 let shown = evidence(&model, requests, &result).unwrap_or_else(|error| {
@@ -177,6 +186,30 @@ pub(crate) fn run(args: &Args) -> Outcome {
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }
+}
+
+/// Where a completed model stands when no file is named.
+fn beside(model: &Path) -> PathBuf {
+    let stem = model.file_stem().map_or_else(|| "model".into(), |stem| stem.to_string_lossy().into_owned());
+    PathBuf::from(format!("{stem}_completed.tpm"))
+}
+
+/// The model with the forces that it lacks and its result, after its text was written; the model as it stands where none make it better.
+fn with_what_it_lacks(
+    model: DeclaredModel,
+    requests: Vec<LogRequest>,
+    result: Identification,
+    path: &Path,
+) -> Result<(DeclaredModel, Identification), Failure> {
+    let Some((whole, found)) = completed(&model, requests, &result)? else {
+        file::remark(
+            "remark: nothing that the model may lack makes it better on parts of the logs from which its values were not taken: it stands as it is, and no file is written",
+        );
+        return Ok((model, result));
+    };
+    file::write_file(path, whole.text().text().as_bytes())?;
+    file::remark(&format!("remark: the model with what it lacked is {}", path.display()));
+    Ok((whole, found))
 }
 
 /// The command of a step after an identification.

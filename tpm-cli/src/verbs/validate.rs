@@ -10,7 +10,7 @@ use crate::output::{file, recording, report, writable};
 use crate::render::flags;
 use std::path::PathBuf;
 use tpm_runtime::document::Document;
-use tpm_runtime::estimate::Domain;
+use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::report::{Align, TextTable, number, probability};
 use tpm_runtime::session::{
     BetweenStamps, CorrelationTest, Fit, Identifiable as _, LAGS, SessionError, Simulation, Validation, validate,
@@ -33,6 +33,10 @@ pub(crate) struct Args {
     /// that repeats by its harmonics when not given. The motion is simulated sample by sample either way.
     #[arg(long, value_parser = domain())]
     domain: Option<Domain>,
+    /// Simulate the motion from the inputs, however long it takes. Of a machine of up to two coordinates, or one with rows without an input, it is
+    /// simulated without being asked for.
+    #[arg(long)]
+    simulate: bool,
     /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
@@ -59,6 +63,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     args.reading.without_fitted_delays()?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.estimation.domain = args.domain;
+    request.estimation.refine = if args.simulate { Refine::OutputError } else { Refine::Auto };
     let result = validate(&model, request, &known).map_err(|error| match &error {
         SessionError::NotIdentified { .. } => Failure::Input(format!(
             "{}: {}; give a result of this model, or NAME = VALUE lines of all its parameters",

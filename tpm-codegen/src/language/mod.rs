@@ -2,6 +2,7 @@
 
 pub mod ast;
 mod check;
+pub mod complete;
 mod format;
 pub mod function;
 pub mod keywords;

@@ -21,7 +21,7 @@ pub use lumped::lumped;
 pub use motorized::{MotorizedMachine, MotorizedMachineError};
 pub use physical::{
     Physical, PhysicalError, PhysicalFit, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical,
-    takes_energy,
+    gives_energy, takes_energy,
 };
 pub use regulator::linear_regulator;
 pub use tabulated::PatternTables;

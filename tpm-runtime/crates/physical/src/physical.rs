@@ -296,6 +296,39 @@ pub fn takes_energy(model: &dyn Model<f64>, constants: &[f64], position: &[f64])
     never.into_iter().zip(some).map(|(never, some)| never && some).collect()
 }
 
+/// Which of these parameters, all in terms that [take energy](takes_energy), make such terms together drive the machine, about a position, at
+/// speeds up to those that are given: of two that brake in one place one may be negative, as drag where friction grows less than linearly.
+#[must_use]
+pub fn gives_energy(
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    (position, speed): (&[f64], &[f64]),
+    (values, takes): (&[f64], &[bool]),
+) -> Vec<bool> {
+    let dims = model.dims();
+    let (n, p) = (dims.coordinates, dims.parameters);
+    let mut scratch = vec![0.0; model.workspace_len()];
+    let mut rows = vec![0.0; dims.regressor_len()];
+    let mut gives = vec![false; p];
+    for size in -DECADES..=0 {
+        for moving in 0..2 * n {
+            let mut motion = vec![0.0; dims.motion_len()];
+            motion[..n].copy_from_slice(position);
+            let (c, sign) = (moving / 2, if moving % 2 == 0 { 1.0 } else { -1.0 });
+            motion[n + c] = sign * speed[c] * 10_f64.powi(size);
+            if model.regressor(&motion, constants, &mut scratch, &mut rows).is_err() {
+                continue;
+            }
+            let power = |j: usize| values[j] * motion[n + c] * rows[c * p + j];
+            let braking = || (0..p).filter(|&j| takes[j]);
+            if braking().map(power).sum::<f64>() < 0.0 {
+                braking().filter(|&j| power(j) < 0.0).for_each(|j| gives[j] = true);
+            }
+        }
+    }
+    gives
+}
+
 /// Masses and moments of inertia that are certainly negative, which no machine has, by name with their values.
 #[must_use]
 pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {

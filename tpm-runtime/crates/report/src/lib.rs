@@ -16,6 +16,6 @@ pub use fields::{FieldText, fields};
 pub use file::faults;
 pub use file::{MOST_TEXT, is_special, read_input, read_text, write_output, write_whole};
 pub use remedy::Remedy;
-pub use table::{Align, TextTable, combination, number, or_dash};
+pub use table::{Align, TextTable, combination, listed, number, or_dash};
 pub use temporary::TEMPORARY;
 pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus, probability};

@@ -78,6 +78,19 @@ pub fn or_dash<T>(value: Option<T>, text: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| "-".to_owned(), text)
 }
 
+/// Most names that a sentence lists, and how many it lists of more.
+const MOST_NAMES: usize = 12;
+const FIRST_NAMES: usize = 6;
+
+/// Names that a person reads: of many the first ones, and how many there are more.
+#[must_use]
+pub fn listed(names: &[String]) -> String {
+    match names.len().checked_sub(FIRST_NAMES) {
+        Some(more) if names.len() > MOST_NAMES => format!("{} and {more} others", names[..FIRST_NAMES].join(", ")),
+        _ => names.join(", "),
+    }
+}
+
 /// A number with six significant digits, without an exponent where its magnitude is at least 1e-4 and below 1e7.
 #[must_use]
 pub fn number(value: f64) -> String {

@@ -122,6 +122,9 @@ pub struct Identification {
     pub log: Option<LogReport>,
     /// What was found about several logs that were used together; nothing for one.
     pub pool: Option<PoolReport>,
+    /// The text of the model with the forces that it lacks on the logs, where these make it better on parts of a log from which its values were
+    /// not taken.
+    pub completed_model: Option<String>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// What has to be the same for the result to come out the same again.
@@ -223,6 +226,8 @@ struct Form<'a> {
     log: Option<&'a LogReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pool: Option<&'a PoolReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    completed_model: Option<&'a str>,
     warnings: Vec<String>,
     findings: Findings<'a>,
     provenance: &'a Provenance,
@@ -282,6 +287,7 @@ impl Serialize for Identification {
             method: self.method.as_ref(),
             log: self.log.as_ref(),
             pool: self.pool.as_ref(),
+            completed_model: self.completed_model.as_deref(),
             warnings: self.warnings.iter().map(ToString::to_string).collect(),
             findings: Findings(&self.warnings),
             provenance: &self.provenance,

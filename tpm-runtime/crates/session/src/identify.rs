@@ -252,6 +252,9 @@ pub(super) fn identify_recorded(
         samples: recorded.report.rows,
         sample_time: recorded.usual_step,
         position: recorded.coordinates.iter().map(mean).collect(),
+        speed: (recorded.coordinates.iter())
+            .map(|own| own.as_ref().map_or(0.0, |own| fastest(&own.value, |k| own.time[k])))
+            .collect(),
     };
     Ok(result_of(model, used, options, found))
 }
@@ -366,6 +369,9 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         samples: segments.iter().map(|log| log.len()).sum(),
         sample_time: log.sample_time,
         position: log.channels[..model.dims().coordinates].iter().map(mean).collect(),
+        speed: (log.channels[..model.dims().coordinates].iter())
+            .map(|own| fastest(own, |k| k as f64 * log.sample_time))
+            .collect(),
     };
     Some(result_of(model, used, options, found))
 }
@@ -382,6 +388,9 @@ fn in_vain(log: &LogReport, estimate: &Estimate, options: &LogOptions) -> Option
     Some(Warning::AskedInVain { reason })
 }
 
+/// Steps of a signal of which its speed is taken.
+const STEPS: usize = 400;
+
 /// The log that a result is about.
 struct Used<'a> {
     path: &'a str,
@@ -389,6 +398,18 @@ struct Used<'a> {
     sample_time: f64,
     /// Mean of every coordinate.
     position: Vec<f64>,
+    /// Largest speed of every coordinate, about.
+    speed: Vec<f64>,
+}
+
+/// The speed that a signal exceeds in one of fifty of its steps, which are long enough for noise to make little of them.
+fn fastest(values: &[f64], time: impl Fn(usize) -> f64) -> f64 {
+    let step = (values.len() / STEPS).max(1);
+    let last = values.len().saturating_sub(step);
+    let speeds = (0..last).step_by(step).map(|k| ((values[k + step] - values[k]) / (time(k + step) - time(k))).abs());
+    let mut speeds: Vec<f64> = speeds.filter(|speed| speed.is_finite()).collect();
+    speeds.sort_by(f64::total_cmp);
+    speeds.get(speeds.len() - speeds.len() / 50 - usize::from(!speeds.is_empty())).copied().unwrap_or(0.0)
 }
 
 /// The result of what was found in a log.
@@ -475,8 +496,9 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         provenance: summary::provenance(),
         current: estimate.values.clone(),
         estimate: Some(estimate),
+        completed_model: None,
         shortfall: None,
     };
-    summary::warn_of_impossible_values(&mut result, model, &options.constants, &used.position);
+    summary::warn_of_impossible_values(&mut result, model, &options.constants, (&used.position, &used.speed));
     result
 }

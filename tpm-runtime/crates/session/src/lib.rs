@@ -28,6 +28,9 @@ mod between_stamps;
 mod calibration_tests;
 mod campaign;
 mod compare;
+mod completed;
+#[cfg(test)]
+mod completed_tests;
 #[cfg(test)]
 mod contradiction_tests;
 mod entry;
@@ -107,6 +110,7 @@ pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_
 pub use compare::{
     CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,
 };
+pub use completed::{Completed, LeftOfForces, Prediction, completed};
 pub use error::{MachineError, SessionError, Setting};
 pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};

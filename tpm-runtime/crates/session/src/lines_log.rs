@@ -1,5 +1,6 @@
 //! A log of any motion, identified by the lines of its rows.
 
+use crate::completed::Prediction;
 use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
@@ -141,6 +142,7 @@ pub(super) fn identify(
         way: Way::Spectral(SpectralReport {
             lines: report.clone(),
             period: whole.map(|period| period as f64 * first.sample_time),
+            prediction: Prediction::of(model, &found).filter(|_| !explained),
             missing: if explained { Vec::new() } else { missing },
         }),
         estimate: refined.estimate,
@@ -154,7 +156,7 @@ pub(super) fn identify(
 
 /// Whether a machine is simulated without being asked for. Where every row of several has an input, the lines of the rows tell the
 /// parameters as well; of a row without one they tell ratios alone.
-const fn is_simulated(dims: Dims) -> bool {
+pub(super) const fn is_simulated(dims: Dims) -> bool {
     dims.coordinates == 1 || (dims.inputs < dims.rows && dims.coordinates <= MOST_IN_A_CHAIN)
 }
 

@@ -1,6 +1,7 @@
 //! From a log to parameters.
 
 use crate::against_prior;
+use crate::completed::completed_text;
 use crate::entry::Entry;
 use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, LogFingerprint, Provenance};
@@ -232,6 +233,9 @@ fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Iden
             against_prior::warn_of_common_factor(&mut result, inputs);
         }
     }
+    // Where the text cannot have them, the request for a completed model says why.
+    result.completed_model =
+        declared.as_deref().and_then(|declared| completed_text(declared, &result).ok().flatten());
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
         logs: fingerprints,

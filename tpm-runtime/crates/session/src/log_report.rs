@@ -1,5 +1,6 @@
 //! What was found about a log on the way to its parameters.
 
+use crate::completed::Prediction;
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -105,6 +106,9 @@ pub struct SpectralReport {
     /// Terms that the model lacks, the clearest first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<MissingTerm>,
+    /// How well the model predicts forces, as it stands and with these terms; nothing where it lacks none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prediction: Option<Prediction>,
 }
 
 /// A fault of a sensor that a log would not show for certain, though it would move parameters by more than their deviations.
@@ -271,6 +275,12 @@ impl LogReport {
             Way::Harmonics(periodic) => Some(periodic),
             Way::Samples(_) | Way::Spectral(_) | Way::Recorded(_) => None,
         }
+    }
+
+    /// How well a model that lacks something predicts the forces of the log, where the lines of its rows told so.
+    #[must_use]
+    pub fn prediction(&self) -> Option<&Prediction> {
+        if let Way::Spectral(own) = &self.way { own.prediction.as_ref() } else { None }
     }
 
     /// Terms that the record shows the model to lack, whichever way they were found.

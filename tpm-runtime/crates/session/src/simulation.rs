@@ -10,6 +10,7 @@
 
 use crate::excerpt::{Excerpt, accelerated, at_most};
 use crate::log_fault::LogFault;
+use crate::lines_log::MOST_SIMULATED;
 use crate::options::LogOptions;
 use crate::record::{record, stretches};
 use crate::warning::Warning;
@@ -19,7 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use tpm_codegen::identified::{Weights, display, remedy};
 use tpm_controller::model::Model;
-use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Simulated, Stretch};
+use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Refine, Simulated, Stretch};
 use tpm_log::Log;
 use tpm_numerics::root_mean_square;
 
@@ -206,6 +207,10 @@ pub(super) fn simulate(
     };
     let model = machine.model;
     let dims = model.dims();
+    let is_long = dims.coordinates > MOST_SIMULATED && dims.inputs >= dims.rows;
+    if is_long && options.refine != Refine::OutputError {
+        return Ok(Err(format!("of {} coordinates, all with an input, only when it is asked for", dims.coordinates)));
+    }
     let stretches = stretches(segments, dims.coordinates, &options.reading)?;
     if let Some(direction) = open.iter().find(|direction| changes(model, &options.constants, direction)) {
         let parameters: Vec<String> = direction.keys().cloned().collect();

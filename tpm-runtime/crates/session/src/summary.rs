@@ -4,6 +4,7 @@ use crate::identification::{Identification, Provenance, Source};
 use crate::refine::Refined;
 use crate::warning::{Data, Warning};
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use tpm_campaign::{Campaign, Contradiction, RunReport};
 use tpm_controller::model::Model;
 use tpm_estimate::named::{EstimateReport, ParameterReport};
@@ -12,13 +13,16 @@ use tpm_log::Lone;
 use tpm_motion::RunEnding;
 use tpm_numerics::{alarm, tolerance};
 use tpm_physical::{
-    PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical, takes_energy,
+    PhysicalError, PhysicalSettings, gives_energy, has_inertia, is_lumped, negative_inertias, physical,
+    takes_energy,
 };
 use tpm_plant::stability::LoopStability;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
+/// Instants of a period at which the speeds of an experiment are looked at.
+const INSTANTS: usize = 64;
 /// A step of more than so many of its own deviations went where its linearisation does not hold.
 const LONGEST_LAST_STEP: f64 = 3.0;
 
@@ -147,6 +151,7 @@ fn of_estimate(
         },
         current: campaign.current().to_vec(),
         estimate: estimate.cloned(),
+        completed_model: None,
         shortfall: None,
     };
     if estimate.is_some() {
@@ -154,8 +159,18 @@ fn of_estimate(
         if let Some(stage) = setup.procedure.stages.first() {
             stage.trajectory(&setup.pattern, 1.0).motion(0.0, &mut position);
         }
-        position.truncate(model.dims().coordinates);
-        warn_of_impossible_values(&mut result, model, &setup.constants, &position);
+        let n = model.dims().coordinates;
+        let mut speed = vec![0.0_f64; n];
+        for stage in &setup.procedure.stages {
+            let trajectory = stage.trajectory(&setup.pattern, 1.0);
+            let mut motion = position.clone();
+            for instant in 0..INSTANTS {
+                trajectory.motion(2.0 * PI * instant as f64 / INSTANTS as f64, &mut motion);
+                speed.iter_mut().zip(&motion[n..]).for_each(|(most, v)| *most = most.max(v.abs()));
+            }
+        }
+        position.truncate(n);
+        warn_of_impossible_values(&mut result, model, &setup.constants, (&position, &speed));
     }
     result
 }
@@ -246,13 +261,14 @@ pub(super) fn warn_of_impossible_values(
     result: &mut Identification,
     model: &dyn Model<f64>,
     constants: &[f64],
-    position: &[f64],
+    (position, speed): (&[f64], &[f64]),
 ) {
     if has_inertia(model, &result.current, constants, position) {
         let Some(estimate) = &result.estimate else { return };
         let takes = takes_energy(model, constants, position);
+        let drives = gives_energy(model, constants, (position, speed), (&estimate.values, &takes));
         let surely = |j: usize| estimate.values[j] < -alarm::DRIVES * estimate.std[j];
-        let gives = (0..takes.len()).filter(|&j| takes[j] && surely(j)).map(|j| Warning::GivesEnergy {
+        let gives = (0..takes.len()).filter(|&j| drives[j] && surely(j)).map(|j| Warning::GivesEnergy {
             parameter: model.parameter(j).name.into(),
             value: estimate.values[j],
             std: estimate.std[j],

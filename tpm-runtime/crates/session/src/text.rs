@@ -3,11 +3,16 @@
 use crate::identification::{Identification, Source};
 use crate::log_report::{LogReport, PeriodicReport, PoolReport, SensorReport, Way};
 use crate::refinement_report::{NotRefined, RateReport};
+use crate::warning::Warning;
 use std::fmt::{self, Write as _};
 use tpm_estimate::{CombinationReport, ParameterReport, Status, WrittenCombination};
 use tpm_log::Assumption;
 use tpm_plant::stability::LoopStability;
 use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash, plus_minus};
+
+/// Terms that a model lacks and directions that are not shown, of which each has a line.
+const MOST_TERMS: usize = 3;
+const MOST_DIRECTIONS: usize = 4;
 
 impl fmt::Display for Identification {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -49,8 +54,15 @@ impl Identification {
             number(100.0 * self.residual),
             self.residual_of,
         ));
-        for direction in &self.unobservable {
+        for direction in self.unobservable.iter().take(MOST_DIRECTIONS) {
             text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
+        }
+        if self.unobservable.len() > MOST_DIRECTIONS {
+            let more = self.unobservable.len() - MOST_DIRECTIONS;
+            text.push_str(&format!("the data do not show {more} more directions, which the JSON has\n"));
+        }
+        if let Some(prediction) = self.log.as_ref().and_then(LogReport::prediction) {
+            text.push_str(&format!("\n{}\n", prediction.text()));
         }
         let untested = self.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
         if let Some(remark) = untested {
@@ -64,12 +76,32 @@ impl Identification {
     #[must_use]
     pub fn warnings_text(&self, spell: &dyn Fn(&Remedy) -> Option<String>) -> String {
         let mut text = String::new();
+        let (mut terms, mut lone) = (0, Vec::new());
         for warning in &self.warnings {
+            match warning {
+                Warning::MissingTerm { .. } => terms += 1,
+                Warning::LoneReadings { coordinate, count, .. } => lone.push(format!("{coordinate} ({count})")),
+                _ => {}
+            }
+            let is_more = match warning {
+                Warning::MissingTerm { .. } => terms > MOST_TERMS,
+                Warning::LoneReadings { .. } => lone.len() > 1,
+                _ => false,
+            };
+            if is_more {
+                continue;
+            }
             text.push_str(&format!("warning: {warning}"));
             if let Some(words) = warning.remedy().and_then(|remedy| spell(&remedy)) {
                 text.push_str(&format!(" ({words})"));
             }
             text.push('\n');
+        }
+        if terms > MOST_TERMS {
+            text.push_str(&format!("warning: and {} terms that are less clear, which the JSON has\n", terms - MOST_TERMS));
+        }
+        if lone.len() > 1 {
+            text.push_str(&format!("warning: and likewise single readings of {}\n", lone[1..].join(", ")));
         }
         text
     }

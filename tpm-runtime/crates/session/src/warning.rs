@@ -10,7 +10,7 @@ use tpm_estimate::{CommonFactor, PhysicalRemark, ResidualOf};
 use tpm_log::Repeated;
 use tpm_motion::RunEnding;
 use tpm_plant::actuator::LimitUse;
-use tpm_report::{Remedy, digits, displayed, number, plus_minus};
+use tpm_report::{Remedy, digits, displayed, listed, number, plus_minus};
 
 /// Significant digits of a term that a model lacks, which a few logs hardly show better.
 const TERM_DIGITS: usize = 3;
@@ -626,7 +626,7 @@ impl fmt::Display for Warning {
                 write!(f, "{parameter} is poorly determined: {}", plus_minus(*value, *std))
             }
             Warning::OnlyInCombinations { parameters, data } => {
-                write!(f, "visible in {data} only in combinations with each other: {}", parameters.join(", "))
+                write!(f, "visible in {data} only in combinations with each other: {}", listed(parameters))
             }
             Warning::NegativeInertia { parameter, value } => write!(
                 f,

@@ -5,6 +5,7 @@ use crate::free::Free;
 use crate::likelihood::components::{self, Components, Products};
 use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
+use crate::likelihood::nearest::Nearest;
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Known, Look, Memory, Pass};
 use crate::likelihood::path::{Along, Entry};
@@ -13,7 +14,7 @@ use crate::likelihood::start::{KNOWN_SHARE, RANK};
 use crate::result::{Estimate, LeastSquares};
 use crate::rows::Rows;
 use crate::scale::Scale;
-use crate::settings::Settings;
+use crate::settings::{Settings, Weights};
 use crate::time_domain::motion::{Motion, Stretch, TimeRecord};
 use crate::verdict::LARGE_RESIDUAL;
 use serde::Serialize;
@@ -74,6 +75,14 @@ pub struct Lacking {
     pub std: f64,
     /// Share that it takes of the sum of squares that the row, in which it makes most, would leave without it.
     pub gain: f64,
+}
+
+impl Lacking {
+    /// A term whose factor counts as exact.
+    #[must_use]
+    pub const fn known(term: Term, value: f64) -> Self {
+        Self { term, value, std: 0.0, gain: 0.0 }
+    }
 }
 
 /// The delay of an input, found with the parameters.
@@ -153,6 +162,10 @@ pub struct OfAnyMotion {
     pub lacking: Vec<Lacking>,
     /// Delays of inputs that were asked for; values and covariance of the parameters are those beside them.
     pub delays: Vec<FittedDelay>,
+    /// The model that is nearest to the forces, as it stands; nothing where it lacks nothing, or a row has no input.
+    pub nearest: Option<Nearest>,
+    /// The same with terms that the model lacks, where they make it better on parts of the record that it was not taken from.
+    pub completed: Option<Nearest>,
     /// What faults of the sensors' calibration would do.
     pub calibration: Vec<CalibrationFault>,
     /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
@@ -177,16 +190,23 @@ impl OfAnyMotion {
         self.estimate.with_values(values, covariance, settings, |j, std| self.felt[j] * std)
     }
 
+    /// The values with which the model is nearest to the forces in place of those that noise and missing terms allow it.
+    fn with_nearest(self, nearest: Nearest, settings: &Settings) -> Self {
+        let estimate = Estimate {
+            residual: root_mean_square(nearest.left.iter().copied()),
+            ..self.restated(nearest.values, nearest.covariance, settings)
+        };
+        let report = LineReport { row_residuals: nearest.left, ..self.report };
+        OfAnyMotion { estimate, report, ..self }
+    }
+
     /// The model as it is, beside what was found with terms that it may lack. Such terms and parameters were exchanged for each other: with
-    /// the values beside the terms the model alone explains little, and with its own it does. Its own are the result, since it is the model
-    /// that is used; their deviations contain how far the terms would move them.
-    fn beside(self, with_terms: Self, settings: &Settings) -> Self {
-        let (own, other) = (&self.estimate, &with_terms.estimate);
-        let moved: Vec<f64> = own.values.iter().zip(&other.values).map(|(own, other)| other - own).collect();
-        let both = Matrix::of(own.covariance.dense() + other.covariance.dense());
-        let estimate = self.restated(own.values.clone(), both.moved_by(&moved), settings);
-        let report = LineReport { with_terms: with_terms.report.with_terms, ..self.report };
-        OfAnyMotion { estimate, report, lacking: with_terms.lacking, scale_unknown: with_terms.scale_unknown, ..self }
+    /// the values beside the terms the model alone explains little. What is nearest to the forces is the result, since it is the model that is
+    /// used; the deviations contain how far the terms would move the values.
+    fn beside(self, nearest: Nearest, settings: &Settings) -> Self {
+        let moved: Vec<f64> = nearest.values.iter().zip(&self.estimate.values).map(|(own, other)| other - own).collect();
+        let both = Matrix::of(nearest.covariance.dense() + self.estimate.covariance.dense());
+        self.with_nearest(Nearest { covariance: both.moved_by(&moved), ..nearest }, settings)
     }
 }
 
@@ -219,17 +239,10 @@ pub fn estimate_any_motion(
         }
         look = Look { refused: look.refused, ..Look::first(model, settings) };
     };
-    if found.estimate.residual <= LARGE_RESIDUAL {
-        return Ok(found);
-    }
-    let late = std::mem::replace(&mut look, Look { alone: true, ..Look::first(model, settings) });
-    look.take_delays(&late);
-    let alone = first_pass(rows, known, &mut look, (&free, settings))?.with_terms()?.fit(&free)?.result;
-    Ok(match alone.estimate.residual <= LARGE_RESIDUAL {
-        false => found,
-        // Weights that follow the noise from line to line led to where the noise is little, and explain nothing of the force.
-        true if found.report.with_terms.iter().any(|left| *left > LARGE_RESIDUAL) => alone,
-        true => alone.beside(found, settings),
+    Ok(match found.nearest.clone() {
+        Some(nearest) if settings.weights == Weights::Equal => found.with_nearest(nearest, settings),
+        Some(nearest) if found.estimate.residual > LARGE_RESIDUAL => found.beside(nearest, settings),
+        _ => found,
     })
 }
 
@@ -258,7 +271,7 @@ fn applied<'a>(
     let mut settled = false;
     let passes = if look.fitted.is_empty() { APPLIED_PASSES } else { FITTED_PASSES };
     for _ in 0..passes {
-        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free)?;
+        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free, settings)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
             found.term.kind == TermKind::Delay && !look.is_fitted(found.term) && late.abs() > LONGEST_DELAY
@@ -270,7 +283,7 @@ fn applied<'a>(
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
         fitted.applied.iter().for_each(|found| look.apply(found.term, found.value));
     }
-    let fitted = Pass::new(rows, known, look, free, settings)?.with_terms()?.fit(free)?;
+    let fitted = Pass::new(rows, known, look, free, settings)?.with_terms()?.fit(free, settings)?;
     let grows = |found: &&Applied| {
         found.term.kind == TermKind::InputGain && found.value.abs() > UNSETTLED_GAIN.max(APPLIED_SETTLED * found.std)
     };
@@ -391,7 +404,7 @@ impl Pass<'_> {
     }
 
     /// Values, deviations and missing terms.
-    fn fit(mut self, free: &Free) -> Result<Outcome, EstimateError> {
+    fn fit(mut self, free: &Free, settings: &Settings) -> Result<Outcome, EstimateError> {
         let dims = self.rows.model.dims();
         let (p, right) = (dims.parameters, self.right());
         let asked = self.asked();
@@ -440,12 +453,14 @@ impl Pass<'_> {
             Lacking { term, value: value / size, std: std / size, gain }
         };
         let mut lacking: Vec<(f64, Lacking)> = Vec::new();
+        let mut lasting = Vec::new();
         for (a, &i) in active.iter().enumerate() {
             let spread = (solved.of_terms[i]).max(by_lines[fixed.len() + a]);
             let value = solved.missing[i];
             let shown = value * value / spread.max(f64::MIN_POSITIVE);
             if shown > threshold && self.share(terms[i], value) > LEAST_SHARE {
                 lacking.push((shown, named(terms[i], (value, spread.sqrt()))));
+                lasting.extend(self.terms[terms[i] - p].kind.predicts().then_some(terms[i]));
             }
         }
         let of_input = |kind: TermKind| matches!(kind, TermKind::Delay | TermKind::InputGain);
@@ -544,6 +559,11 @@ impl Pass<'_> {
             samples: self.record.stretches.iter().map(Stretch::samples).sum(),
             rate_gains: self.motion.rate_gains.clone(),
         };
+        let is_asked = settings.weights == Weights::Equal
+            || estimate.residual > LARGE_RESIDUAL
+            || lacking.iter().any(|(_, own)| own.term.kind.is_force());
+        let nearest = if is_asked { self.nearest((&fixed, &lasting), &missing, &noise)? } else { None };
+        let (nearest, completed) = nearest.map_or((None, None), |(own, completed)| (Some(own), completed));
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
         let followed = self.paths.fastest();
         Ok(Outcome {
@@ -555,6 +575,8 @@ impl Pass<'_> {
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
                 delays,
+                nearest,
+                completed,
                 calibration,
                 scale_unknown,
                 report,

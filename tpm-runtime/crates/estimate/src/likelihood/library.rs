@@ -107,6 +107,17 @@ impl TermKind {
         )
     }
 
+    /// Whether a model that predicts forces can have it: what drifts is another force on another record, and what is made of the recorded force
+    /// predicts nothing.
+    #[must_use]
+    pub const fn predicts(self) -> bool {
+        let drifts = matches!(
+            self,
+            TermKind::Drift | TermKind::DriftingDamping | TermKind::DriftingFriction | TermKind::ParameterDrift
+        );
+        self.is_force() && !drifts && !matches!(self, TermKind::LoadFriction | TermKind::DeadZone | TermKind::Flexible)
+    }
+
     /// Whether it is asked of a coordinate whose rate alone stands in the rows, as a speed or a temperature: that rate is no velocity, and the
     /// coordinate no position.
     const fn is_of_first_order(self) -> bool {
@@ -255,6 +266,26 @@ impl Scales {
         }
     }
 
+    /// The numbers in the column of a term: the rate at which Stribeck friction has fallen to 1/e, the width over which play is rounded, the
+    /// wave number of a ripple and the middle of its range; none of other terms.
+    pub(super) fn constants(&self, term: Term) -> Vec<f64> {
+        let c = term.of;
+        let apart = |other: usize| self.products[c][c] + self.products[other][other] - 2.0 * self.products[c][other];
+        match (term.kind, term.other) {
+            (TermKind::Stribeck, _) => vec![STRIBECK_VELOCITY * self.speed[c]],
+            (TermKind::Play, _) => vec![DEAD_ZONE * self.products[c][c].sqrt()],
+            (TermKind::PairPlay, Some(other)) => vec![DEAD_ZONE * apart(other).max(0.0).sqrt()],
+            (TermKind::Ripple { half_waves, .. }, _) => self.wave(c, half_waves).into(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// Wave number of a ripple over the range of a coordinate, and the middle of this range.
+    fn wave(&self, coordinate: usize, half_waves: u32) -> [f64; 2] {
+        let (low, high) = self.range[coordinate];
+        [PI * f64::from(half_waves) / (high - low).max(f64::MIN_POSITIVE), 0.5 * (low + high)]
+    }
+
     /// The range of a coordinate, its unit.
     pub(crate) fn span(&self, coordinate: usize) -> f64 {
         let (low, high) = self.range[coordinate];
@@ -280,8 +311,6 @@ impl Scales {
         let (q, v) = (series(c, 0), series(c, 1));
         let a = series(c, 2);
         let deviation = |k: usize| self.rate_deviation[c].hypot(CELL * seen.apart() * a[k]);
-        let (low, high) = self.range[c];
-        let middle = 0.5 * (low + high);
         let time = |k: usize| seen.time(k) / self.duration - 0.5;
         let right = || seen.right(row).unwrap_or_default();
         let by = |of: &dyn Fn(usize) -> f64| -> Vec<f64> { (0..seen.points()).map(of).collect() };
@@ -301,7 +330,7 @@ impl Scales {
             TermKind::Sine(n) => by(&|k| (f64::from(n) * q[k]).sin()),
             TermKind::Cosine(n) => by(&|k| (f64::from(n) * q[k]).cos()),
             TermKind::Ripple { half_waves, even } => {
-                let wave = PI * f64::from(half_waves) / (high - low).max(f64::MIN_POSITIVE);
+                let [wave, middle] = self.wave(c, half_waves);
                 by(&|k| {
                     let angle = wave * (q[k] - middle);
                     if even { angle.cos() } else { angle.sin() }

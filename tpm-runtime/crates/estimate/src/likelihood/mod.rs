@@ -19,7 +19,7 @@
 //! reported, and a simulation refines the values.
 //!
 //! ```text
-//! spectrum -> path (motion, rows along it) -> library, lines -> pass, start -> noise, widening -> components, split -> fit
+//! spectrum -> path (motion, rows along it) -> library, lines -> pass, start -> noise, widening -> components, split -> fit, nearest
 //! ```
 
 mod arrangement;
@@ -27,6 +27,7 @@ mod components;
 mod fit;
 mod library;
 mod lines;
+mod nearest;
 mod noise;
 mod pass;
 mod path;
@@ -42,5 +43,6 @@ pub(crate) use components::{Components, Products};
 pub use fit::{CalibrationFault, FittedDelay, Lacking, LineReport, OfAnyMotion, UnseenFault, estimate_any_motion};
 pub(crate) use library::{Scales, Seen};
 pub use library::{Term, TermKind};
+pub use nearest::{AddedTerm, Nearest};
 pub(crate) use path::Columns;
 pub(crate) use split::{Solved, Split};

@@ -25,9 +25,6 @@ pub(super) struct Look {
     pub(super) fitted: Vec<usize>,
     /// Gains of inputs that are no candidates: the record that they correct asks for ever more of them.
     pub(super) refused: Vec<Term>,
-    /// Whether the model is taken as it is, without terms that it may lack, and all lines of a row count alike, so that what is left of the
-    /// force is least.
-    pub(super) alone: bool,
     /// Frequency up to which every coordinate is taken, Hz; zero where it is taken as far as it stands out of its noise.
     pub(super) taken: Vec<f64>,
 }
@@ -43,7 +40,6 @@ impl Look {
             applied: fitted.iter().map(delay).collect(),
             fitted,
             refused: Vec::new(),
-            alone: false,
             taken: vec![0.0; dims.coordinates],
         }
     }
@@ -51,13 +47,6 @@ impl Look {
     /// Whether a term is a delay that is asked for.
     pub(super) fn is_fitted(&self, term: Term) -> bool {
         term.kind == TermKind::Delay && self.fitted.contains(&term.of)
-    }
-
-    /// Begins with the delays that another look found of those that are asked for.
-    pub(super) fn take_delays(&mut self, other: &Look) {
-        for &input in &self.fitted {
-            self.inputs[input].delay = other.inputs[input].delay;
-        }
     }
 
     /// Applies what was found of an input beside what was applied before.
@@ -253,9 +242,6 @@ impl Pass<'_> {
             }
         };
         let Some(mut lines) = found else { return Ok(None) };
-        if self.look.alone {
-            lines.band.fill(0);
-        }
         // What the noise may be in proportion to: the forces of the inputs, or the force of the leading acceleration.
         let leading = if forces.len() == signals.len() { row_lines(&self.paths.paths, view, &forces) } else { None };
         let power = leading.map_or_else(|| lines.column(right), |leading| leading.column(0));

@@ -99,7 +99,7 @@ impl<'a> Pass<'a> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
         self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c], &feels);
         let look = &self.look;
-        self.terms.retain(|term| look.is_fitted(*term) || !look.alone && !look.refused.contains(term));
+        self.terms.retain(|term| look.is_fitted(*term) || !look.refused.contains(term));
         let mut from = 0.0;
         for (path, along) in self.paths.paths.iter().zip(&self.along) {
             let of = |term: &Term| match term.kind {

@@ -50,6 +50,8 @@ pub struct StoredResult {
     pub(super) findings: Vec<Finding>,
     #[serde(default)]
     pub(super) provenance: StoredProvenance,
+    #[serde(default)]
+    completed_model: Option<String>,
     /// Which way the parameters came from those of another model; nothing for a result of an identification.
     #[serde(default)]
     way: Option<String>,
@@ -157,6 +159,12 @@ impl StoredResult {
     #[must_use]
     pub fn model(&self) -> &str {
         &self.model
+    }
+
+    /// The text of the model with the forces that it lacks, where these make it better.
+    #[must_use]
+    pub fn completed_model(&self) -> Option<&str> {
+        self.completed_model.as_deref()
     }
 
     /// Whether all equations counted alike: the values are those of the model whose forces are nearest.

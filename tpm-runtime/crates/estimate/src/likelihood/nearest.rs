@@ -1,0 +1,300 @@
+//! The model that is nearest to the forces of a record, as it stands and with the terms that it lacks.
+//!
+//! Of a right model the lines' weights give the smallest deviations. Of one that lacks something they give values that are right beside the
+//! missing terms, and that predict badly without them: what is nearest to the forces is least squares over the samples, every row weighed by
+//! what it leaves. Behind the low pass of its row every sample counts, the times around reversals too. What such a model leaves elsewhere is
+//! told by parts of the record that its values were not taken from; a term that does not lower this is no part of it.
+
+use crate::error::EstimateError;
+use crate::likelihood::library::Term;
+use crate::likelihood::lines::{Signals, View};
+use crate::likelihood::noise::Noise;
+use crate::likelihood::pass::Pass;
+use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix};
+
+/// Parts of a record of which each is left out once.
+const BLOCKS: usize = 10;
+/// What is left out beside such a part, in reaches of the low pass of the row: so far its samples are made of one another's.
+const APART: f64 = 0.5;
+/// Times that the rows are weighed by what they leave.
+const WEIGHINGS: usize = 6;
+/// Samples in an oscillation at the cut-off of a row's low pass.
+const SAMPLES: f64 = 3.0;
+/// Terms of a row stay when they lower what it leaves of the parts that were left out by so many deviations of the mean.
+const LOWERS: f64 = 1.0;
+/// A row of which the model leaves more than this share of the force holds no torque from which terms could be told.
+const MOST_LEFT: f64 = 0.7;
+/// What is added to the diagonal of scaled normal equations.
+const RIDGE: f64 = 1e-12;
+
+/// The values with which a model is nearest to the forces of a record.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Nearest {
+    /// Values of all parameters.
+    pub values: Vec<f64>,
+    /// Their covariance under the noise of the lines.
+    pub covariance: Matrix,
+    /// Terms that the model lacks and that are part of this one.
+    pub terms: Vec<AddedTerm>,
+    /// What is left of every row, as a share of its force.
+    pub left: Vec<f64>,
+    /// What is left of every row in parts of the record from which the values were not taken, as a share of its force.
+    pub held_out: Vec<f64>,
+}
+
+/// A term that a model lacks, as a part of one that has it.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct AddedTerm {
+    /// The term.
+    pub term: Term,
+    /// Its factor, in the units of row and term.
+    pub value: f64,
+    /// Numbers in it, in units of its coordinate and s: the rate at which Stribeck friction has fallen to 1/e; the width over which play is
+    /// rounded; the wave number of a ripple and the middle of its range.
+    pub constants: Vec<f64>,
+}
+
+/// Products of the columns of a row with each other, the right-hand side last.
+struct Block {
+    /// Of all samples of a part of the record.
+    whole: DMatrix<f64>,
+    /// Of those that nothing outside the part takes part in.
+    inner: DMatrix<f64>,
+}
+
+/// A row in parts of the record.
+struct RowBlocks {
+    /// Places of its columns among those that are asked for.
+    at: Vec<usize>,
+    blocks: Vec<Block>,
+    sum: DMatrix<f64>,
+    samples: f64,
+}
+
+impl RowBlocks {
+    /// Sum of squares of what values leave of it, given its products.
+    fn left(&self, products: &DMatrix<f64>, values: &DVector<f64>) -> f64 {
+        let own = self.with_one(values);
+        (products * &own).dot(&own).max(0.0)
+    }
+
+    /// What the products are multiplied by: the values, and minus one for the right-hand side.
+    fn with_one(&self, values: &DVector<f64>) -> DVector<f64> {
+        let own = self.at.iter().map(|&at| values[at]);
+        DVector::from_iterator(self.at.len() + 1, own.chain([-1.0]))
+    }
+
+    fn force(&self, products: &DMatrix<f64>) -> f64 {
+        products[(self.at.len(), self.at.len())]
+    }
+}
+
+/// Least squares over rows; columns that do not take part stay zero.
+fn solve(rows: &[RowBlocks], weights: &[f64], without: Option<usize>, takes_part: &[bool]) -> Option<DVector<f64>> {
+    let places: Vec<usize> = (0..takes_part.len()).filter(|&at| takes_part[at]).collect();
+    let mut within = vec![None; takes_part.len()];
+    places.iter().enumerate().for_each(|(own, &at)| within[at] = Some(own));
+    let n = places.len();
+    let (mut gram, mut target) = (DMatrix::<f64>::zeros(n, n), DVector::<f64>::zeros(n));
+    for (row, weight) in rows.iter().zip(weights) {
+        let last = row.at.len();
+        let products = without.map_or_else(|| row.sum.clone(), |b| &row.sum - &row.blocks[b].whole);
+        for (a, i) in row.at.iter().enumerate().filter_map(|(a, &at)| Some((a, within[at]?))) {
+            target[i] += weight * products[(a, last)];
+            for (b, k) in row.at.iter().enumerate().filter_map(|(b, &at)| Some((b, within[at]?))) {
+                gram[(i, k)] += weight * products[(a, b)];
+            }
+        }
+    }
+    let scale: Vec<f64> = (0..n).map(|i| if gram[(i, i)] > 0.0 { gram[(i, i)].sqrt() } else { 1.0 }).collect();
+    let scaled = |i: usize, k: usize| gram[(i, k)] / (scale[i] * scale[k]) + if i == k { RIDGE } else { 0.0 };
+    let factor = Cholesky::new(DMatrix::from_fn(n, n, scaled))?;
+    let found = factor.solve(&DVector::from_fn(n, |i, _| target[i] / scale[i]));
+    let mut values = DVector::zeros(takes_part.len());
+    places.iter().enumerate().for_each(|(i, &at)| values[at] = found[i] / scale[i]);
+    Some(values)
+}
+
+/// What least squares gives.
+struct Fitted {
+    values: DVector<f64>,
+    /// Weight of every row.
+    weights: Vec<f64>,
+    /// Sum of squares of what is left of the parts that were left out, by row and part.
+    held_out: Vec<Vec<f64>>,
+}
+
+/// Least squares over rows whose weights are what they leave themselves.
+fn fitted(rows: &[RowBlocks], takes_part: &[bool]) -> Option<Fitted> {
+    let mut weights: Vec<f64> = rows.iter().map(|row| 1.0 / row.force(&row.sum).max(f64::MIN_POSITIVE)).collect();
+    let mut values = solve(rows, &weights, None, takes_part)?;
+    for _ in 0..WEIGHINGS {
+        let of = |row: &RowBlocks| row.samples / row.left(&row.sum, &values).max(1e-12 * row.force(&row.sum)).max(f64::MIN_POSITIVE);
+        weights = rows.iter().map(of).collect();
+        values = solve(rows, &weights, None, takes_part)?;
+    }
+    let mut held_out = vec![Vec::with_capacity(BLOCKS); rows.len()];
+    for b in 0..BLOCKS {
+        let without = solve(rows, &weights, Some(b), takes_part)?;
+        rows.iter().zip(&mut held_out).for_each(|(row, own)| own.push(row.left(&row.blocks[b].inner, &without)));
+    }
+    Some(Fitted { values, weights, held_out })
+}
+
+impl Pass<'_> {
+    /// The model as it stands, nearest to the forces; and, where some of the given terms make it better, the model with them. `fixed` are the
+    /// columns that are estimated, `terms` those of terms that the model lacks, about whose values a row without an input is linear. Nothing where
+    /// the equations cannot be solved.
+    pub(super) fn nearest(
+        &self,
+        (fixed, terms): (&[usize], &[usize]),
+        missing: &[f64],
+        noise: &Noise,
+    ) -> Result<Option<(Nearest, Option<Nearest>)>, EstimateError> {
+        let columns: Vec<usize> = fixed.iter().chain(terms).copied().collect();
+        let rows = (0..self.rows.model.dims().rows)
+            .map(|row| self.blocks(row, &columns, missing))
+            .collect::<Result<Vec<RowBlocks>, EstimateError>>()?;
+        let mut takes_part: Vec<bool> = (0..columns.len()).map(|at| at < fixed.len()).collect();
+        let Some(plain) = fitted(&rows, &takes_part) else { return Ok(None) };
+        let stated = self.of_fitted(&rows, &columns, &plain, noise);
+        takes_part.fill(true);
+        // The row whose terms do most harm loses them first.
+        let completed = loop {
+            if takes_part[fixed.len()..].iter().all(|takes| !takes) {
+                break None;
+            }
+            let Some(found) = fitted(&rows, &takes_part) else { break None };
+            let harm = |row: usize| {
+                let has = |at: &&usize| **at >= fixed.len() && takes_part[**at];
+                let any = rows[row].at.iter().any(|at| has(&at));
+                any.then(|| {
+                    let less = plain.held_out[row].iter().zip(&found.held_out[row]).map(|(plain, with)| plain - with);
+                    let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
+                    let hopeless = if stated.held_out[row] > MOST_LEFT { f64::INFINITY } else { 0.0 };
+                    (LOWERS * deviation - mean) / rows[row].force(&rows[row].sum).max(f64::MIN_POSITIVE) + hopeless
+                })
+            };
+            let worst = (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
+            match worst.filter(|(_, harm)| *harm > 0.0) {
+                None => break Some(self.of_fitted(&rows, &columns, &found, noise)),
+                Some((row, _)) => rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false),
+            }
+        };
+        Ok(Some((stated, completed)))
+    }
+
+    /// A row in parts of the record, with these columns.
+    fn blocks(&self, row: usize, columns: &[usize], missing: &[f64]) -> Result<RowBlocks, EstimateError> {
+        let (signals, _) = self.signals(row, missing)?;
+        let view = self.views[row];
+        let right = self.right();
+        let mut at: Vec<usize> = (0..columns.len())
+            .filter(|&at| signals.iter().any(|own: &Signals| own.iter().any(|(number, _)| *number == columns[at])))
+            .collect();
+        at.sort_unstable();
+        let n = at.len() + 1;
+        let wave = 2.0 * std::f64::consts::PI / view.low_pass.cut_off;
+        let parts: Vec<(DMatrix<f64>, f64)> = (self.paths.paths.iter().zip(&signals))
+            .map(|(path, signals)| {
+                let shares = view.shares(path);
+                let step = ((wave / (SAMPLES * path.apart)) as usize).max(1);
+                let places: Vec<usize> = path.valid(view.lost).step_by(step).collect();
+                let mut matrix = DMatrix::zeros(places.len(), n);
+                for (number, signal) in signals {
+                    let own = if *number == right { Some(n - 1) } else { at.iter().position(|&at| columns[at] == *number) };
+                    let Some(own) = own else { continue };
+                    let passed = View::passed(path, &shares, signal);
+                    places.iter().enumerate().for_each(|(k, &place)| matrix[(k, own)] = passed[place]);
+                }
+                (matrix, step as f64 * path.apart)
+            })
+            .collect();
+        let samples: usize = parts.iter().map(|(matrix, _)| matrix.nrows()).sum();
+        let mut blocks: Vec<Block> =
+            (0..BLOCKS).map(|_| Block { whole: DMatrix::zeros(n, n), inner: DMatrix::zeros(n, n) }).collect();
+        let mut first = 0;
+        for (matrix, apart) in &parts {
+            let beside = (APART * view.low_pass.reach() / apart).ceil() as usize;
+            for (b, block) in blocks.iter_mut().enumerate() {
+                let (from, to) = (b * samples / BLOCKS, (b + 1) * samples / BLOCKS);
+                let (from, to) = (from.saturating_sub(first).min(matrix.nrows()), to.saturating_sub(first).min(matrix.nrows()));
+                let products = |from: usize, to: usize| {
+                    let own = matrix.rows(from, to.saturating_sub(from));
+                    own.tr_mul(&own)
+                };
+                block.whole += products(from, to);
+                block.inner += products(from + beside, to.saturating_sub(beside));
+            }
+            first += matrix.nrows();
+        }
+        let sum = blocks.iter().fold(DMatrix::zeros(n, n), |sum, block| sum + &block.whole);
+        Ok(RowBlocks { at, blocks, sum, samples: samples as f64 })
+    }
+
+    /// What was fitted, in the units of the model; its covariance is that of these weights under the noise of the lines.
+    fn of_fitted(&self, rows: &[RowBlocks], columns: &[usize], found: &Fitted, noise: &Noise) -> Nearest {
+        let p = self.rows.model.dims().parameters;
+        let mut values = self.theta.clone();
+        let mut terms = Vec::new();
+        for (&column, value) in columns.iter().zip(found.values.iter()) {
+            if column < p {
+                values[column] = *value;
+            } else if *value != 0.0 {
+                let term = self.terms[column - p];
+                let constants = self.scales.constants(term);
+                terms.push(AddedTerm { term, value: *value / self.sizes[column - p], constants });
+            }
+        }
+        let share = |left: f64, force: f64| if force > 0.0 { (left / force).sqrt() } else { 0.0 };
+        let left = rows.iter().map(|row| share(row.left(&row.sum, &found.values), row.force(&row.sum))).collect();
+        let held_out = (rows.iter().zip(&found.held_out))
+            .map(|(row, own)| share(own.iter().sum(), row.blocks.iter().map(|block| row.force(&block.inner)).sum()))
+            .collect();
+        let taken: Vec<usize> =
+            columns.iter().zip(found.values.iter()).filter(|(_, value)| **value != 0.0).map(|(column, _)| *column).collect();
+        let own = self.covariance_of(&taken, &found.weights, noise);
+        let mut covariance = DMatrix::zeros(p, p);
+        for (a, &i) in taken.iter().enumerate().filter(|(_, column)| **column < p) {
+            for (b, &j) in taken.iter().enumerate().filter(|(_, column)| **column < p) {
+                covariance[(i, j)] = own[(a, b)];
+            }
+        }
+        Nearest { values, covariance: Matrix::of(covariance), terms, left, held_out }
+    }
+
+    /// Covariance of least squares over columns with one weight for every row, under the noise of the lines.
+    fn covariance_of(&self, columns: &[usize], weights: &[f64], noise: &Noise) -> DMatrix<f64> {
+        let n = columns.len();
+        let (mut whole, mut middle) = (DMatrix::<f64>::zeros(n, n), DMatrix::<f64>::zeros(n, n));
+        for ((row, variance), weight) in self.lines.iter().zip(&noise.variance).zip(weights) {
+            let mut by_noise: Vec<f64> = variance.iter().map(|variance| weight * (row.correlation * variance).sqrt()).collect();
+            by_noise.extend_from_within(..);
+            let (at, plain) = row.weighted(columns, &vec![weight.sqrt(); by_noise.len()]);
+            let (_, noisy) = row.weighted(columns, &by_noise);
+            let (plain, noisy) = (plain.tr_mul(&plain), noisy.tr_mul(&noisy));
+            for (a, &i) in at.iter().enumerate() {
+                for (b, &k) in at.iter().enumerate() {
+                    whole[(i, k)] += plain[(a, b)];
+                    middle[(i, k)] += noisy[(a, b)];
+                }
+            }
+        }
+        let scale: Vec<f64> = (0..n).map(|i| if whole[(i, i)] > 0.0 { whole[(i, i)].sqrt() } else { 1.0 }).collect();
+        let scaled = |i: usize, k: usize| whole[(i, k)] / (scale[i] * scale[k]) + if i == k { RIDGE } else { 0.0 };
+        let Some(factor) = Cholesky::new(DMatrix::from_fn(n, n, scaled)) else { return DMatrix::zeros(n, n) };
+        let inverse = factor.inverse();
+        let inverse = DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] / (scale[i] * scale[k]));
+        &inverse * middle * &inverse
+    }
+}
+
+/// Mean of values, and the deviation of this mean.
+fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let spread = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean, (spread / n).sqrt())
+}

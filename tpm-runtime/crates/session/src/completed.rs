@@ -1,0 +1,211 @@
+//! The model with the terms that it lacks: what both leave of the forces of a log, and the text of the one that has them.
+
+use crate::error::SessionError;
+use crate::identification::Identification;
+use crate::lines_log::is_simulated;
+use crate::log::{LogRequest, from_logs};
+use crate::log_report::LogReport;
+use crate::model::{DeclaredModel, Identifiable};
+use crate::refinement_report::MissingTerm;
+use crate::term_words::lacking;
+use serde::Serialize;
+use tpm_codegen::language::complete::{AddedForce, CannotAdd, with_forces};
+use tpm_codegen::source::Source;
+use tpm_controller::model::Model;
+use tpm_estimate::{AddedTerm, Lacking, Nearest, OfAnyMotion, TermKind, Weights};
+use tpm_report::{Align, TextTable};
+
+/// What a model leaves of the forces of a log, row by row, behind the low passes of the rows.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LeftOfForces {
+    /// Values of the parameters with which it is nearest to the forces.
+    pub values: Vec<f64>,
+    /// What is left of every row, as a share of its force.
+    pub left: Vec<f64>,
+    /// The same on parts of the log from which the values were not taken.
+    pub held_out: Vec<f64>,
+}
+
+impl LeftOfForces {
+    fn of(own: &Nearest) -> Self {
+        Self { values: own.values.clone(), left: own.left.clone(), held_out: own.held_out.clone() }
+    }
+}
+
+/// A model with terms that it lacked.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Completed {
+    /// What it leaves of the forces.
+    #[serde(flatten)]
+    pub forces: LeftOfForces,
+    /// The terms; deviations are those of the completed model's own identification.
+    pub terms: Vec<MissingTerm>,
+    /// The same as they are written into the text of the model.
+    #[serde(skip)]
+    pub added: Vec<AddedForce>,
+}
+
+/// How well a model that lacks something predicts the forces of a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Prediction {
+    /// Names of the rows.
+    pub rows: Vec<String>,
+    /// The model as it stands.
+    pub stated: LeftOfForces,
+    /// The model with terms that it lacks; nothing where they make it no better on parts of the log that it was not taken from.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub completed: Option<Completed>,
+}
+
+impl Prediction {
+    /// Of what the lines of a log told; nothing where the model lacks nothing.
+    pub(super) fn of(model: &dyn Model<f64>, found: &OfAnyMotion) -> Option<Self> {
+        let stated = LeftOfForces::of(found.nearest.as_ref()?);
+        let completed = found.completed.as_ref().map(|own| {
+            let words = |term: &AddedTerm| lacking(model, &Lacking::known(term.term, term.value));
+            Completed {
+                forces: LeftOfForces::of(own),
+                terms: own.terms.iter().map(words).collect(),
+                added: own.terms.iter().map(|term| added(model, term, words(term))).collect(),
+            }
+        });
+        let rows = (0..model.dims().rows).map(|row| model.row(row).name.to_string()).collect();
+        Some(Self { rows, stated, completed })
+    }
+
+    /// What is left of every row as a table.
+    pub(super) fn text(&self) -> String {
+        let mut head = vec![("left of the force, %", Align::Left)];
+        head.extend(self.rows.iter().map(|row| (row.as_str(), Align::Right)));
+        let mut table = TextTable::new(&head);
+        let mut add = |name: &str, shares: &[f64]| {
+            let shares = shares.iter().map(|share| format!("{:.1}", 100.0 * share));
+            table.row(&std::iter::once(name.to_owned()).chain(shares).collect::<Vec<String>>());
+        };
+        add("the model, nearest values", &self.stated.left);
+        add("  on parts left out", &self.stated.held_out);
+        if let Some(completed) = &self.completed {
+            add("with what it lacks", &completed.forces.left);
+            add("  on parts left out", &completed.forces.held_out);
+        }
+        table.finish()
+    }
+}
+
+/// A term as it is written into the text of a model.
+fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedForce {
+    let term = own.term;
+    let (kind, q) = (term.kind, model.coordinate(term.of));
+    let row = term.row.unwrap_or(term.of);
+    let name = |c: usize| model.coordinate(c).name.to_string();
+    let place = term.other.map_or_else(|| name(term.of), |other| format!("{}_{}", name(term.of), name(other)));
+    // Powers of the coordinate and of the second in the expression, and what the parameter is called.
+    let numbered = |stem: &str, n: u32| if n == 1 { stem.to_owned() } else { format!("{stem}{n}") };
+    let (of_coordinate, of_time, stem) = match kind {
+        TermKind::Friction | TermKind::PairFriction => (0, 0, "fc".to_owned()),
+        TermKind::Stribeck => (0, 0, "fs".to_owned()),
+        TermKind::RatePower(n) => (n, n, numbered("fv", n)),
+        TermKind::PairDamping => (1, 1, "fv".to_owned()),
+        TermKind::PairAsymmetry => (1, 1, "fa".to_owned()),
+        TermKind::Drag | TermKind::PairDrag => (2, 2, "drag".to_owned()),
+        TermKind::Power(n) | TermKind::PairPower(n) => (n, 0, numbered("k", n)),
+        TermKind::PositionFriction(n) => (n, 0, format!("fc_by{n}")),
+        TermKind::PositionDamping(n) => (n + 1, 1, format!("fv_by{n}")),
+        TermKind::PairPositionDamping => (2, 1, "fv_by1".to_owned()),
+        TermKind::Inertia(n) => (n + 1, 2, if n == 0 { "Ia".to_owned() } else { format!("Ia_by{n}") }),
+        TermKind::PairInertia => (1, 2, "M".to_owned()),
+        TermKind::Sine(n) => (0, 0, numbered("sine", n)),
+        TermKind::Cosine(n) => (0, 0, numbered("cosine", n)),
+        TermKind::Ripple { even: false, half_waves } => (0, 0, format!("ripple{half_waves}s")),
+        TermKind::Ripple { even: true, half_waves } => (0, 0, format!("ripple{half_waves}c")),
+        TermKind::Play | TermKind::PairPlay => (0, 0, "play".to_owned()),
+        _ => (0, 0, "f0".to_owned()),
+    };
+    let unit = |of_coordinate: u32| {
+        let own = q.unit.filter(|unit| unit.chars().all(char::is_alphabetic) || of_coordinate == 0);
+        let raised = |unit: &str, n: u32, sign: char| match n {
+            0 => String::new(),
+            1 => format!("{sign}{unit}"),
+            n => format!("{sign}{unit}^{n}"),
+        };
+        let per = if of_coordinate == 0 { String::new() } else { raised(own?, of_coordinate, '/') };
+        Some(format!("{}{}{per}", model.row(row).unit?, raised("s", of_time, '*')))
+    };
+    let of_q = |text: &str| q.unit.map(|unit| text.replace('q', unit));
+    let distance = term.other.map_or_else(|| name(term.of), |other| format!("({} - {})", name(term.of), name(other)));
+    let mut constants = Vec::new();
+    let mut constant = |name: &str, value: Option<f64>, unit: Option<String>| {
+        let name = format!("{name}_{place}");
+        constants.push((name.clone(), value.unwrap_or(0.0), unit));
+        format!("{{{name}}}")
+    };
+    let mut numbers = own.constants.iter().copied();
+    let expression = match kind {
+        TermKind::Stribeck => {
+            let rate = constant("vs", numbers.next(), of_q("q/s"));
+            format!("sign(dot({distance}))*exp(-(dot({distance})/{rate})^2)")
+        }
+        TermKind::Play | TermKind::PairPlay => {
+            format!("tanh({distance}/{})", constant("width", numbers.next(), of_q("q")))
+        }
+        TermKind::Ripple { even, half_waves } => {
+            let wave = constant(&format!("wave{half_waves}"), numbers.next(), of_q("1/q"));
+            let middle = constant("middle", numbers.next(), of_q("q"));
+            format!("{}({wave}*({distance} - {middle}))", if even { "cos" } else { "sin" })
+        }
+        TermKind::Sine(n) | TermKind::Cosine(n) if q.unit.is_some_and(|unit| unit != "rad") => {
+            let per = constant("per", Some(f64::from(n)), of_q("1/q"));
+            let function = if matches!(kind, TermKind::Sine(_)) { "sin" } else { "cos" };
+            format!("{function}({per}*{distance})")
+        }
+        _ => words.term,
+    };
+    let rows = match (kind, term.other) {
+        (TermKind::PairInertia, Some(other)) => {
+            vec![(term.of, name(term.of), format!("ddot({})", name(other))), (other, name(other), format!("ddot({})", name(term.of)))]
+        }
+        (_, Some(other)) => {
+            vec![(term.of, name(term.of), expression.clone()), (other, name(other), format!("-{expression}"))]
+        }
+        (_, None) => vec![(row, name(row.min(model.dims().coordinates - 1)), expression)],
+    };
+    AddedForce { parameter: format!("{stem}_{place}"), unit: unit(of_coordinate), meaning: words.meaning, constants, rows }
+}
+
+/// The text of a model with the forces that it lacks on the logs of a result; nothing where none make it better.
+///
+/// # Errors
+/// [`CannotAdd`].
+pub(super) fn completed_text(declared: &DeclaredModel, result: &Identification) -> Result<Option<String>, CannotAdd> {
+    let pooled = result.pool.iter().flat_map(|pool| &pool.logs).map(|part| &part.log);
+    let of_log = |log: &LogReport| log.prediction()?.completed.clone();
+    let mut forces: Vec<AddedForce> = Vec::new();
+    for force in result.log.iter().chain(pooled).filter_map(of_log).flat_map(|own| own.added) {
+        if !forces.iter().any(|own| own.rows == force.rows) {
+            forces.push(force);
+        }
+    }
+    if forces.is_empty() { Ok(None) } else { with_forces(declared.text(), &forces).map(Some) }
+}
+
+/// The model with the forces that it lacks on some logs, identified from the same logs; nothing where it lacks none that make it better on
+/// parts of a log that it was not taken from. Where the lines of the rows tell its parameters they are those with which it is nearest to the
+/// forces: what it still lacks takes no part in what it predicts.
+///
+/// # Errors
+/// [`SessionError::NoText`] of a model without a text, [`SessionError::Completing`] where the forces cannot be written into it; otherwise as
+/// [`from_logs`].
+pub fn completed(
+    model: &impl Identifiable,
+    mut requests: Vec<LogRequest>,
+    result: &Identification,
+) -> Result<Option<(DeclaredModel, Identification)>, SessionError> {
+    let declared = model.declaration()?.ok_or(SessionError::NoText)?;
+    let Some(text) = completed_text(&declared, result).map_err(SessionError::Completing)? else { return Ok(None) };
+    let whole = DeclaredModel::of_source(Source::new(declared.text().name(), text))?;
+    if !is_simulated(whole.evaluated().dims()) {
+        requests.iter_mut().for_each(|request| request.estimation.weights = Weights::Equal);
+    }
+    let found = from_logs(&whole, requests)?;
+    Ok(Some((whole, found)))
+}
