@@ -165,6 +165,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 None => (model, result),
             };
             print(&result, args.json, args.output.as_deref())?;
+            if args.complete.is_none() && result.completed_model.is_some() {
+                file::remark(
+                    "remark: --complete identifies the model with what it lacks; `tpm complete RESULT.json` writes it",
+                );
+            }
             if let Some(requests) = kept {
                 let shown = evidence(&model, requests, &result).unwrap_or_else(|error| {
                     let why = flags::error(&error);

@@ -177,7 +177,7 @@ fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
                 Loss::Viscous => &moving.damping,
                 Loss::Coulomb => &moving.friction,
                 Loss::Rotor => &moving.armature,
-                Loss::Offset => continue,
+                Loss::Offset | Loss::Load => continue,
             };
             if !value.is_zero() {
                 line(parameter_name(loss.symbol(), &moving.coordinate), value);

@@ -4,12 +4,14 @@
 //! mechanism or energies it is a part of the force on its coordinate.
 
 use crate::diagnostic::Diagnostics;
+use crate::language::ast::mechanism::InertiaDeclaration;
 use crate::language::ast::{Equation, Item, ModelDeclaration, Role};
 use crate::language::{format, parse};
 use crate::source::{Source, Span};
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fmt;
+use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 /// A force that is added to a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +26,15 @@ pub struct AddedForce {
     pub constants: Vec<(String, f64, Option<String>)>,
     /// What the parameter is multiplied by in every row in which the force acts: the row, its coordinate, and the expression.
     pub rows: Vec<(usize, String, String)>,
+}
+
+/// Dry friction of drives in proportion to their load.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct AddedLoads {
+    /// The drives, by their coordinates.
+    pub drives: Vec<String>,
+    /// The ten parameters of the inertia of every body with which the load is computed.
+    pub near: Vec<(String, Vec<f64>)>,
 }
 
 /// Why forces cannot be written into a text.
@@ -59,7 +70,7 @@ impl Error for CannotAdd {}
 /// [`CannotAdd`].
 ///
 /// ```
-/// use tpm_codegen::language::complete::{AddedForce, with_forces};
+/// use tpm_codegen::language::complete::{AddedForce, AddedLoads, with_forces};
 /// use tpm_codegen::source::Source;
 /// let text = "model Cart { coordinate x [m]; input u [N]; parameter m [kg]; m*ddot(x) = u; }";
 /// let drag = AddedForce {
@@ -69,10 +80,10 @@ impl Error for CannotAdd {}
 ///     constants: Vec::new(),
 ///     rows: vec![(0, "x".into(), "dot(x)*abs(dot(x))".into())],
 /// };
-/// let whole = with_forces(&Source::new("cart.tpm", text), &[drag]).expect("a model of one equation");
+/// let whole = with_forces(&Source::new("cart.tpm", text), &[drag], &AddedLoads::default()).expect("a model of one equation");
 /// assert!(whole.contains("m*ddot(x) + drag_x*dot(x)*abs(dot(x)) = u;"));
 /// ```
-pub fn with_forces(source: &Source, forces: &[AddedForce]) -> Result<String, CannotAdd> {
+pub fn with_forces(source: &Source, forces: &[AddedForce], loads: &AddedLoads) -> Result<String, CannotAdd> {
     let model = parse(source).map_err(CannotAdd::Text)?;
     let items = || model.items.iter();
     if items().any(|item| matches!(item, Item::Eliminate(_))) {
@@ -135,11 +146,41 @@ pub fn with_forces(source: &Source, forces: &[AddedForce]) -> Result<String, Can
             declared += &format!("    force {coordinate} ={};\n", terms.replacen(" + ", " ", 1).replacen(" - ", " -", 1));
         }
     }
-    insertions.push((place_of_statements(source, &model), format!("\n    // What the model lacked.\n{declared}\n    ")));
+    if !declared.is_empty() {
+        let place = place_of_statements(source, &model);
+        insertions.push((place, format!("\n    // What the model lacked.\n{declared}\n    ")));
+    }
+    insertions.extend(of_loads(source, &model, loads));
     insertions.sort_by_key(|own| std::cmp::Reverse(own.0));
     let mut text = source.text().to_owned();
     insertions.iter().for_each(|(at, own)| text.insert_str(*at, own));
     format::format(&Source::new(source.name(), text)).map_err(CannotAdd::Text)
+}
+
+/// What is written into the drives and bodies of a mechanism for loads; values near which inertias are stay where there are any.
+fn of_loads(source: &Source, model: &ModelDeclaration, loads: &AddedLoads) -> Vec<(usize, String)> {
+    let mechanism = model.items.iter().find_map(|item| if let Item::Mechanism(own) = item { Some(own) } else { None });
+    let Some(mechanism) = mechanism.filter(|_| !loads.drives.is_empty()) else { return Vec::new() };
+    let mut insertions = Vec::new();
+    for drive in mechanism.drives().filter(|drive| loads.drives.contains(&drive.name.name)) {
+        let has = drive.losses.iter().any(|(loss, _)| *loss == Loss::Load);
+        match (drive.losses.last(), &drive.input) {
+            _ if has => {}
+            (Some((_, last)), _) => insertions.push((last.span.range().end, ", load".to_owned())),
+            (None, input) => {
+                insertions.push((input.as_ref().unwrap_or(&drive.name).span.range().end, " with load".to_owned()));
+            }
+        }
+    }
+    for body in mechanism.bodies().filter(|body| body.near.is_none()) {
+        let values = loads.near.iter().find(|(name, _)| *name == body.name.name);
+        let (Some((_, values)), Some(InertiaDeclaration::Parameters(names))) = (values, &body.inertia) else { continue };
+        let begin = names.first().map_or(0, |name| name.span.range().start);
+        let Some(at) = source.text()[begin..].find("parameters") else { continue };
+        let values: Vec<String> = values.iter().map(|value| format!("{:?}", rounded(*value))).collect();
+        insertions.push((begin + at + "parameters".len(), format!(" near ({})", values.join(", "))));
+    }
+    insertions
 }
 
 /// Where statements can be added: before the first pattern, or at the end of the model.
@@ -163,7 +204,7 @@ fn words(text: &str) -> impl Iterator<Item = &str> {
 
 #[cfg(test)]
 mod tests {
-    use super::{AddedForce, CannotAdd, with_forces};
+    use super::{AddedForce, AddedLoads, CannotAdd, with_forces};
     use crate::language::parse_model;
     use crate::source::Source;
 
@@ -178,7 +219,7 @@ mod tests {
     }
 
     fn completed(text: &str, forces: &[AddedForce]) -> String {
-        let whole = with_forces(&Source::new("m.tpm", text), forces).expect("a sound model");
+        let whole = with_forces(&Source::new("m.tpm", text), forces, &AddedLoads::default()).expect("a sound model");
         parse_model(&Source::new("m.tpm", whole.as_str())).unwrap_or_else(|faults| panic!("{faults}\n{whole}"));
         whole
     }
@@ -202,7 +243,7 @@ mod tests {
         }";
         let between = force("fc", &[(0, "x", "sign(dot(x) - dot(y))"), (1, "y", "-sign(dot(x) - dot(y))")]);
         let whole = completed(text, &[between]);
-        for own in ["force x = u - fc*sign(dot(x) - dot(y)); // the motor", "force y = fc*sign(dot(x) - dot(y));"] {
+        for own in ["force x = u - fc*sign(dot(x) - dot(y));", "// the motor", "force y = fc*sign(dot(x) - dot(y));"] {
             assert!(whole.contains(own), "{own}\n{whole}");
         }
     }
@@ -211,7 +252,9 @@ mod tests {
     fn rows_that_are_not_in_the_text_are_refused() {
         let text = "model M { coordinate x [m], y [m]; input u [N]; parameter m [kg], k [N/m];
             m*ddot(x) + k*(x - y) = u; m*ddot(y) + k*(y - x) = 0; eliminate x as c; }";
-        let refused = |text: &str, row| with_forces(&Source::new("m.tpm", text), &[force("f", &[(row, "x", "x")])]);
+        let refused = |text: &str, row| {
+            with_forces(&Source::new("m.tpm", text), &[force("f", &[(row, "x", "x")])], &AddedLoads::default())
+        };
         assert_eq!(refused(text, 0), Err(CannotAdd::Eliminated));
         let one = "model M { coordinate x [m]; input u [N]; parameter m [kg]; m*ddot(x) = u; }";
         assert_eq!(refused(one, 1), Err(CannotAdd::NoRow(1)));

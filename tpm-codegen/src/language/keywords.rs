@@ -45,7 +45,7 @@ pub(crate) fn belongs(word: &str) -> Option<&'static str> {
 }
 
 /// Every keyword with its use and its meaning, for editors.
-pub const KEYWORDS: [(&str, &str, &str); 48] = [
+pub const KEYWORDS: [(&str, &str, &str); 50] = [
     ("model", "model NAME { ... }", "a dynamics model; a file has one"),
     ("coordinate", "coordinate x [m], y [m];", "generalised coordinates, functions of the time"),
     (
@@ -116,6 +116,12 @@ pub const KEYWORDS: [(&str, &str, &str); 48] = [
     ("coulomb", "drive q with coulomb;", "dry friction: parameter fc_q"),
     ("offset", "drive q with offset;", "a constant torque: parameter f0_q"),
     ("rotor", "drive q with rotor;", "the inertia of the motor at the joint: parameter Ia_q"),
+    ("load", "drive q with load;", "dry friction in proportion to the load: parameter fl_q"),
+    (
+        "near",
+        "inertia parameters near (m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz);",
+        "inertias with which the load of a drive is computed",
+    ),
     ("from", "from 0.01 to 0.5", "the least value of a nonlinear parameter"),
     ("to", "from 0.01 to 0.5", "the largest value of a nonlinear parameter"),
     ("order", "order n", "the highest power that is kept"),
@@ -131,7 +137,7 @@ pub(crate) fn clauses_of(statement: &str) -> &'static [&'static str] {
         "revolute" => &["about", "at", "turned"],
         "prismatic" => &["along", "at", "turned"],
         "fixed" => &["at", "turned"],
-        "inertia" => &["mass", "at", "turned", "moments"],
+        "inertia" => &["mass", "at", "turned", "moments", "near"],
         "drive" => &["by", "with"],
         "series" => &["about", "order", "as"],
         "taylor" => &["about", "order"],

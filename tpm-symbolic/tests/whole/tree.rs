@@ -72,7 +72,7 @@ fn mechanism(specs: &[Spec], drives: bool) -> (ExactModel, Mechanism) {
     let gravity = [1, -2, -9].map(|component| model.graph.integer(component));
     let tree = Tree::new(gravity, bodies).expect("a tree");
     let labels = (0..specs.len()).map(|index| Label { name: format!("b{index}"), term: TermId(index as u32) });
-    let mut mechanism = Mechanism { tree, labels: labels.collect(), drives: Vec::new() };
+    let mut mechanism = Mechanism { tree, labels: labels.collect(), near: Vec::new(), drives: Vec::new() };
     let moving: Vec<Coordinate> = (0..model.coordinates.len() as u32).map(Coordinate).collect();
     for &coordinate in &moving {
         let input = model.declare(&format!("u{}", coordinate.0), None, Kind::Input);

@@ -12,6 +12,7 @@ pub fn loss_word(loss: Loss) -> &'static str {
         Loss::Coulomb => "coulomb",
         Loss::Offset => "offset",
         Loss::Rotor => "rotor",
+        Loss::Load => "load",
     }
 }
 
@@ -65,6 +66,9 @@ pub struct BodyDeclaration {
     pub joint: Option<JointDeclaration>,
     /// Its inertia; a frame without mass when not given.
     pub inertia: Option<InertiaDeclaration>,
+    /// The ten parameters near which those of its inertia are, `inertia parameters near (m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz);`: friction
+    /// in proportion to the load is that of the load with these.
+    pub near: Option<Vec<Expr>>,
 }
 
 /// `revolute q about z at (0, 0, 0.3) turned (0, pi/2, 0);` and its like.
@@ -186,6 +190,7 @@ impl BodyDeclaration {
             found.extend(&joint.factor);
             found.extend(joint.placement.expressions());
         }
+        found.extend(self.near.iter().flatten());
         if let Some(InertiaDeclaration::Known(known)) = &self.inertia {
             found.push(&known.mass);
             found.extend(known.placement.expressions());
@@ -210,6 +215,7 @@ impl BodyDeclaration {
         match &mut self.inertia {
             None => {}
             Some(InertiaDeclaration::Parameters(names)) => {
+                self.near.iter_mut().flatten().for_each(Expr::forget_spans);
                 names.iter_mut().for_each(|name| name.span = Span::default());
             }
             Some(InertiaDeclaration::Known(known)) => {

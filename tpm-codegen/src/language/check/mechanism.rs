@@ -11,6 +11,7 @@ use crate::language::check::symbols::{SymbolKind, Symbols};
 use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
 use crate::source::Span;
+use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 pub(super) fn check(model: &ModelDeclaration, symbols: &Symbols<'_>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
     let mechanism = model.items.iter().find_map(|item| match item {
@@ -238,6 +239,20 @@ impl Checker<'_, '_> {
             }
             if let Some(input) = &drive.input {
                 self.input(input);
+            }
+            let load = drive.losses.iter().find(|(loss, _)| *loss == Loss::Load);
+            if let Some((_, place)) = load.filter(|_| drive.moves.is_some()) {
+                self.error(
+                    place.span,
+                    "what part of their load a drive of several joints has is not known".to_owned(),
+                    "remove `load`, or write the friction as a force on every joint",
+                );
+            } else if let Some((_, place)) = load.filter(|_| mechanism.bodies().all(|body| body.near.is_none())) {
+                self.error(
+                    place.span,
+                    "of no body is it said near which values its inertia is, and the load is computed with these".to_owned(),
+                    "write `inertia parameters near (m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz);` with the values of an identification",
+                );
             }
             for (index, (loss, name)) in drive.losses.iter().enumerate() {
                 if let Some((_, first)) = drive.losses[..index].iter().find(|(earlier, _)| earlier == loss) {

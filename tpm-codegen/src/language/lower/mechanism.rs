@@ -66,7 +66,7 @@ impl<'a> Lowering<'a, '_, '_> {
             }
         }
         let mut indices: HashMap<&str, usize> = HashMap::new();
-        let (mut bodies, mut labels) = (Vec::new(), Vec::new());
+        let (mut bodies, mut labels, mut near) = (Vec::new(), Vec::new(), Vec::new());
         for declaration in order {
             let parent = declaration.parent.as_ref().and_then(|parent| indices.get(parent.name.as_str()).copied());
             let result = self.body(declaration, parent);
@@ -74,6 +74,10 @@ impl<'a> Lowering<'a, '_, '_> {
             let term = self.terms.add(declaration.name.span);
             labels.push(Label { name: declaration.name.name.clone(), term });
             bodies.push(self.keep(result));
+            let values = declaration.near.as_ref().map(|near| {
+                near.iter().map(|value| expression::exact(value, &self.values)).collect::<Lower<Vec<Rational>>>()
+            });
+            near.push(values.and_then(|values| self.keep(values)));
         }
         let mut drives = Vec::new();
         for declaration in declared.drives() {
@@ -85,7 +89,7 @@ impl<'a> Lowering<'a, '_, '_> {
         let tree = Tree::new(gravity?, bodies)
             .map_err(|error| self.diagnostics.push(Diagnostic::error(declared.keyword, error.to_string())))
             .ok()?;
-        Some(Mechanism { tree, labels, drives })
+        Some(Mechanism { tree, labels, near, drives })
     }
 
     fn body(&mut self, declaration: &'a BodyDeclaration, parent: Option<usize>) -> Lower<Body> {

@@ -109,7 +109,7 @@ impl Parser<'_, '_> {
             return Err(error);
         }
         let open = self.bump().span;
-        let mut body = BodyDeclaration { name, parent, joint: None, inertia: None };
+        let mut body = BodyDeclaration { name, parent, joint: None, inertia: None, near: None };
         let mut first_inertia = None;
         self.braced(open, "body", &BODY_STATEMENTS, |parser| {
             let keyword = parser.peek().span;
@@ -126,7 +126,7 @@ impl Parser<'_, '_> {
                     return Err(twice(parser, first, "inertia"));
                 }
                 first_inertia = Some(keyword);
-                body.inertia = Some(inertia);
+                (body.inertia, body.near) = (Some(inertia.0), inertia.1);
                 return Ok(());
             }
             let joint = parser.joint()?;
@@ -205,13 +205,19 @@ impl Parser<'_, '_> {
         Ok(placement)
     }
 
-    fn inertia(&mut self, body: &Ident) -> Parse<InertiaDeclaration> {
+    fn inertia(&mut self, body: &Ident) -> Parse<(InertiaDeclaration, Option<Vec<Expr>>)> {
         let keyword = self.bump().span;
         if self.is_word(0, "parameters") {
             self.bump();
+            let near = if self.is_word(0, "near") {
+                self.bump();
+                Some(self.list(NAMES.len(), "the parameters of an inertia are m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz")?.0)
+            } else {
+                None
+            };
             self.end_of_statement()?;
             let names = NAMES.map(|name| Ident { name: parameter_name(name, &body.name), span: keyword });
-            return Ok(InertiaDeclaration::Parameters(names.to_vec()));
+            return Ok((InertiaDeclaration::Parameters(names.to_vec()), near));
         }
         if !self.is_word(0, "mass") {
             let error = self.unexpected("`parameters` or `mass`");
@@ -227,7 +233,7 @@ impl Parser<'_, '_> {
             None
         };
         self.end_of_statement()?;
-        Ok(InertiaDeclaration::Known(Box::new(KnownInertia { keyword, mass, placement, moments })))
+        Ok((InertiaDeclaration::Known(Box::new(KnownInertia { keyword, mass, placement, moments })), None))
     }
 
     fn drive(&mut self) -> Parse<DriveDeclaration> {

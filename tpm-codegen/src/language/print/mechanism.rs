@@ -36,7 +36,15 @@ impl Display for BodyDeclaration {
         }
         match &self.inertia {
             None => {}
-            Some(InertiaDeclaration::Parameters(_)) => writeln!(f, "            inertia parameters;")?,
+            Some(InertiaDeclaration::Parameters(_)) => {
+                f.write_str("            inertia parameters")?;
+                if let Some(near) = &self.near {
+                    f.write_str(" near (")?;
+                    join(f, near.iter(), ", ")?;
+                    f.write_str(")")?;
+                }
+                f.write_str(";\n")?;
+            }
             Some(InertiaDeclaration::Known(known)) => writeln!(f, "            {known}")?,
         }
         f.write_str("        }")

@@ -93,6 +93,9 @@ pub struct Settings {
     pub hidden: Vec<Vec<f64>>,
     /// Inputs whose delays are found with the parameters, by estimators of a log.
     pub fitted_delays: Vec<usize>,
+    /// Parameters whose forces are the load of the drives, as inertias are: friction in proportion to the load can be told as a part of the model
+    /// when they are known.
+    pub load: Vec<usize>,
     /// How much every equation counts in `measured-motion`.
     pub weights: Weights,
     /// How `numerical` uses its matrix.

@@ -4,16 +4,23 @@ use crate::error::SessionError;
 use crate::identification::Identification;
 use crate::lines_log::is_simulated;
 use crate::log::{LogRequest, from_logs};
-use crate::log_report::LogReport;
 use crate::model::{DeclaredModel, Identifiable};
 use crate::refinement_report::MissingTerm;
 use crate::term_words::lacking;
 use serde::Serialize;
-use tpm_codegen::language::complete::{AddedForce, CannotAdd, with_forces};
+use tpm_codegen::language::complete::{AddedForce, AddedLoads, CannotAdd, with_forces};
 use tpm_codegen::source::Source;
 use tpm_controller::model::Model;
 use tpm_estimate::{AddedTerm, Lacking, Nearest, OfAnyMotion, TermKind, Weights};
+use tpm_numerics::singular::Singular;
+use tpm_numerics::{DMatrix, DVector, tolerance};
 use tpm_report::{Align, TextTable};
+use tpm_symbolic::mechanics::tree::mechanism::{Label, parameter_name};
+use tpm_symbolic::mechanics::tree::{Body, Inertia, NAMES};
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+
+/// Share of the largest inertia below which one is a rounding of zero.
+const ROUNDED: f64 = 1e-9;
 
 /// What a model leaves of the forces of a log, row by row, behind the low passes of the rows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -43,6 +50,9 @@ pub struct Completed {
     /// The same as they are written into the text of the model.
     #[serde(skip)]
     pub added: Vec<AddedForce>,
+    /// Coordinates whose dry friction grows with the load.
+    #[serde(skip)]
+    pub loaded: Vec<String>,
 }
 
 /// How well a model that lacks something predicts the forces of a log.
@@ -50,7 +60,9 @@ pub struct Completed {
 pub struct Prediction {
     /// Names of the rows.
     pub rows: Vec<String>,
-    /// The model as it stands.
+    /// What is left of every row with the values of the result, which are right beside what the model lacks, as a share of its force.
+    pub left: Vec<f64>,
+    /// The model as it stands, with other values.
     pub stated: LeftOfForces,
     /// The model with terms that it lacks; nothing where they make it no better on parts of the log that it was not taken from.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,17 +72,22 @@ pub struct Prediction {
 impl Prediction {
     /// Of what the lines of a log told; nothing where the model lacks nothing.
     pub(super) fn of(model: &dyn Model<f64>, found: &OfAnyMotion) -> Option<Self> {
-        let stated = LeftOfForces::of(found.nearest.as_ref()?);
-        let completed = found.completed.as_ref().map(|own| {
+        let nearby = found.nearby.as_ref()?;
+        let stated = LeftOfForces::of(&nearby.stated);
+        let completed = nearby.completed.as_ref().map(|own| {
             let words = |term: &AddedTerm| lacking(model, &Lacking::known(term.term, term.value));
+            let is_load = |term: &&AddedTerm| term.term.kind == TermKind::LoadFriction;
+            let loads: Vec<&AddedTerm> = own.terms.iter().filter(is_load).collect();
+            let forces = || own.terms.iter().filter(|term| !is_load(term));
             Completed {
                 forces: LeftOfForces::of(own),
                 terms: own.terms.iter().map(words).collect(),
-                added: own.terms.iter().map(|term| added(model, term, words(term))).collect(),
+                added: forces().map(|term| added(model, term, words(term))).collect(),
+                loaded: loads.iter().map(|term| model.coordinate(term.term.of).name.to_string()).collect(),
             }
         });
         let rows = (0..model.dims().rows).map(|row| model.row(row).name.to_string()).collect();
-        Some(Self { rows, stated, completed })
+        Some(Self { rows, left: nearby.left.clone(), stated, completed })
     }
 
     /// What is left of every row as a table.
@@ -82,11 +99,14 @@ impl Prediction {
             let shares = shares.iter().map(|share| format!("{:.1}", 100.0 * share));
             table.row(&std::iter::once(name.to_owned()).chain(shares).collect::<Vec<String>>());
         };
-        add("the model, nearest values", &self.stated.left);
-        add("  on parts left out", &self.stated.held_out);
+        if self.left != self.stated.left {
+            add("with the values above, right beside what the model lacks", &self.left);
+        }
+        add("with those that are nearest to the forces", &self.stated.left);
+        add("  on parts from which they were not taken", &self.stated.held_out);
         if let Some(completed) = &self.completed {
-            add("with what it lacks", &completed.forces.left);
-            add("  on parts left out", &completed.forces.held_out);
+            add("with what the model lacks, nearest", &completed.forces.left);
+            add("  on parts from which they were not taken", &completed.forces.held_out);
         }
         table.finish()
     }
@@ -178,14 +198,59 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
 /// [`CannotAdd`].
 pub(super) fn completed_text(declared: &DeclaredModel, result: &Identification) -> Result<Option<String>, CannotAdd> {
     let pooled = result.pool.iter().flat_map(|pool| &pool.logs).map(|part| &part.log);
-    let of_log = |log: &LogReport| log.prediction()?.completed.clone();
     let mut forces: Vec<AddedForce> = Vec::new();
-    for force in result.log.iter().chain(pooled).filter_map(of_log).flat_map(|own| own.added) {
-        if !forces.iter().any(|own| own.rows == force.rows) {
-            forces.push(force);
+    let mut loads = AddedLoads::default();
+    for log in result.log.iter().chain(pooled) {
+        let Some((prediction, completed)) = log.prediction().and_then(|own| Some((own, own.completed.as_ref()?))) else {
+            continue;
+        };
+        for force in &completed.added {
+            if !forces.iter().any(|own| own.rows == force.rows) {
+                forces.push(force.clone());
+            }
+        }
+        for drive in &completed.loaded {
+            if !loads.drives.contains(drive) {
+                loads.drives.push(drive.clone());
+            }
+        }
+        if !loads.drives.is_empty() && loads.near.is_empty() {
+            loads.near = inertias(declared, &prediction.stated.values);
         }
     }
-    if forces.is_empty() { Ok(None) } else { with_forces(declared.text(), &forces).map(Some) }
+    if forces.is_empty() && loads.drives.is_empty() {
+        return Ok(None);
+    }
+    with_forces(declared.text(), &forces, &loads).map(Some)
+}
+
+/// Ten parameters of the inertia of every body of a mechanism which together have these values of the model's parameters. Which of all that
+/// have them does not matter: they make the same load.
+fn inertias(declared: &DeclaredModel, values: &[f64]) -> Vec<(String, Vec<f64>)> {
+    let Some(mechanism) = &declared.parsed().mechanism else { return Vec::new() };
+    let map = ParameterMap::new(declared.prepared());
+    let known = map.evaluate(|_| 0.0);
+    let columns = map.parameters().iter().map(|&symbol| {
+        let with = map.evaluate(|own| f64::from(u8::from(own == symbol)));
+        DVector::from_iterator(known.len(), with.iter().zip(&known).map(|(with, known)| with - known))
+    });
+    let matrix = DMatrix::from_columns(&columns.collect::<Vec<_>>());
+    let wanted = DVector::from_iterator(known.len(), values.iter().zip(&known).map(|(value, known)| value - known));
+    let singular = Singular::new(&matrix, tolerance::RANK);
+    let along = singular.left.tr_mul(&wanted).component_div(&singular.values);
+    let found = &singular.right * along;
+    let least = ROUNDED * found.amax();
+    let found = found.map(|value| if value.abs() > least { value } else { 0.0 });
+    let names: Vec<&str> = map.parameters().iter().map(|&symbol| map.name(symbol)).collect();
+    let of_body = |label: &Label| {
+        let value = |own: &str| {
+            let name = parameter_name(own, &label.name);
+            names.iter().position(|other| *other == name).map_or(0.0, |at| found[at])
+        };
+        (label.name.clone(), NAMES.map(value).to_vec())
+    };
+    let unknown = |(body, _): &(&Body, &Label)| matches!(body.inertia, Inertia::Unknown);
+    mechanism.tree.bodies().iter().zip(&mechanism.labels).filter(unknown).map(|(_, label)| of_body(label)).collect()
 }
 
 /// The model with the forces that it lacks on some logs, identified from the same logs; nothing where it lacks none that make it better on

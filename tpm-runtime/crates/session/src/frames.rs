@@ -125,6 +125,7 @@ impl DeclaredModel {
                     Loss::Coulomb => format!("{name} sign(v)"),
                     Loss::Offset => name,
                     Loss::Rotor => format!("{name} dv/dt"),
+                    Loss::Load => format!("{name} |load| sign(v)"),
                 }
             };
             DriveTerms {

@@ -27,6 +27,9 @@ use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
 use tpm_symbolic::regressor::prepare::Prepared;
 
+/// Units of the inertias of a mechanism.
+const INERTIAS: [&str; 3] = ["kg", "kg*m", "kg*m^2"];
+
 /// A log to identify from, and what is known about it. Every setting is by the model's names and in its units.
 ///
 /// A path alone is a request with nothing known: `"run.csv".into()`.
@@ -201,6 +204,8 @@ fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Iden
     if let Some(declared) = declared.as_deref().filter(|declared| declared.parsed().mechanism.is_some()) {
         let EstimationSettings { constants, .. } = &first.estimation;
         known.estimation.hidden = hidden(declared.prepared(), constants, &known.estimation.frozen);
+        let is_inertia = |j: &usize| evaluated.parameter(*j).unit.is_some_and(|unit| INERTIAS.contains(&unit));
+        known.estimation.load = (0..evaluated.dims().parameters).filter(is_inertia).collect();
     }
     let mut parts = Vec::with_capacity(requests.len());
     let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());

@@ -52,6 +52,7 @@ impl LogOptions {
         self.estimation.prior.clone_from(&machine.estimation.prior);
         self.estimation.frozen.clone_from(&machine.estimation.frozen);
         self.estimation.hidden.clone_from(&machine.estimation.hidden);
+        self.estimation.load.clone_from(&machine.estimation.load);
         self
     }
 }

@@ -23,11 +23,14 @@ pub enum Loss {
     Offset,
     /// The inertia of a rotor, referred to the rate of the drive.
     Rotor,
+    /// Dry friction in proportion to the load: the torque that the bodies ask for with the inertias near which theirs are said to be, so that
+    /// the friction is linear in its parameter.
+    Load,
 }
 
 impl Loss {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Viscous, Self::Coulomb, Self::Offset, Self::Rotor];
+    pub const ALL: [Self; 5] = [Self::Viscous, Self::Coulomb, Self::Offset, Self::Rotor, Self::Load];
 
     /// The parameter's name without the name of its drive.
     #[must_use]
@@ -37,6 +40,7 @@ impl Loss {
             Self::Coulomb => "fc",
             Self::Offset => "f0",
             Self::Rotor => "Ia",
+            Self::Load => "fl",
         }
     }
 
@@ -47,6 +51,7 @@ impl Loss {
         match self {
             Self::Viscous => torque.mul(&if turns { Unit::named("s") } else { named(&[("s", 1), ("m", -1)]) }),
             Self::Coulomb | Self::Offset => torque,
+            Self::Load => Unit::one(),
             Self::Rotor => {
                 if turns {
                     named(&[("kg", 1), ("m", 2)])
@@ -90,6 +95,9 @@ pub struct Mechanism {
     pub tree: Tree,
     /// The name of every body.
     pub labels: Vec<Label>,
+    /// The ten parameters near which those of every body are said to be; nothing where nothing is said.
+    #[serde(default)]
+    pub near: Vec<Option<Vec<Rational>>>,
     /// The drives.
     pub drives: Vec<Drive>,
 }
@@ -125,7 +133,9 @@ impl Mechanism {
         let inertias = self.declare_inertias(model, &rows);
         let mut terms: Vec<Vec<SourceTerm>> = Vec::with_capacity(rows.len());
         let mut inertial = Vec::with_capacity(rows.len());
+        let mut loads = Vec::with_capacity(rows.len());
         for row in &rows {
+            loads.push(self.load(model, row));
             let mut row_terms = Vec::new();
             for entry in &row.entries {
                 let parameter = inertias[&(entry.body, entry.parameter)];
@@ -141,7 +151,7 @@ impl Mechanism {
             terms.push(row_terms);
         }
         for drive in &self.drives {
-            self.drive(model, &rows, drive, &mut terms);
+            self.drive(model, (&rows, &loads), drive, &mut terms);
         }
         let rows = terms.into_iter().zip(inertial).enumerate();
         let named = rows.map(|(index, (terms, inertial))| {
@@ -149,6 +159,18 @@ impl Mechanism {
             Equation { name: model.equation_name(&terms[inertial..], index), terms }
         });
         named.collect()
+    }
+
+    /// The torque of a joint with the inertias near which those of the bodies are said to be.
+    fn load(&self, model: &mut ExactModel, row: &JointRow) -> ExprId {
+        let mut parts = vec![row.known];
+        for entry in &row.entries {
+            let near = self.near.get(entry.body).and_then(Option::as_ref).and_then(|near| near.get(entry.parameter));
+            if let Some(value) = near.filter(|value| !value.is_zero()) {
+                parts.push(model.graph.scale(entry.expr, value.clone()));
+            }
+        }
+        model.graph.sum(&parts)
     }
 
     /// Declares the parameters that enter some equation, body by body.
@@ -172,7 +194,13 @@ impl Mechanism {
     }
 
     /// Adds the torques of a drive to the joints that it moves: the power of the drive equals that of the joints.
-    fn drive(&self, model: &mut ExactModel, rows: &[JointRow], drive: &Drive, terms: &mut [Vec<SourceTerm>]) {
+    fn drive(
+        &self,
+        model: &mut ExactModel,
+        (rows, loads): (&[JointRow], &[ExprId]),
+        drive: &Drive,
+        terms: &mut [Vec<SourceTerm>],
+    ) {
         let rate = |model: &mut ExactModel, order: u32| {
             let parts: Vec<ExprId> = drive
                 .moves
@@ -195,6 +223,20 @@ impl Mechanism {
                 }
                 Loss::Offset => model.graph.integer(1),
                 Loss::Rotor => rate(model, 2),
+                Loss::Load => {
+                    let own = |(coordinate, factor): &(Coordinate, Rational)| {
+                        let row = rows.iter().position(|row| row.coordinate == *coordinate)?;
+                        Some((loads[row], factor.recip()))
+                    };
+                    let parts: Vec<(ExprId, Rational)> = drive.moves.iter().filter_map(own).collect();
+                    let parts: Vec<ExprId> =
+                        parts.into_iter().map(|(load, share)| model.graph.scale(load, share)).collect();
+                    let load = model.graph.sum(&parts);
+                    let size = model.graph.function(Function::Abs, load);
+                    let rate = rate(model, 1);
+                    let sign = model.graph.function(Function::Sign, rate);
+                    model.graph.product_of_wholes(&[size, sign])
+                }
             };
             let name = parameter_name(loss.symbol(), &drive.name);
             let symbol = model.declare(&name, Some(loss.unit(turns)), Kind::Parameter);

@@ -22,9 +22,6 @@ const SETTLED: f64 = 1e-2;
 /// Most steps of a climb, and most exchanges.
 const STEPS: usize = 300;
 const SWAPS: usize = 12;
-/// Share of the square of a candidate's length that the active ones leave of it below which it says nothing of its own: a tenth of the length,
-/// of which noise of the sensors would decide.
-pub(crate) const SPANNED: f64 = 0.01;
 /// The common variance is looked for on a grid of its logarithm, in these steps.
 const GRID: f64 = 0.5;
 
@@ -42,14 +39,15 @@ pub(crate) struct Products {
     scale: Vec<f64>,
     gram: DMatrix<f64>,
     target: DVector<f64>,
-    /// Share of the square of a candidate's length that the active ones must leave of it, for it to say something of its own.
-    spanned: f64,
+    /// Share of the square of every candidate's length that the active ones must leave of it, for it to say something of its own.
+    spanned: Vec<f64>,
 }
 
 impl Products {
-    pub(crate) fn of(factor: &DMatrix<f64>, target: &DVector<f64>, spanned: f64) -> Self {
+    /// `spanned` are the shares of their lengths that others must leave of the candidates.
+    pub(crate) fn of(factor: &DMatrix<f64>, target: &DVector<f64>, spanned: &[f64]) -> Self {
         let (columns, scale) = unit_columns(factor.clone());
-        Products { gram: gram(&columns), target: columns.tr_mul(target), scale, spanned }
+        Products { gram: gram(&columns), target: columns.tr_mul(target), scale, spanned: spanned.iter().map(|share| share * share).collect() }
     }
 }
 
@@ -159,7 +157,7 @@ impl<'a> Components<'a> {
                 }
                 let through = inverse.through(&|k| gram[(k, i)]);
                 let (s, q) = (gram[(i, i)] - through.norm_squared(), target[i] - through.dot(&of_target));
-                Said::of(s, q, scale[i], *spanned)
+                Said::of(s, q, scale[i], spanned[i])
             })
             .collect();
         let Some(factor) = &inverse.factor else { return said };
@@ -170,7 +168,7 @@ impl<'a> Components<'a> {
         for (a, &i) in inverse.active.iter().enumerate() {
             let own = whole[(a, a)];
             let s = (1.0 / own - 1.0) / (roots[a] * roots[a]);
-            said[i] = Said::of(s, means[a] / (roots[a] * own), scale[i], *spanned);
+            said[i] = Said::of(s, means[a] / (roots[a] * own), scale[i], spanned[i]);
         }
         said
     }
@@ -251,6 +249,8 @@ impl<'a> Components<'a> {
 
 #[cfg(test)]
 mod tests {
+    const SPANNED: f64 = 0.1;
+
     use super::{Components, Products};
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
@@ -264,7 +264,7 @@ mod tests {
         let factor = DMatrix::from_fn(n, n, |r, c| if c >= r { draw() * 10_f64.powi(c as i32 % 4) } else { 0.0 });
         let target = DVector::from_fn(n, |_, _| 100.0 * draw());
         let variance: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 10_f64.powi(i as i32 - 4) } else { 0.0 }).collect();
-        let products = Products::of(&factor, &target, super::SPANNED);
+        let products = Products::of(&factor, &target, &[SPANNED; 20][..factor.ncols()]);
         let found = Components { products: &products, threshold: 9.0, variance: variance.clone() }.all(&variance);
         for (i, said) in found.iter().enumerate() {
             let mut whole = DMatrix::<f64>::identity(n, n);
@@ -276,7 +276,7 @@ mod tests {
             let s = (inverse.clone() * column).dot(&column);
             let q = (inverse * column).dot(&target);
             let relative = s / column.norm_squared();
-            if relative > super::SPANNED {
+            if relative > SPANNED * SPANNED {
                 assert!((said.s / s - 1.0).abs() < 1e-6, "{i}: {} {s}", said.s);
                 assert!((said.shown / (q * q / s) - 1.0).abs() < 1e-5, "{i}: {} {}", said.shown, q * q / s);
             } else {
@@ -296,7 +296,7 @@ mod tests {
             coefficients[12] = 20.0;
             let target = &factor * &coefficients + DVector::from_fn(20, |_, _| draw());
             // Five in a hundred sets of twenty.
-            let products = Products::of(&factor, &target, super::SPANNED);
+            let products = Products::of(&factor, &target, &[SPANNED; 20][..factor.ncols()]);
             let found = Components::found(&products, 9.14);
             missed += usize::from(found.variance[12] <= 0.0);
             entered += found.variance.iter().enumerate().filter(|(i, v)| *i != 12 && **v > 0.0).count();

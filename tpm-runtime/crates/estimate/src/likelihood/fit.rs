@@ -5,7 +5,7 @@ use crate::free::Free;
 use crate::likelihood::components::{self, Components, Products};
 use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
-use crate::likelihood::nearest::Nearest;
+use crate::likelihood::nearest::{Nearby, Nearest};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Known, Look, Memory, Pass};
 use crate::likelihood::path::{Along, Entry};
@@ -29,11 +29,10 @@ const MORE_PASSES: usize = 3;
 const SETTLED: f64 = 0.05;
 /// Steps of the noise in a pass.
 const NOISE_STEPS: usize = 6;
-/// A candidate of which the parameters leave less than this share is spanned by them: noise of the sensors would decide on it. The offset of
-/// a joint is nearly another mass that is turned, the gain of its torque nearly other parameters of its own row; both are made of the
-/// parameters of the first fit and known as well as these are.
-const SPANNED: f64 = 0.1;
-const SPANNED_SLIGHTLY: f64 = 0.02;
+/// A candidate of which the parameters leave so many times the share that is the error of its own column, but at least the first and at most
+/// the second of these shares, says something of its own: of less noise of the sensors would decide.
+const OWN_ERRORS: f64 = 30.0;
+const SPANNED: [f64; 2] = [0.02, 0.1];
 /// A named term makes at least this share of the force of its row.
 const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
@@ -162,10 +161,8 @@ pub struct OfAnyMotion {
     pub lacking: Vec<Lacking>,
     /// Delays of inputs that were asked for; values and covariance of the parameters are those beside them.
     pub delays: Vec<FittedDelay>,
-    /// The model that is nearest to the forces, as it stands; nothing where it lacks nothing, or a row has no input.
-    pub nearest: Option<Nearest>,
-    /// The same with terms that the model lacks, where they make it better on parts of the record that it was not taken from.
-    pub completed: Option<Nearest>,
+    /// How well the model can predict the forces, as it stands and with what it lacks; nothing where it lacks nothing.
+    pub nearby: Option<Nearby>,
     /// What faults of the sensors' calibration would do.
     pub calibration: Vec<CalibrationFault>,
     /// Whether inputs are multiples of what is recorded and no majority of them, nor anything that is known, says which: then all parameters
@@ -239,7 +236,8 @@ pub fn estimate_any_motion(
         }
         look = Look { refused: look.refused, ..Look::first(model, settings) };
     };
-    Ok(match found.nearest.clone() {
+    let nearest = found.nearby.as_ref().map(|nearby| nearby.stated.clone());
+    Ok(match nearest {
         Some(nearest) if settings.weights == Weights::Equal => found.with_nearest(nearest, settings),
         Some(nearest) if found.estimate.residual > LARGE_RESIDUAL => found.beside(nearest, settings),
         _ => found,
@@ -344,7 +342,7 @@ impl Pass<'_> {
         let passes = PASSES + if ratios { MORE_PASSES } else { 0 };
         for _ in 0..passes {
             let split = asked.split(&triangle(&self.lines, &noise.variance, &asked.all, right));
-            let products = Products::of(&split.candidates, &split.target, components::SPANNED);
+            let products = Products::of(&split.candidates, &split.target, &asked.spanned);
             let found = Components::found(&products, asked.threshold);
             let columns: Vec<usize> =
                 asked.fixed.iter().copied().chain(found.active().map(|i| asked.terms[i])).collect();
@@ -364,7 +362,7 @@ impl Pass<'_> {
             }
         }
         let split = asked.split(&triangle(&self.lines, &noise.variance, &asked.all, right));
-        let products = Products::of(&split.candidates, &split.target, components::SPANNED);
+        let products = Products::of(&split.candidates, &split.target, &asked.spanned);
         let found = Components::found(&products, asked.threshold);
         let common = found.common(&split.candidates, &split.target, &split.counts);
         let whole = |(own, counts): (&f64, &bool)| own + if *counts { common } else { 0.0 };
@@ -395,9 +393,8 @@ impl Pass<'_> {
         let terms: Vec<usize> = (0..self.terms.len()).filter(|&i| !is_applied(i)).map(|i| p + i).collect();
         let all = fixed.iter().chain(&terms).copied().collect();
         let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, terms.len());
-        let of = |column: &usize| match self.terms[column - p].kind {
-            TermKind::PositionOffset | TermKind::InputGain => SPANNED_SLIGHTLY,
-            _ => SPANNED,
+        let of = |column: &usize| {
+            (OWN_ERRORS * self.scales.relative_error(self.terms[column - p])).clamp(SPANNED[0], SPANNED[1])
         };
         let spanned = terms.iter().map(of).collect();
         Asked { fixed, terms, all, spanned, threshold }
@@ -460,7 +457,9 @@ impl Pass<'_> {
             let shown = value * value / spread.max(f64::MIN_POSITIVE);
             if shown > threshold && self.share(terms[i], value) > LEAST_SHARE {
                 lacking.push((shown, named(terms[i], (value, spread.sqrt()))));
-                lasting.extend(self.terms[terms[i] - p].kind.predicts().then_some(terms[i]));
+                let kind = self.terms[terms[i] - p].kind;
+                let has_load = kind == TermKind::LoadFriction && !settings.load.is_empty();
+                lasting.extend((kind.predicts() || has_load).then_some(terms[i]));
             }
         }
         let of_input = |kind: TermKind| matches!(kind, TermKind::Delay | TermKind::InputGain);
@@ -562,8 +561,10 @@ impl Pass<'_> {
         let is_asked = settings.weights == Weights::Equal
             || estimate.residual > LARGE_RESIDUAL
             || lacking.iter().any(|(_, own)| own.term.kind.is_force());
-        let nearest = if is_asked { self.nearest((&fixed, &lasting), &missing, &noise)? } else { None };
-        let (nearest, completed) = nearest.map_or((None, None), |(own, completed)| (Some(own), completed));
+        let nearby = match is_asked {
+            true => self.nearest((&fixed, &lasting), (&estimate.values, &missing), (&noise, &settings.load))?,
+            false => None,
+        };
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
         let followed = self.paths.fastest();
         Ok(Outcome {
@@ -575,8 +576,7 @@ impl Pass<'_> {
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
                 delays,
-                nearest,
-                completed,
+                nearby,
                 calibration,
                 scale_unknown,
                 report,

@@ -266,6 +266,17 @@ impl Scales {
         }
     }
 
+    /// About the error of a column as a share of it. That of an offset or a gain is made of the parameters of the first fit, and known as well as
+    /// these are; of inertias it is not known.
+    pub(super) fn relative_error(&self, term: Term) -> f64 {
+        let of = |c: usize| self.rate_deviation[c] / self.speed[c].max(f64::MIN_POSITIVE);
+        match term.kind {
+            TermKind::PositionOffset | TermKind::InputGain | TermKind::Delay => 0.0,
+            TermKind::Inertia(_) | TermKind::PairInertia => 1.0,
+            _ => of(term.of).max(term.other.map_or(0.0, of)),
+        }
+    }
+
     /// The numbers in the column of a term: the rate at which Stribeck friction has fallen to 1/e, the width over which play is rounded, the
     /// wave number of a ripple and the middle of its range; none of other terms.
     pub(super) fn constants(&self, term: Term) -> Vec<f64> {
@@ -341,7 +352,7 @@ impl Scales {
             TermKind::DriftingFriction => by(&|k| time(k) * sign(v[k], deviation(k))),
             TermKind::LoadFriction => {
                 let force = right();
-                let values = by(&|k| force[k].abs() * sign(v[k], deviation(k)));
+                let values = self.load_friction(c, seen, &force);
                 // A force that has the sign of the velocity throughout is this column itself, which explains nothing.
                 if likeness(&values, &force).abs() > ITSELF { Vec::new() } else { values }
             }
@@ -350,6 +361,13 @@ impl Scales {
             _ => vec![0.0; seen.points()],
         };
         if values.is_empty() { Vec::new() } else { vec![(row, values)] }
+    }
+
+    /// Dry friction of a coordinate in proportion to a force.
+    pub(super) fn load_friction(&self, coordinate: usize, seen: &dyn Seen, force: &[f64]) -> Vec<f64> {
+        let (v, a) = (seen.series(coordinate, 1), seen.series(coordinate, 2));
+        let deviation = |k: usize| self.rate_deviation[coordinate].hypot(CELL * seen.apart() * a[k]);
+        (0..seen.points()).map(|k| force[k].abs() * sign(v[k], deviation(k))).collect()
     }
 
     /// A force between two coordinates acts on both rows, with opposite signs; an inertia that couples them on each by the other's

@@ -43,6 +43,6 @@ pub(crate) use components::{Components, Products};
 pub use fit::{CalibrationFault, FittedDelay, Lacking, LineReport, OfAnyMotion, UnseenFault, estimate_any_motion};
 pub(crate) use library::{Scales, Seen};
 pub use library::{Term, TermKind};
-pub use nearest::{AddedTerm, Nearest};
+pub use nearest::{AddedTerm, Nearby, Nearest};
 pub(crate) use path::Columns;
 pub(crate) use split::{Solved, Split};

@@ -6,7 +6,7 @@
 //! told by parts of the record that its values were not taken from; a term that does not lower this is no part of it.
 
 use crate::error::EstimateError;
-use crate::likelihood::library::Term;
+use crate::likelihood::library::{OnGrid, Term, TermKind};
 use crate::likelihood::lines::{Signals, View};
 use crate::likelihood::noise::Noise;
 use crate::likelihood::pass::Pass;
@@ -41,6 +41,18 @@ pub struct Nearest {
     pub left: Vec<f64>,
     /// What is left of every row in parts of the record from which the values were not taken, as a share of its force.
     pub held_out: Vec<f64>,
+}
+
+/// How well a model that lacks something can predict the forces of a record.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Nearby {
+    /// What the values of the estimate, which are right beside what is missing, leave of every row without it, as a share of its force.
+    pub left: Vec<f64>,
+    /// The model as it stands.
+    pub stated: Nearest,
+    /// The model with terms that it lacks; nothing where none make it better on parts of the record from which its values were not taken.
+    pub completed: Option<Nearest>,
 }
 
 /// A term that a model lacks, as a part of one that has it.
@@ -145,21 +157,33 @@ fn fitted(rows: &[RowBlocks], takes_part: &[bool]) -> Option<Fitted> {
 
 impl Pass<'_> {
     /// The model as it stands, nearest to the forces; and, where some of the given terms make it better, the model with them. `fixed` are the
-    /// columns that are estimated, `terms` those of terms that the model lacks, about whose values a row without an input is linear. Nothing where
-    /// the equations cannot be solved.
+    /// columns that are estimated, `terms` those of terms that the model lacks; a row without an input is linear about the given values. `load`
+    /// are parameters whose forces are the load of the drives. Nothing where the equations cannot be solved.
     pub(super) fn nearest(
-        &self,
+        &mut self,
         (fixed, terms): (&[usize], &[usize]),
-        missing: &[f64],
-        noise: &Noise,
-    ) -> Result<Option<(Nearest, Option<Nearest>)>, EstimateError> {
+        (values, missing): (&[f64], &[f64]),
+        (noise, load): (&Noise, &[usize]),
+    ) -> Result<Option<Nearby>, EstimateError> {
+        let p = self.rows.model.dims().parameters;
         let columns: Vec<usize> = fixed.iter().chain(terms).copied().collect();
-        let rows = (0..self.rows.model.dims().rows)
-            .map(|row| self.blocks(row, &columns, missing))
-            .collect::<Result<Vec<RowBlocks>, EstimateError>>()?;
+        let all = |pass: &Self| -> Result<Vec<RowBlocks>, EstimateError> {
+            (0..pass.rows.model.dims().rows).map(|row| pass.blocks(row, &columns, missing)).collect()
+        };
+        let mut rows = all(self)?;
         let mut takes_part: Vec<bool> = (0..columns.len()).map(|at| at < fixed.len()).collect();
         let Some(plain) = fitted(&rows, &takes_part) else { return Ok(None) };
         let stated = self.of_fitted(&rows, &columns, &plain, noise);
+        let own = |(at, &column): (usize, &usize)| match (column < p, at < fixed.len()) {
+            (true, _) => values[column],
+            (false, true) => missing[column - p],
+            (false, false) => 0.0,
+        };
+        let own = DVector::from_iterator(columns.len(), columns.iter().enumerate().map(own));
+        let left = rows.iter().map(|row| share(row.left(&row.sum, &own), row.force(&row.sum))).collect();
+        if self.take_loads(terms, load, &stated.values) {
+            rows = all(self)?;
+        }
         takes_part.fill(true);
         // The row whose terms do most harm loses them first.
         let completed = loop {
@@ -183,7 +207,31 @@ impl Pass<'_> {
                 Some((row, _)) => rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false),
             }
         };
-        Ok(Some((stated, completed)))
+        Ok(Some(Nearby { left, stated, completed }))
+    }
+
+    /// Friction in proportion to the load, of which the recorded force makes a column that explains itself, is from now on that of the load which
+    /// these values of its parameters give. Whether there is any.
+    fn take_loads(&mut self, terms: &[usize], load: &[usize], values: &[f64]) -> bool {
+        let p = self.rows.model.dims().parameters;
+        let own = terms.iter().map(|column| column - p).filter(|&i| self.terms[i].kind == TermKind::LoadFriction);
+        let own: Vec<usize> = own.collect();
+        let mut from = 0.0;
+        for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
+            for &i in &own {
+                let (term, size) = (self.terms[i], self.sizes[i]);
+                let row = term.row.unwrap_or(term.of);
+                let mut force = vec![0.0; path.points];
+                for (j, column) in along.parameters(row).iter().filter(|(j, _)| load.contains(j)) {
+                    force.iter_mut().zip(column).for_each(|(sum, x)| *sum += values[*j] * x);
+                }
+                let mut friction = self.scales.load_friction(term.of, &OnGrid { path, along, from }, &force);
+                friction.iter_mut().for_each(|x| *x /= size);
+                self.columns[stretch][i] = vec![(row, friction)];
+            }
+            from += path.points as f64 * path.apart;
+        }
+        !own.is_empty()
     }
 
     /// A row in parts of the record, with these columns.
@@ -248,7 +296,6 @@ impl Pass<'_> {
                 terms.push(AddedTerm { term, value: *value / self.sizes[column - p], constants });
             }
         }
-        let share = |left: f64, force: f64| if force > 0.0 { (left / force).sqrt() } else { 0.0 };
         let left = rows.iter().map(|row| share(row.left(&row.sum, &found.values), row.force(&row.sum))).collect();
         let held_out = (rows.iter().zip(&found.held_out))
             .map(|(row, own)| share(own.iter().sum(), row.blocks.iter().map(|block| row.force(&block.inner)).sum()))
@@ -289,6 +336,11 @@ impl Pass<'_> {
         let inverse = DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] / (scale[i] * scale[k]));
         &inverse * middle * &inverse
     }
+}
+
+/// What is left of a force, as a share of it, given sums of squares.
+fn share(left: f64, force: f64) -> f64 {
+    if force > 0.0 { (left / force).sqrt() } else { 0.0 }
 }
 
 /// Mean of values, and the deviation of this mean.

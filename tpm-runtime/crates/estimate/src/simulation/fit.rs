@@ -255,10 +255,10 @@ impl Fit<'_> {
         let columns: Vec<usize> = (0..look.fixed + count).collect();
         let (square, logs) = self.triangle((look, &look.chain), noise, &columns, sizes);
         let width = square.ncols();
-        let split =
-            Split::new(&square.view((0, 0), (width - 1, width)).into_owned(), look.fixed, &vec![how.guard; count]);
+        let guards = vec![how.guard; count];
+        let split = Split::new(&square.view((0, 0), (width - 1, width)).into_owned(), look.fixed, &guards);
         let threshold = alarm::squared_normal(alarm::MISSING_COMPONENT_RATE, self.library.terms.len());
-        let products = Products::of(&split.candidates, &split.target, how.guard * how.guard);
+        let products = Products::of(&split.candidates, &split.target, &guards);
         let found = Components::found(&products, threshold);
         let solved = split.solve(&found.variance).ok_or(OutputErrorFault::Singular)?;
         let roots: f64 = (0..look.fixed).map(|i| 2.0 * square[(i, i)].abs().max(f64::MIN_POSITIVE).ln()).sum();
