@@ -23,7 +23,8 @@ use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
-    CampaignFolder, DeclaredModel, EstimationSettings, Identifiable as _, Identification, LogRequest, Session, completed, evidence, from_logs, inspect, proposals,
+    CampaignFolder, DeclaredModel, EstimationSettings, Identifiable as _, Identification, LogRequest, Session,
+    completed, evidence, from_logs, inspect, proposals,
 };
 
 /// Options of `tpm identify`.
@@ -161,7 +162,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let kept = (args.report.is_some() || args.record.is_some()).then(|| requests.clone());
             let result = from_logs(&model, requests.clone())?;
             let (model, result) = match &args.complete {
-                Some(path) => with_what_it_lacks(model, requests, result, &path.clone().unwrap_or_else(|| beside(&args.file)))?,
+                Some(path) => {
+                    with_what_it_lacks(model, requests, result, &path.clone().unwrap_or_else(|| beside(&args.file)))?
+                }
                 None => (model, result),
             };
             print(&result, args.json, args.output.as_deref())?;

@@ -115,7 +115,8 @@ pub fn with_forces(source: &Source, forces: &[AddedForce], loads: &AddedLoads) -
         }
         for (row, coordinate, expression) in &force.rows {
             let expression = names.iter().fold(expression.clone(), |text, (mark, name)| text.replace(mark, name));
-            let (negative, expression) = expression.strip_prefix('-').map_or((false, expression.as_str()), |own| (true, own));
+            let (negative, expression) =
+                expression.strip_prefix('-').map_or((false, expression.as_str()), |own| (true, own));
             // A force of its own stands on the other side of the equation.
             let sign = if negative == by_coordinates { '+' } else { '-' };
             let entry = added.entry(*row).or_insert((coordinate, Vec::new()));
@@ -143,7 +144,8 @@ pub fn with_forces(source: &Source, forces: &[AddedForce], loads: &AddedLoads) -
         } else if let Some(span) = own_force {
             insertions.push((span.range().end, terms));
         } else {
-            declared += &format!("    force {coordinate} ={};\n", terms.replacen(" + ", " ", 1).replacen(" - ", " -", 1));
+            declared +=
+                &format!("    force {coordinate} ={};\n", terms.replacen(" + ", " ", 1).replacen(" - ", " -", 1));
         }
     }
     if !declared.is_empty() {
@@ -174,7 +176,9 @@ fn of_loads(source: &Source, model: &ModelDeclaration, loads: &AddedLoads) -> Ve
     }
     for body in mechanism.bodies().filter(|body| body.near.is_none()) {
         let values = loads.near.iter().find(|(name, _)| *name == body.name.name);
-        let (Some((_, values)), Some(InertiaDeclaration::Parameters(names))) = (values, &body.inertia) else { continue };
+        let (Some((_, values)), Some(InertiaDeclaration::Parameters(names))) = (values, &body.inertia) else {
+            continue;
+        };
         let begin = names.first().map_or(0, |name| name.span.range().start);
         let Some(at) = source.text()[begin..].find("parameters") else { continue };
         let values: Vec<String> = values.iter().map(|value| format!("{:?}", rounded(*value))).collect();
@@ -227,7 +231,8 @@ mod tests {
     #[test]
     fn forces_stand_beside_those_of_the_model_with_names_of_their_own() {
         let friction = "sign(dot(x))*exp(-(dot(x)/{vs})^2)";
-        let text = "model M { coordinate x [m]; input u [N]; parameter m [kg], fs [N]; u = m*ddot(x) + fs*sign(dot(x)); }";
+        let text =
+            "model M { coordinate x [m]; input u [N]; parameter m [kg], fs [N]; u = m*ddot(x) + fs*sign(dot(x)); }";
         let whole = completed(text, &[force("fs", &[(0, "x", friction)]), force("fs", &[(0, "x", "sign(x)")])]);
         let own = "u = m*ddot(x) + fs*sign(dot(x)) + fs_2*sign(dot(x))*exp(-(dot(x)/vs)^2) + fs_3*sign(x);";
         assert!(whole.contains(own) && whole.contains("constant vs = 0.123457 [m/s];"), "{whole}");

@@ -211,7 +211,13 @@ impl Parser<'_, '_> {
             self.bump();
             let near = if self.is_word(0, "near") {
                 self.bump();
-                Some(self.list(NAMES.len(), "the parameters of an inertia are m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz")?.0)
+                Some(
+                    self.list(
+                        NAMES.len(),
+                        "the parameters of an inertia are m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz",
+                    )?
+                    .0,
+                )
             } else {
                 None
             };

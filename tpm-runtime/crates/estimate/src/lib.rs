@@ -66,8 +66,8 @@ pub use estimator::Estimator;
 pub use first_order::feed_forward_lines;
 pub use information::{Information, reduced};
 pub use likelihood::{
-    AddedTerm, Arranged, Arrangement, CalibrationFault, FittedDelay, Lacking, LineReport, Nearby, Nearest, OfAnyMotion, Term,
-    TermKind, UnseenFault, best_arrangement, estimate_any_motion,
+    AddedTerm, Arranged, Arrangement, CalibrationFault, FittedDelay, Lacking, LineReport, Nearby, Nearest, OfAnyMotion,
+    Term, TermKind, UnseenFault, best_arrangement, estimate_any_motion,
 };
 pub use measured_motion::{
     ASKED_ABOUT, Fitted, MeasuredMotion, Structure, Untested, estimate_measured_motion, estimate_structured,

@@ -20,8 +20,8 @@ pub use linearized::{LinearizedError, LinearizedResponse};
 pub use lumped::lumped;
 pub use motorized::{MotorizedMachine, MotorizedMachineError};
 pub use physical::{
-    Physical, PhysicalError, PhysicalFit, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical,
-    gives_energy, takes_energy,
+    Physical, PhysicalError, PhysicalFit, PhysicalSettings, gives_energy, has_inertia, is_lumped, negative_inertias,
+    physical, takes_energy,
 };
 pub use regulator::linear_regulator;
 pub use tabulated::PatternTables;

@@ -182,14 +182,23 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
     };
     let rows = match (kind, term.other) {
         (TermKind::PairInertia, Some(other)) => {
-            vec![(term.of, name(term.of), format!("ddot({})", name(other))), (other, name(other), format!("ddot({})", name(term.of)))]
+            vec![
+                (term.of, name(term.of), format!("ddot({})", name(other))),
+                (other, name(other), format!("ddot({})", name(term.of))),
+            ]
         }
         (_, Some(other)) => {
             vec![(term.of, name(term.of), expression.clone()), (other, name(other), format!("-{expression}"))]
         }
         (_, None) => vec![(row, name(row.min(model.dims().coordinates - 1)), expression)],
     };
-    AddedForce { parameter: format!("{stem}_{place}"), unit: unit(of_coordinate), meaning: words.meaning, constants, rows }
+    AddedForce {
+        parameter: format!("{stem}_{place}"),
+        unit: unit(of_coordinate),
+        meaning: words.meaning,
+        constants,
+        rows,
+    }
 }
 
 /// The text of a model with the forces that it lacks on the logs of a result; nothing where none make it better.
@@ -201,7 +210,8 @@ pub(super) fn completed_text(declared: &DeclaredModel, result: &Identification) 
     let mut forces: Vec<AddedForce> = Vec::new();
     let mut loads = AddedLoads::default();
     for log in result.log.iter().chain(pooled) {
-        let Some((prediction, completed)) = log.prediction().and_then(|own| Some((own, own.completed.as_ref()?))) else {
+        let Some((prediction, completed)) = log.prediction().and_then(|own| Some((own, own.completed.as_ref()?)))
+        else {
             continue;
         };
         for force in &completed.added {

@@ -34,11 +34,7 @@ fn value(result: &Identification, name: &str) -> (f64, f64) {
 /// the text is the author's. With it nothing is left but noise.
 #[test]
 fn what_a_model_lacks_becomes_a_part_of_it() {
-    let whole = machine(
-        " + drag*dot(q1)*abs(dot(q1))",
-        " + k*q2^3",
-        ", drag [N*m*s^2/rad^2], k [N*m/rad^3]",
-    );
+    let whole = machine(" + drag*dot(q1)*abs(dot(q1))", " + k*q2^3", ", drag [N*m*s^2/rad^2], k [N*m/rad^3]");
     let truth = [TRUTH.as_slice(), &[3.0, 9.0]].concat();
     let log = arm_log::log(&whole, &truth, 0.0, [1.0, 1.0]);
     let stated = machine("", "", "");
@@ -57,9 +53,15 @@ fn what_a_model_lacks_becomes_a_part_of_it() {
     let names = ["J1", "g1", "fv1", "fc1", "J2", "fv2", "fc2", "drag_q1", "k3_q2"];
     for (name, truth) in names.into_iter().zip(truth) {
         let (value, std) = value(&found, name);
-        assert!((value - truth).abs() < 4.0 * std && std < 0.05 * truth, "{name}: {value} +- {std} of {truth}\n{found}");
+        assert!(
+            (value - truth).abs() < 4.0 * std && std < 0.05 * truth,
+            "{name}: {value} +- {std} of {truth}\n{found}"
+        );
     }
-    assert!(found.log.as_ref().is_some_and(|log| log.prediction().is_none_or(|own| own.completed.is_none())), "{found}");
+    assert!(
+        found.log.as_ref().is_some_and(|log| log.prediction().is_none_or(|own| own.completed.is_none())),
+        "{found}"
+    );
 }
 
 /// A right model gets no term.
@@ -85,4 +87,74 @@ fn equal_weights_leave_least_of_the_forces() {
     assert!(nearest.residual < 0.8 * by_noise.residual, "{} {}", nearest.residual, by_noise.residual);
     assert!(value(&nearest, "fv1").0 > value(&by_noise, "fv1").0 + 0.1, "drag counts as damping");
     assert_eq!(stated.evaluated().dims().parameters, TRUTH.len());
+}
+
+/// An arm of two links in a vertical plane; `near` is what is said of their inertias, and `loss` another loss of both drives.
+fn arm(near: [&str; 2], loss: &str) -> DeclaredModel {
+    let text = format!(
+        "model Arm {{
+    coordinate q1 [rad], q2 [rad];
+    input u1 [N*m], u2 [N*m];
+
+    mechanism {{
+        gravity (0, 0, -9.81);
+        body upper {{
+            revolute q1 about y at (0, 0, 0.3);
+            inertia parameters{};
+        }}
+        body fore on upper {{
+            revolute q2 about y at (0.4, 0, 0);
+            inertia parameters{};
+        }}
+        drive q1 by u1 with viscous, coulomb{loss};
+        drive q2 by u2 with viscous, coulomb{loss};
+    }}
+}}
+",
+        near[0], near[1]
+    );
+    DeclaredModel::parse("arm.tpm", &text).expect("a sound model")
+}
+
+/// Gears rub the more the more they carry: the loss is told by the load that the arm's own inertias make, never by the recorded torque, which
+/// explains itself.
+#[test]
+fn friction_that_grows_with_the_load_becomes_a_loss_of_the_drive() {
+    let near = [" near (0, 1.5, 0, 0.1, 0, 0, 0, 0.5, 0, 0)", " near (2, 0.6, 0, 0.05, 0, 0, 0, 0.25, 0, 0)"];
+    let whole = arm(near, ", load");
+    let truth = |name: &str| match name {
+        "fv_q1" | "fv_q2" => 2.0,
+        "fc_q1" | "fc_q2" => 1.0,
+        "fl_q1" | "fl_q2" => 0.08,
+        "mx_fore" => 0.6,
+        "mz_fore" => 0.05,
+        "Iyy_fore" => 0.25,
+        "mz_upper" => 0.1,
+        "m_fore" => 2.0,
+        "mx_upper" => 1.5,
+        "Iyy_upper" => 0.5,
+        other => panic!("{other}"),
+    };
+    let parameters = |model: &DeclaredModel| -> Vec<String> {
+        let model = model.evaluated();
+        (0..model.dims().parameters).map(|j| model.parameter(j).name.to_string()).collect()
+    };
+    let values: Vec<f64> = parameters(&whole).iter().map(|name| truth(name)).collect();
+    let log = arm_log::log(&whole, &values, 0.0, [1.0, 1.0]);
+    let request = LogRequest::new(log.path());
+    let stated = arm(["", ""], "");
+    let result = from_log(&stated, request.clone()).expect("identifies");
+    let (model, found) = completed(&stated, vec![request], &result).expect("identifies").expect("a loss");
+    let text = model.text().text();
+    assert!(
+        text.contains("drive q1 by u1 with viscous, coulomb, load;") && text.contains("inertia parameters near"),
+        "{text}"
+    );
+    // What is seen together with others only has no value of its own.
+    let alone = |name: &String| !["m_fore", "mx_upper", "Iyy_upper"].contains(&name.as_str());
+    for name in parameters(&model).into_iter().filter(alone) {
+        let (value, std) = value(&found, &name);
+        let truth = truth(&name);
+        assert!((value - truth).abs() < (4.0 * std).max(0.02 * truth), "{name}: {value} +- {std} of {truth}\n{found}");
+    }
 }

@@ -3,8 +3,8 @@
 use crate::log_fault::LogFault;
 use crate::model::ModelFault;
 use std::fmt;
-use tpm_codegen::language::complete::CannotAdd;
 use tpm_campaign::{CampaignError, StoreError, WireError};
+use tpm_codegen::language::complete::CannotAdd;
 use tpm_estimate::EstimateError;
 use tpm_experiment::ExperimentError;
 use tpm_log::LogError;
@@ -72,7 +72,9 @@ pub enum MachineError {
 #[non_exhaustive]
 pub enum SessionError {
     /// A model has no text into which what it lacks could be written.
-    #[error("the model is compiled and has no text into which what it lacks could be written; identify its `.tpm` file")]
+    #[error(
+        "the model is compiled and has no text into which what it lacks could be written; identify its `.tpm` file"
+    )]
     NoText,
     /// What a model lacks cannot be written into its text.
     #[error("what the model lacks is not written into it: {0}")]

@@ -239,8 +239,7 @@ fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Iden
         }
     }
     // Where the text cannot have them, the request for a completed model says why.
-    result.completed_model =
-        declared.as_deref().and_then(|declared| completed_text(declared, &result).ok().flatten());
+    result.completed_model = declared.as_deref().and_then(|declared| completed_text(declared, &result).ok().flatten());
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
         logs: fingerprints,

@@ -9,8 +9,8 @@
 //!   them. Where it leaves the log, it has no fit: the time is told.
 
 use crate::excerpt::{Excerpt, accelerated, at_most};
-use crate::log_fault::LogFault;
 use crate::lines_log::MOST_SIMULATED;
+use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::record::{record, stretches};
 use crate::warning::Warning;

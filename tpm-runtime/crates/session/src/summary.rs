@@ -13,8 +13,7 @@ use tpm_log::Lone;
 use tpm_motion::RunEnding;
 use tpm_numerics::{alarm, tolerance};
 use tpm_physical::{
-    PhysicalError, PhysicalSettings, gives_energy, has_inertia, is_lumped, negative_inertias, physical,
-    takes_energy,
+    PhysicalError, PhysicalSettings, gives_energy, has_inertia, is_lumped, negative_inertias, physical, takes_energy,
 };
 use tpm_plant::stability::LoopStability;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};

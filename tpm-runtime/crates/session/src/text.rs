@@ -98,7 +98,10 @@ impl Identification {
             text.push('\n');
         }
         if terms > MOST_TERMS {
-            text.push_str(&format!("warning: and {} terms that are less clear, which the JSON has\n", terms - MOST_TERMS));
+            text.push_str(&format!(
+                "warning: and {} terms that are less clear, which the JSON has\n",
+                terms - MOST_TERMS
+            ));
         }
         if lone.len() > 1 {
             text.push_str(&format!("warning: and likewise single readings of {}\n", lone[1..].join(", ")));

@@ -47,7 +47,12 @@ impl Products {
     /// `spanned` are the shares of their lengths that others must leave of the candidates.
     pub(crate) fn of(factor: &DMatrix<f64>, target: &DVector<f64>, spanned: &[f64]) -> Self {
         let (columns, scale) = unit_columns(factor.clone());
-        Products { gram: gram(&columns), target: columns.tr_mul(target), scale, spanned: spanned.iter().map(|share| share * share).collect() }
+        Products {
+            gram: gram(&columns),
+            target: columns.tr_mul(target),
+            scale,
+            spanned: spanned.iter().map(|share| share * share).collect(),
+        }
     }
 }
 

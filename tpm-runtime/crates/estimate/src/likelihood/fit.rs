@@ -201,7 +201,8 @@ impl OfAnyMotion {
     /// the values beside the terms the model alone explains little. What is nearest to the forces is the result, since it is the model that is
     /// used; the deviations contain how far the terms would move the values.
     fn beside(self, nearest: Nearest, settings: &Settings) -> Self {
-        let moved: Vec<f64> = nearest.values.iter().zip(&self.estimate.values).map(|(own, other)| other - own).collect();
+        let moved: Vec<f64> =
+            nearest.values.iter().zip(&self.estimate.values).map(|(own, other)| other - own).collect();
         let both = Matrix::of(nearest.covariance.dense() + self.estimate.covariance.dense());
         self.with_nearest(Nearest { covariance: both.moved_by(&moved), ..nearest }, settings)
     }
@@ -269,7 +270,7 @@ fn applied<'a>(
     let mut settled = false;
     let passes = if look.fitted.is_empty() { APPLIED_PASSES } else { FITTED_PASSES };
     for _ in 0..passes {
-        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms()?.fit(free, settings)?;
+        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms(&settings.load)?.fit(free, settings)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
             found.term.kind == TermKind::Delay && !look.is_fitted(found.term) && late.abs() > LONGEST_DELAY
@@ -281,7 +282,7 @@ fn applied<'a>(
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
         fitted.applied.iter().for_each(|found| look.apply(found.term, found.value));
     }
-    let fitted = Pass::new(rows, known, look, free, settings)?.with_terms()?.fit(free, settings)?;
+    let fitted = Pass::new(rows, known, look, free, settings)?.with_terms(&settings.load)?.fit(free, settings)?;
     let grows = |found: &&Applied| {
         found.term.kind == TermKind::InputGain && found.value.abs() > UNSETTLED_GAIN.max(APPLIED_SETTLED * found.std)
     };

@@ -352,7 +352,7 @@ impl Scales {
             TermKind::DriftingFriction => by(&|k| time(k) * sign(v[k], deviation(k))),
             TermKind::LoadFriction => {
                 let force = right();
-                let values = self.load_friction(c, seen, &force);
+                let values = self.rubbing(c, seen, &force);
                 // A force that has the sign of the velocity throughout is this column itself, which explains nothing.
                 if likeness(&values, &force).abs() > ITSELF { Vec::new() } else { values }
             }
@@ -364,10 +364,20 @@ impl Scales {
     }
 
     /// Dry friction of a coordinate in proportion to a force.
-    pub(super) fn load_friction(&self, coordinate: usize, seen: &dyn Seen, force: &[f64]) -> Vec<f64> {
+    fn rubbing(&self, coordinate: usize, seen: &dyn Seen, force: &[f64]) -> Vec<f64> {
         let (v, a) = (seen.series(coordinate, 1), seen.series(coordinate, 2));
         let deviation = |k: usize| self.rate_deviation[coordinate].hypot(CELL * seen.apart() * a[k]);
         (0..seen.points()).map(|k| force[k].abs() * sign(v[k], deviation(k))).collect()
+    }
+
+    /// Dry friction in proportion to the load that some parameters make with these values. The recorded force would explain itself.
+    pub(super) fn load_friction(&self, term: Term, seen: &OnGrid<'_>, (load, values): (&[usize], &[f64])) -> Columns {
+        let row = term.row.unwrap_or(term.of);
+        let mut force = vec![0.0; seen.points()];
+        for (j, column) in seen.along.parameters(row).iter().filter(|(j, _)| load.contains(j)) {
+            force.iter_mut().zip(column).for_each(|(sum, x)| *sum += values[*j] * x);
+        }
+        vec![(row, self.rubbing(term.of, seen, &force))]
     }
 
     /// A force between two coordinates acts on both rows, with opposite signs; an inertia that couples them on each by the other's

@@ -143,7 +143,9 @@ fn fitted(rows: &[RowBlocks], takes_part: &[bool]) -> Option<Fitted> {
     let mut weights: Vec<f64> = rows.iter().map(|row| 1.0 / row.force(&row.sum).max(f64::MIN_POSITIVE)).collect();
     let mut values = solve(rows, &weights, None, takes_part)?;
     for _ in 0..WEIGHINGS {
-        let of = |row: &RowBlocks| row.samples / row.left(&row.sum, &values).max(1e-12 * row.force(&row.sum)).max(f64::MIN_POSITIVE);
+        let of = |row: &RowBlocks| {
+            row.samples / row.left(&row.sum, &values).max(1e-12 * row.force(&row.sum)).max(f64::MIN_POSITIVE)
+        };
         weights = rows.iter().map(of).collect();
         values = solve(rows, &weights, None, takes_part)?;
     }
@@ -204,7 +206,9 @@ impl Pass<'_> {
             let worst = (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
             match worst.filter(|(_, harm)| *harm > 0.0) {
                 None => break Some(self.of_fitted(&rows, &columns, &found, noise)),
-                Some((row, _)) => rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false),
+                Some((row, _)) => {
+                    rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false)
+                }
             }
         };
         Ok(Some(Nearby { left, stated, completed }))
@@ -220,14 +224,9 @@ impl Pass<'_> {
         for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
             for &i in &own {
                 let (term, size) = (self.terms[i], self.sizes[i]);
-                let row = term.row.unwrap_or(term.of);
-                let mut force = vec![0.0; path.points];
-                for (j, column) in along.parameters(row).iter().filter(|(j, _)| load.contains(j)) {
-                    force.iter_mut().zip(column).for_each(|(sum, x)| *sum += values[*j] * x);
-                }
-                let mut friction = self.scales.load_friction(term.of, &OnGrid { path, along, from }, &force);
-                friction.iter_mut().for_each(|x| *x /= size);
-                self.columns[stretch][i] = vec![(row, friction)];
+                let mut own = self.scales.load_friction(term, &OnGrid { path, along, from }, (load, values));
+                own.iter_mut().flat_map(|(_, column)| column).for_each(|x| *x /= size);
+                self.columns[stretch][i] = own;
             }
             from += path.points as f64 * path.apart;
         }
@@ -252,7 +251,8 @@ impl Pass<'_> {
                 let places: Vec<usize> = path.valid(view.lost).step_by(step).collect();
                 let mut matrix = DMatrix::zeros(places.len(), n);
                 for (number, signal) in signals {
-                    let own = if *number == right { Some(n - 1) } else { at.iter().position(|&at| columns[at] == *number) };
+                    let own =
+                        if *number == right { Some(n - 1) } else { at.iter().position(|&at| columns[at] == *number) };
                     let Some(own) = own else { continue };
                     let passed = View::passed(path, &shares, signal);
                     places.iter().enumerate().for_each(|(k, &place)| matrix[(k, own)] = passed[place]);
@@ -268,7 +268,8 @@ impl Pass<'_> {
             let beside = (APART * view.low_pass.reach() / apart).ceil() as usize;
             for (b, block) in blocks.iter_mut().enumerate() {
                 let (from, to) = (b * samples / BLOCKS, (b + 1) * samples / BLOCKS);
-                let (from, to) = (from.saturating_sub(first).min(matrix.nrows()), to.saturating_sub(first).min(matrix.nrows()));
+                let (from, to) =
+                    (from.saturating_sub(first).min(matrix.nrows()), to.saturating_sub(first).min(matrix.nrows()));
                 let products = |from: usize, to: usize| {
                     let own = matrix.rows(from, to.saturating_sub(from));
                     own.tr_mul(&own)
@@ -300,8 +301,12 @@ impl Pass<'_> {
         let held_out = (rows.iter().zip(&found.held_out))
             .map(|(row, own)| share(own.iter().sum(), row.blocks.iter().map(|block| row.force(&block.inner)).sum()))
             .collect();
-        let taken: Vec<usize> =
-            columns.iter().zip(found.values.iter()).filter(|(_, value)| **value != 0.0).map(|(column, _)| *column).collect();
+        let taken: Vec<usize> = columns
+            .iter()
+            .zip(found.values.iter())
+            .filter(|(_, value)| **value != 0.0)
+            .map(|(column, _)| *column)
+            .collect();
         let own = self.covariance_of(&taken, &found.weights, noise);
         let mut covariance = DMatrix::zeros(p, p);
         for (a, &i) in taken.iter().enumerate().filter(|(_, column)| **column < p) {
@@ -317,7 +322,8 @@ impl Pass<'_> {
         let n = columns.len();
         let (mut whole, mut middle) = (DMatrix::<f64>::zeros(n, n), DMatrix::<f64>::zeros(n, n));
         for ((row, variance), weight) in self.lines.iter().zip(&noise.variance).zip(weights) {
-            let mut by_noise: Vec<f64> = variance.iter().map(|variance| weight * (row.correlation * variance).sqrt()).collect();
+            let mut by_noise: Vec<f64> =
+                variance.iter().map(|variance| weight * (row.correlation * variance).sqrt()).collect();
             by_noise.extend_from_within(..);
             let (at, plain) = row.weighted(columns, &vec![weight.sqrt(); by_noise.len()]);
             let (_, noisy) = row.weighted(columns, &by_noise);

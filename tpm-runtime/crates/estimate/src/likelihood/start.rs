@@ -91,11 +91,11 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    /// Terms that the model may lack, and the lines of all rows with them.
+    /// Terms that the model may lack, and the lines of all rows with them; `load` are parameters whose forces are the load of the drives.
     ///
     /// # Errors
     /// As of [`all_rows`](Self::all_rows).
-    pub(super) fn with_terms(mut self) -> Result<Self, EstimateError> {
+    pub(super) fn with_terms(mut self, load: &[usize]) -> Result<Self, EstimateError> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
         self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c], &feels);
         let look = &self.look;
@@ -105,6 +105,9 @@ impl<'a> Pass<'a> {
             let of = |term: &Term| match term.kind {
                 TermKind::InputGain => Ok(along.of_input(term.of, &self.theta)),
                 TermKind::PositionOffset => self.rows.by_position(path, &self.theta, term.of),
+                TermKind::LoadFriction if !load.is_empty() => {
+                    Ok(self.scales.load_friction(*term, &OnGrid { path, along, from }, (load, &self.theta)))
+                }
                 _ => Ok(self.scales.columns(*term, &OnGrid { path, along, from })),
             };
             let own = self.terms.iter().map(of).collect::<Result<Vec<Columns>, EstimateError>>()?;
