@@ -52,7 +52,7 @@ pub enum CannotAdd {
 impl fmt::Display for CannotAdd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Text(faults) => write!(f, "{} faults in the model", faults.iter().count()),
+            Self::Text(faults) => faults.fmt(f),
             Self::Eliminated => f.write_str(
                 "coordinates of the model are eliminated, so that what it lacks is no force of one of its equations; write it into the \
                  equations by hand",

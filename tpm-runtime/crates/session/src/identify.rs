@@ -296,7 +296,8 @@ fn found(
     // Harmonics of a motion without noise are exact, and so many coordinates are simulated from them.
     let exact = periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
     let asked = options.domain == Some(Domain::Harmonics);
-    if (asked || exact || dims.coordinates <= lines_log::MOST_SIMULATED)
+    let simulated = lines_log::is_simulated(dims) && dims.coordinates <= lines_log::MOST_SIMULATED;
+    if (asked || exact || simulated)
         && let Some(found) = by_harmonics()?
     {
         let better = |other: &Found| {
@@ -354,8 +355,7 @@ fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
             found.estimate.residual <= LARGE_RESIDUAL
                 || Warning::other_hold(hold, found.hold_residuals, ResidualOf::Force).is_some()
         }
-        Some(report) if dims.inputs < dims.rows => report.used,
-        Some(report) => lines_log::follows(report),
+        Some(report) => report.used,
         None => false,
     }
 }

@@ -494,7 +494,10 @@ impl Pass<'_> {
             own.value = factor;
         }
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let of_gain = |own: &&(f64, Lacking)| own.1.term.kind == TermKind::InputGain;
+        // A gain that is off by less than torque constants are known moves no scale.
+        let of_gain = |own: &&(f64, Lacking)| {
+            own.1.term.kind == TermKind::InputGain && (own.1.value - 1.0).abs() > GAIN_FAULT
+        };
         let scale_unknown = match lacking.iter().filter(of_gain).count() {
             0 => false,
             // An input whose gain the record does not tell says nothing of the others' gains either.

@@ -175,7 +175,7 @@ impl Pass<'_> {
         let mut rows = all(self)?;
         let mut takes_part: Vec<bool> = (0..columns.len()).map(|at| at < fixed.len()).collect();
         let Some(plain) = fitted(&rows, &takes_part) else { return Ok(None) };
-        let stated = self.of_fitted(&rows, &columns, &plain, noise);
+        let stated = self.of_fitted(&rows, (&columns, fixed.len()), &plain, noise);
         let own = |(at, &column): (usize, &usize)| match (column < p, at < fixed.len()) {
             (true, _) => values[column],
             (false, true) => missing[column - p],
@@ -205,7 +205,7 @@ impl Pass<'_> {
             };
             let worst = (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
             match worst.filter(|(_, harm)| *harm > 0.0) {
-                None => break Some(self.of_fitted(&rows, &columns, &found, noise)),
+                None => break Some(self.of_fitted(&rows, (&columns, fixed.len()), &found, noise)),
                 Some((row, _)) => {
                     rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false)
                 }
@@ -284,14 +284,20 @@ impl Pass<'_> {
     }
 
     /// What was fitted, in the units of the model; its covariance is that of these weights under the noise of the lines.
-    fn of_fitted(&self, rows: &[RowBlocks], columns: &[usize], found: &Fitted, noise: &Noise) -> Nearest {
+    fn of_fitted(
+        &self,
+        rows: &[RowBlocks],
+        (columns, fixed): (&[usize], usize),
+        found: &Fitted,
+        noise: &Noise,
+    ) -> Nearest {
         let p = self.rows.model.dims().parameters;
         let mut values = self.theta.clone();
         let mut terms = Vec::new();
-        for (&column, value) in columns.iter().zip(found.values.iter()) {
+        for (at, (&column, value)) in columns.iter().zip(found.values.iter()).enumerate() {
             if column < p {
                 values[column] = *value;
-            } else if *value != 0.0 {
+            } else if at >= fixed && *value != 0.0 {
                 let term = self.terms[column - p];
                 let constants = self.scales.constants(term);
                 terms.push(AddedTerm { term, value: *value / self.sizes[column - p], constants });
