@@ -106,6 +106,14 @@ mod tests {
             [40, 777, 5_000, 5_011].into_iter().for_each(|k| signal[k] += 1.0);
             assert_eq!(joins(&signal), [], "lone {noise} {step}");
         }
+        // Readings that repeat the one before now and then, up to three in a row: what follows makes up for them.
+        for seed in 0..20 {
+            let mut signal = motion(10_000, 0.0, 1e-4, seed);
+            (5..9_990)
+                .step_by(17)
+                .for_each(|k| (0..(k + seed as usize) % 4).for_each(|of| signal[k + of] = signal[k - 1]));
+            assert_eq!(joins(&signal), [], "repeated {seed}");
+        }
         // A staircase of few large steps, a bouncing ball, steps of a motor, noise alone.
         let stair: Vec<f64> = (0..10_000).map(|k| f64::from(k / 100)).collect();
         let ball: Vec<f64> = (0..10_000).map(|k| (0.003 * f64::from(k)).sin().abs()).collect();

@@ -17,6 +17,8 @@ const SHARE_SEGMENT: f64 = 1.0;
 const FOLLOWED: f64 = 3.0;
 /// Where the power of a motion falls below this many times that of the noise, its equations are no longer used.
 const USED: f64 = 100.0;
+/// Frequencies up to which a model is compared with a motion, in units of the highest that is followed.
+const COMPARED: f64 = 1.25;
 /// Share of the power of a motion beyond which it may end.
 const NEARLY_ALL: f64 = 0.999;
 /// The median of a power whose mean is one, for averages of a few overlapping segments.
@@ -164,6 +166,12 @@ impl Spectrum {
             *p = if k < MAIN_LOBE { 1.0 } else { (1.0 - floor / smooth).max(0.0) };
         }
         Spectrum { noise, floor, followed, used, share }
+    }
+
+    /// Frequency up to which a model is compared with the motion, Hz.
+    #[must_use]
+    pub fn compared(&self) -> f64 {
+        COMPARED * self.followed
     }
 
     /// Variance of white noise whose density is that of the sensor's noise at a frequency, Hz.
