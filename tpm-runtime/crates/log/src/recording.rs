@@ -370,8 +370,10 @@ impl Bridge {
     /// Says how stamps were read, what is bridged, and how far the motion may err there.
     fn report(&self, table: &Table, times: &Times, pieces: &[Range<usize>], report: &mut ReadingReport) {
         let apart = pieces.iter().flat_map(|piece| (piece.start + 1..piece.end).map(|sample| times.apart(sample)));
-        let gaps: Vec<f64> = apart.filter(|apart| *apart >= LEAST_GAP).collect();
         let resampled = times.read == Read::Uneven;
+        // A step of uneven readings lost none where it is not twice as long as the others.
+        let least = if resampled { 2.0 } else { LEAST_GAP };
+        let gaps: Vec<f64> = apart.filter(|apart| *apart >= least).collect();
         let errors = if resampled || !gaps.is_empty() { self.errors(table, times, pieces) } else { Vec::new() };
         let sample_time = times.step * table.factor;
         if !gaps.is_empty() {

@@ -88,18 +88,15 @@ pub(super) fn held_on_grid(at: &[f64], signal: &[f64], samples: usize) -> Vec<f6
             while until(i) <= from {
                 i += 1;
             }
-            // An interval within which nothing changes has that very value.
-            if until(i) >= to {
-                return signal[i];
-            }
-            let (mut at, mut sum) = (from, 0.0);
+            let (first, mut at, mut sum) = (i, from, 0.0);
             while at < to {
                 let end = until(i).min(to);
                 sum += (end - at) * signal[i];
                 at = end;
                 i += usize::from(at < to);
             }
-            sum
+            // An interval within which nothing changes has that very value.
+            if signal[first..=i].iter().all(|value| *value == signal[i]) { signal[i] } else { sum }
         })
         .collect()
 }
