@@ -8,9 +8,11 @@
 //! d_k = y_{k+1} - y_k ,      m the median of these four d_i ,
 //! ```
 //!
+//! (behind readings that repeat the one before, the change makes up for theirs, and is compared with as many of the others' changes)
 //! the readings on the two sides belong to different motions: recordings were written one behind the other, or the
 //! reading wrapped around. A single wrong reading jumps there and back, so that its e_k is not large.
 
+use crate::repeated::MOST_IN_A_ROW;
 use tpm_numerics::differences::deviation_of;
 
 /// Detection threshold of e_k, in standard deviations of the second differences: far beyond noise.
@@ -35,7 +37,9 @@ pub(super) fn joins(signal: &[f64]) -> Vec<(usize, f64)> {
     let moved = |k: usize| signal[k + 1] - signal[k];
     // The change over one interval beyond the median of its neighbours, and e_k.
     let beyond = |k: usize| {
-        let near = [k - 2, k - 1, k + 1, k + 2].map(moved);
+        let held = (1..=MOST_IN_A_ROW).take_while(|at| k > at + 1 && moved(k - at) == 0.0).count();
+        let whole = (held + 1) as f64;
+        let near = [k - held - 2, k - held - 1, k + 1, k + 2].map(|at| whole * moved(at));
         let (low, high) =
             near.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), d| (low.min(*d), high.max(*d)));
         let median = 0.5 * (near.iter().sum::<f64>() - low - high);
@@ -101,6 +105,14 @@ mod tests {
             let mut signal = motion(10_000, noise, step, 3);
             [40, 777, 5_000, 5_011].into_iter().for_each(|k| signal[k] += 1.0);
             assert_eq!(joins(&signal), [], "lone {noise} {step}");
+        }
+        // Readings that repeat the one before now and then, up to three in a row: what follows makes up for them.
+        for seed in 0..20 {
+            let mut signal = motion(10_000, 0.0, 1e-4, seed);
+            (5..9_990)
+                .step_by(17)
+                .for_each(|k| (0..(k + seed as usize) % 4).for_each(|of| signal[k + of] = signal[k - 1]));
+            assert_eq!(joins(&signal), [], "repeated {seed}");
         }
         // A staircase of few large steps, a bouncing ball, steps of a motor, noise alone.
         let stair: Vec<f64> = (0..10_000).map(|k| f64::from(k / 100)).collect();

@@ -182,15 +182,17 @@ fn stamps_of_ros_stand_in_two_columns() {
 fn stamps_coarser_than_the_step_are_read_and_missing_rows_all_the_same_seen() {
     // Steps of 1.2 ms as whole milliseconds; then steps of a millisecond of which one is missing.
     let text = |stamp: &dyn Fn(usize) -> f64| {
-        let row = |i: usize| format!("{:.0},{i},{}\n", stamp(i), i * i);
+        let row = |i: usize| format!("{:.0},{},{}\n", stamp(i), stamp(i), stamp(i).powi(2));
         format!("t_ms,x,u\n{}", (0..400).map(row).collect::<String>())
     };
     let coarse = read(text(&|i| 1.2 * i as f64).as_bytes(), &ReadingSettings::default()).expect("rounding only");
     assert!((coarse.segments[0].sample_time - 1.2e-3).abs() < 3e-6 && coarse.segments.len() == 1);
     for missing in [20, 200, 380] {
         let stamp = |i: usize| if i < missing { i as f64 } else { i as f64 + 1.0 };
-        let recording = read(text(&stamp).as_bytes(), &ReadingSettings::default()).expect("two segments");
-        assert_eq!(recording.segments[0].len(), missing, "{:?}", recording.report);
+        let recording = read(text(&stamp).as_bytes(), &ReadingSettings::default()).expect("bridged");
+        assert_eq!(recording.segments[0].len(), 401, "{:?}", recording.report);
+        assert!((recording.segments[0].channels[0][missing] - missing as f64).abs() < 1e-3);
+        assert_eq!(recording.report.bridged.map(|bridged| (bridged.count, bridged.samples)), Some((1, 1)));
     }
 }
 
@@ -309,28 +311,29 @@ fn edited(edit: impl Fn(usize) -> Option<String>) -> String {
 }
 
 #[test]
-fn gaps_and_missing_readings_split_a_record() {
+fn gaps_and_missing_readings_are_bridged_or_split_a_record() {
     let cut = |edit: &dyn Fn(usize) -> Option<String>| {
         read(edited(edit).as_bytes(), &ReadingSettings::default()).unwrap_or_else(|error| panic!("{error}"))
     };
     let lengths = |recording: &Recording| recording.segments.iter().map(Log::len).collect::<Vec<_>>();
-    let gap = cut(&|i| (100..110).contains(&i).then(String::new));
-    assert_eq!(lengths(&gap), [100, 290]);
-    assert!((gap.report.segments[1].start - 0.22).abs() < 1e-9, "{:?}", gap.report.segments);
+    let gap = cut(&|i| (100..200).contains(&i).then(String::new));
+    assert_eq!(lengths(&gap), [100, 200]);
+    assert!((gap.report.segments[1].start - 0.4).abs() < 1e-9, "{:?}", gap.report.segments);
     for field in ["NaN", "", "inf", "-inf", "nan", "n/a", "null", "1e999", "-1e101"] {
         let missing = cut(&|i| (i == 100).then(|| format!("0.2,{field},1\n")));
-        assert_eq!(lengths(&missing), [100, 299], "{field}");
+        assert_eq!(lengths(&missing), [400], "{field}");
         let said = missing.report.remarks();
-        assert!(said[0].contains("column `x`: in line 102"), "{said:?}");
-        assert_eq!(missing.segments[1].lines[0], 103);
+        assert!(said[1].contains("column `x`: in line 102"), "{said:?}");
+        assert!((missing.segments[0].channels[0][100] - sample(100)[1]).abs() < 1e-6);
+        assert_eq!(missing.segments[0].lines[99..102], [101, 101, 103]);
     }
     let back = cut(&|i| (i >= 200).then(|| PLAIN.row(i - 150)));
     assert_eq!(lengths(&back), [200, 200]);
-    // A stamp that is wrong alone costs its sample; a stretch of eight samples is too short.
-    let wrong = cut(&|i| (i == 50 || i == 59).then(|| "0.001,1,1\n".into()));
-    assert_eq!(lengths(&wrong), [50, 340]);
-    let short: Vec<usize> = wrong.report.left_out.iter().map(|part| part.rows).collect();
-    assert_eq!(short, [1, 8, 1]);
+    // A stamp that is wrong alone costs its reading.
+    let wrong = cut(&|i| (i == 50 || i == 59).then(|| format!("{},1,1\n", if i == 50 { 0.001 } else { 7.0 })));
+    assert_eq!(lengths(&wrong), [400]);
+    let stray: Vec<u64> = wrong.report.left_out.iter().map(|part| part.from_line).collect();
+    assert_eq!(stray, [52, 61]);
     // Columns that are not needed may lack anything.
     let text = PLAIN.text(60).replace(",u\n", ",u,spare\n").replace('\n', ",\n").replace("spare,", "spare");
     holds_samples(text.as_bytes(), &ReadingSettings::default());

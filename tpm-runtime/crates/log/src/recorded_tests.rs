@@ -40,7 +40,7 @@ fn holds(recording: &Recording, rows: &[(usize, usize)]) {
         assert_eq!(log.len(), to - from);
         for (k, i) in (from..to).enumerate() {
             let far = (log.channels[0][k] - sample(i).0).abs().max((log.channels[1][k] - sample(i).1).abs());
-            assert!(far < 1e-8, "row {i}: {far}");
+            assert!(far < 1e-5, "row {i}: {far}");
         }
     }
 }
@@ -55,8 +55,8 @@ fn a_table_without_time_is_read_with_its_sample_time() {
     // A row without a reading takes its time too.
     let text = table("x,u", |i, x, u| if i == 150 { format!(",{u:.9}") } else { format!("{x:.9},{u:.9}") });
     let recording = read(&text, &stated).expect("a sound table");
-    holds(&recording, &[(0, 150), (151, ROWS)]);
-    assert!((recording.report.segments[1].start - 0.302).abs() < 1e-12);
+    holds(&recording, &[(0, ROWS)]);
+    assert_eq!(recording.report.bridged.map(|bridged| bridged.samples), Some(1));
     // Without it the error names the setting.
     let error = read(&text, &ReadingSettings::default()).expect_err("no time");
     let remedy = tpm_report::Remedy::Columns { columns: Vec::new(), timeless: true };
@@ -104,7 +104,7 @@ fn lines_of_a_console_are_left_out() {
         let mut lines: Vec<String> = table("t_s,x,u", plain).lines().map(str::to_owned).collect();
         lines.insert(201, between.to_owned());
         let recording = read(&(lines.join("\n") + "\n"), &options).unwrap_or_else(|error| panic!("{between}: {error}"));
-        holds(&recording, &[(0, 200), (200, ROWS)]);
+        holds(&recording, &[(0, ROWS)]);
         let said = Assumption::TextBetweenRows { count: 1, first: 202 };
         assert!(recording.report.assumptions.contains(&said), "{between}: {:?}", recording.report);
     }
@@ -173,7 +173,7 @@ fn rows_that_go_on_with_fewer_fields_have_blanks_at_the_end() {
         _ => plain(i, x, u),
     });
     let recording = read(&text, &ReadingSettings::default()).expect("sound");
-    holds(&recording, &[(0, 100), (101, 300), (301, ROWS)]);
+    holds(&recording, &[(0, ROWS)]);
     let said = Assumption::ShortRows { count: ROWS as u64 - 100, first: 102 };
     assert!(recording.report.assumptions.contains(&said), "{:?}", recording.report);
 }
@@ -213,13 +213,14 @@ fn stamps_that_were_not_read_again_are_spread() {
     holds(&recording, &[(0, ROWS)]);
     let remarks = recording.report.remarks().join("; ");
     assert!(remarks.contains("44 time stamps, the first in line 11, repeat the one before"), "{remarks}");
-    // A row that was written twice stays a fault of the record: the next stamp leaves it no time.
+    // A row that was written twice is left out: the next stamp leaves it no time.
     let text = table("time_ms,x,u", |i, x, u| {
         let row = format!("{},{x:.9},{u:.9}", 2 * i);
         if i == 200 { format!("{row}\n{row}") } else { row }
     });
     let recording = read(&text, &ReadingSettings::default()).expect("sound");
-    holds(&recording, &[(0, 201), (200, ROWS)]);
+    holds(&recording, &[(0, ROWS)]);
+    assert_eq!(recording.report.left_out[0].from_line, 203, "{:?}", recording.report);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! A record with gaps: stretches of even samples, and a report on reading them.
 //!
-//! Invariant: nothing is filled in. Where readings are missing or time jumps, the record is split; every segment is an evenly sampled
-//! [`Log`], and all have the same sample time.
+//! Invariant: where readings are missing or time jumps, the record is split, unless its motion is slow enough to be refilled there, which is
+//! said; every segment is an evenly sampled [`Log`], and all have the same sample time.
 
 use crate::answers::without_answers;
 use crate::assumption::Assumption;
@@ -12,19 +12,25 @@ use crate::joins::joins;
 use crate::names::Signal;
 use crate::options::{LEAST_SAMPLES, ReadingSettings};
 use crate::read::{Log, all_measured, jitter, rate_signals, signals, tidy};
-use crate::repeated::{repeated_readings, without_repeats};
-use crate::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
-use crate::resample::{
-    InterpolationError, held_on_grid, interpolation_error, is_held, on_grid, readings_before, rougher_at_stamps,
-};
+use crate::refill::{InterpolationError, LONGEST, Refill};
+use crate::repeated::repeated_readings;
+use crate::report::{Bridged, Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why, Wrapped};
+use crate::resample::{held_on_grid, is_held, readings_before};
 use crate::source::LogSource;
-use crate::stamps::{MOST_DRIFT, Stamps, Uneven};
+use crate::stamps::{LEAST_GAP, Uneven};
 use crate::table::{Channel, Hole, Table};
+use crate::times::{Read, Times};
 use crate::wraps::followed;
-use std::io::Read;
+use std::io;
 use std::ops::Range;
 use tpm_controller::model::Model;
 use tpm_numerics::root_mean_square;
+use tpm_numerics::spectrum::Spectrum;
+
+/// Rounds in which the band of a motion and the gaps that it bridges are found from each other.
+const ROUNDS: usize = 4;
+/// Where no more than one row in so many has the stamp of the row before, it was written twice; clocks that tick seldom repeat more.
+const ROWS_PER_REPEAT: usize = 100;
 
 /// Everything that a file holds of a model's signals.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,7 +76,7 @@ impl Recording {
     /// # Errors
     /// Those of [`open`](Self::open).
     pub fn read(
-        input: impl Read,
+        input: impl io::Read,
         name: &str,
         model: &dyn Model<f64>,
         options: &ReadingSettings,
@@ -138,36 +144,49 @@ impl Recording {
             });
         }
         let usual = table.stamps().usual_step();
-        if usual <= 0.0 && table.time.len() >= LEAST_SAMPLES {
+        if table.time.len() >= LEAST_SAMPLES
+            && (usual < 0.0 || usual == 0.0 && table.time.iter().all(|t| *t <= table.time[0]))
+        {
             let sample = (1..table.time.len()).find(|&i| table.time[i] <= table.time[i - 1]).unwrap_or(1);
             let step = table.time[sample] - table.time[sample - 1];
             return Err(jitter(&table, Uneven::Step { sample, step, expected: usual }));
         }
-        // 1. The cuts, and the stretches between them that are long enough.
-        let cuts = cuts(&table, coordinates, usual);
-        let pieces = pieces(&cuts, table.time.len());
-        let good: Vec<&(Range<usize>, Option<Cut>)> =
-            pieces.iter().filter(|(piece, _)| piece.len() >= LEAST_SAMPLES).collect();
-        if good.is_empty() {
-            return Err(no_segment(&table, rows, &pieces));
+        let mut left_out = left_out(&table);
+        left_out.extend(leave_out_stray(&mut table));
+        left_out.sort_by_key(|part| part.from_line);
+        if table.time.len() < LEAST_SAMPLES {
+            return Err(no_segment(&table, rows));
         }
         check(&table)?;
+        // 1. The runs in which time goes on, when their readings were taken, and the gaps that their motion does not bridge.
+        let samples = table.time.len();
+        let ends = ends(&table);
+        let runs: Vec<Range<usize>> = pieces(&ends, samples).into_iter().map(|(run, _)| run).collect();
+        let times = Times::of(&table, &runs);
+        let mut cuts = ends;
+        cuts.extend(joined(&table, coordinates, &times));
+        let bridge = Bridge::of(&table, &times, &cuts, coordinates.len());
+        let pieces = bridge.pieces(&table, &times, &cuts);
         let mut report =
-            ReadingReport { rows, assumptions: std::mem::take(&mut table.assumptions), ..Default::default() };
-        report.left_out = left_out(&table, &pieces);
-        // 2. The even grid, and the segments on it.
-        let ranges: Vec<Range<usize>> = good.iter().map(|(piece, _)| piece.clone()).collect();
+            ReadingReport { rows, left_out, assumptions: std::mem::take(&mut table.assumptions), ..Default::default() };
+        // 2. The segments at even times.
+        let ranges: Vec<Range<usize>> = pieces.iter().map(|(piece, _)| piece.clone()).collect();
         let first = table.time[0];
         let starts: Vec<f64> = ranges.iter().map(|range| (table.time[range.start] - first) * table.factor).collect();
-        let grid = Grid::of(&table, &ranges);
-        let sample_time = grid.step * table.factor;
-        report.uneven = grid.uneven;
-        report.jitter = jitter_of(&table.time, &ranges, grid.step);
-        let logs = if grid.resampled { resampled(&table, &ranges, grid.step) } else { stretches(&mut table, &ranges) };
+        let sample_time = times.step * table.factor;
+        report.jitter = jitter_of(&table.time, &times, &ranges);
+        bridge.report(&table, &times, &ranges, &mut report);
+        let is_whole =
+            |range: &Range<usize>| times.at[range.end - 1] - times.at[range.start] == (range.len() - 1) as f64;
+        let logs = if times.read != Read::Uneven && ranges.iter().all(is_whole) {
+            stretches(&mut table, &ranges)
+        } else {
+            bridge.refilled(&table, &times, &ranges)
+        };
         let segments: Vec<Log> =
             logs.into_iter().map(|log| Log { sample_time, steps: table.steps.clone(), ..log }).collect();
         // 3. The report on segments and on rates that are left out.
-        for ((log, start), (_, cut)) in segments.iter().zip(starts).zip(&good) {
+        for ((log, start), (_, cut)) in segments.iter().zip(starts).zip(&pieces) {
             report.segments.push(SegmentReport::of(log, start, cut.clone()));
         }
         for log in &segments {
@@ -204,36 +223,45 @@ fn replace_repeated(table: &mut Table, coordinates: &[Signal]) -> Vec<Repeated> 
     all
 }
 
-/// Samples before which the record is split, with the reasons.
-fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> {
-    let mut cuts: Vec<(usize, Cut)> = table
-        .holes
-        .iter()
-        .map(|hole| (hole.before, Cut::Missing { rows: hole.rows, from_line: hole.from_line }))
-        .collect();
-    let stamps = table.stamps();
-    if !(cuts.is_empty() && stamps.is_coarse_grid()) {
-        let jump = |sample: usize| {
-            let seconds = (table.time[sample] - table.time[sample - 1]) * table.factor;
-            (sample, if seconds > 0.0 { Cut::Gap { seconds } } else { Cut::Back { seconds: -seconds } })
-        };
-        cuts.extend(stamps.jumps(usual).map(jump));
-    }
-    for ((signal, channel), steps) in coordinates.iter().zip(&table.channels).zip(&table.steps) {
-        let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
-        let jumps = joins(&without_repeats(&channel.values, steps));
-        cuts.extend(without_answers(jumps, &table.channels[coordinates.len()..]).into_iter().map(joined));
-    }
-    // Of several cuts at one sample the cause is kept: missing readings cause a gap, and a gap causes a jump of the
-    // motion.
-    let rank = |cut: &Cut| match cut {
-        Cut::Missing { .. } => 0,
-        Cut::Gap { .. } | Cut::Back { .. } => 1,
-        Cut::Joined { .. } => 2,
+/// Leaves out rows whose stamps alone go back or ahead, or repeat the one before because a row was written twice.
+fn leave_out_stray(table: &mut Table) -> Vec<LeftOut> {
+    let time = &table.time;
+    let still = time.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    let back = |k: &usize| time[*k] < time[k - 1] || time[*k] == time[k - 1] && still * ROWS_PER_REPEAT <= time.len();
+    let stray = |k: usize| {
+        let goes_on = time.get(k + 1).is_some_and(|next| *next > time[k - 1]);
+        let ahead = k > 1 && time[k] > time[k - 2];
+        if goes_on { Some(k) } else { ahead.then(|| k - 1) }
     };
-    cuts.sort_by_key(|(sample, cut)| (*sample, rank(cut)));
-    cuts.dedup_by_key(|(sample, _)| *sample);
-    cuts
+    let mut rows: Vec<usize> = (1..time.len()).filter(back).filter_map(stray).collect();
+    rows.dedup();
+    let of = |&row: &usize| {
+        let line = table.lines[row];
+        LeftOut { from_line: line, to_line: line, rows: 1, why: Why::Stray }
+    };
+    let left_out = rows.iter().map(of).collect();
+    if !rows.is_empty() {
+        table.leave_out(&rows);
+    }
+    left_out
+}
+
+/// Samples before which time goes back.
+fn ends(table: &Table) -> Vec<(usize, Cut)> {
+    let step = |sample: usize| (table.time[sample] - table.time[sample - 1]) * table.factor;
+    let ends = (1..table.time.len()).filter(|&sample| step(sample) < 0.0);
+    ends.map(|sample| (sample, Cut::Back { seconds: -step(sample) })).collect()
+}
+
+/// Samples before which a coordinate jumps although no reading is missing there.
+fn joined(table: &Table, coordinates: &[Signal], times: &Times) -> Vec<(usize, Cut)> {
+    let mut all = Vec::new();
+    for (signal, channel) in coordinates.iter().zip(&table.channels) {
+        let jumps = joins(&channel.values).into_iter().filter(|(sample, _)| times.apart(*sample) < LEAST_GAP);
+        let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
+        all.extend(without_answers(jumps.collect(), &table.channels[coordinates.len()..]).into_iter().map(joined));
+    }
+    all
 }
 
 /// The stretches between cuts, each with the cut before it.
@@ -249,162 +277,168 @@ fn pieces(cuts: &[(usize, Cut)], samples: usize) -> Vec<(Range<usize>, Option<Cu
     pieces
 }
 
-/// The rows of a record that are in no segment, with the reasons.
-fn left_out(table: &Table, pieces: &[(Range<usize>, Option<Cut>)]) -> Vec<LeftOut> {
+/// The rows that lack a reading.
+fn left_out(table: &Table) -> Vec<LeftOut> {
     let missing = |hole: &Hole| LeftOut {
         from_line: hole.from_line,
         to_line: hole.to_line,
         rows: hole.rows,
         why: Why::Missing { column: hole.column.clone() },
     };
-    let short =
-        pieces.iter().filter(|(piece, _)| !piece.is_empty() && piece.len() < LEAST_SAMPLES).map(|(piece, _)| LeftOut {
-            from_line: table.lines[piece.start],
-            to_line: table.lines[piece.end - 1],
-            rows: piece.len(),
-            why: Why::Short,
-        });
-    let mut left_out: Vec<LeftOut> = table.holes.iter().map(missing).chain(short).collect();
-    left_out.sort_by_key(|part| part.from_line);
-    left_out
+    table.holes.iter().map(missing).collect()
 }
 
-fn no_segment(table: &Table, rows: usize, pieces: &[(Range<usize>, Option<Cut>)]) -> LogError {
+fn no_segment(table: &Table, rows: usize) -> LogError {
     let hole = table.holes.first();
-    let cut = pieces.get(1).map(|(piece, cut)| (table.lines[piece.start], cut.as_ref()));
-    let (line, why) = match (hole, cut) {
-        (Some(hole), cut) if cut.is_none_or(|(line, _)| hole.from_line <= line) => {
-            let missing: usize = table.holes.iter().map(|hole| hole.rows).sum();
-            let column = &hole.column;
-            let why = format!(
-                "column `{column}` has no number there, and {missing} rows lack one; columns with times of their own need {LEAST_SAMPLES} readings of each coordinate, and stamps that do not go back"
-            );
-            (hole.from_line, why)
-        }
-        (_, Some((line, Some(cut @ Cut::Joined { .. })))) => (line, format!("{cut}; identify longer recordings")),
-        (_, Some((line, Some(cut)))) => (line, format!("{cut}; resample the log evenly with its true time stamps")),
-        _ => (table.header_line, "no row is whole".into()),
-    };
+    let missing: usize = table.holes.iter().map(|hole| hole.rows).sum();
+    let why = hole.map_or("no row is whole".into(), |Hole { column, .. }| {
+        format!(
+            "column `{column}` has no number there, and {missing} rows lack one; columns with times of their own need {LEAST_SAMPLES} readings of each coordinate, and stamps that do not go back"
+        )
+    });
     LogError::NoSegment {
         path: table.path.clone(),
         from: table.lines.first().copied().or(hole.map(|hole| hole.from_line)).unwrap_or(table.header_line),
         to: table.lines.last().copied().max(table.holes.last().map(|hole| hole.to_line)).unwrap_or(table.header_line),
         rows,
         needed: LEAST_SAMPLES,
-        longest: pieces.iter().map(|(piece, _)| piece.len()).max().unwrap_or(0),
-        cut: line,
+        longest: table.time.len(),
+        cut: hole.map_or(table.header_line, |hole| hole.from_line),
         why,
     }
 }
 
-/// The even grid on which all segments are read.
-struct Grid {
-    /// Its step, in the unit of the stamps.
-    step: f64,
-    uneven: Option<Unevenness>,
-    /// Whether readings are interpolated to the grid; otherwise they are taken as the samples of the grid.
-    resampled: bool,
+/// The gaps that a motion bridges.
+struct Bridge {
+    /// Highest frequency of the motion, in periods a sample.
+    band: f64,
+    /// Longest time between two readings that is bridged, in samples.
+    longest: f64,
 }
 
-impl Grid {
-    fn of(table: &Table, segments: &[Range<usize>]) -> Self {
-        let stamps = table.stamps();
-        let span = |range: &Range<usize>| table.time[range.end - 1] - table.time[range.start];
-        let intervals: usize = segments.iter().map(|range| range.len() - 1).sum();
-        let step = segments.iter().map(span).sum::<f64>() / intervals as f64;
-        let even = |range: &Range<usize>| {
-            let apart = |own: f64| (own - step).abs() * (range.len() - 1) as f64;
-            let digit = stamps.resolution.at(table.time[range.end - 1]);
-            stamps
-                .part(range.start, range.end)
-                .even_step()
-                .is_ok_and(|own| apart(own) <= MOST_DRIFT * step || apart(own) <= digit)
-        };
-        if segments.iter().all(even) {
-            return Grid { step, uneven: None, resampled: false };
+impl Bridge {
+    /// The band of the motion is that of its record with the gaps bridged, which are bridged by the band. At first it is as if bridged by
+    /// straight lines, whose corners make it too high, so that more gaps are bridged from round to round.
+    fn of(table: &Table, times: &Times, cuts: &[(usize, Cut)], coordinates: usize) -> Self {
+        // No motion is seen that is slower than the record is long.
+        let mut bridge = Bridge { band: 0.5, longest: LONGEST * table.time.len() as f64 };
+        if times.read != Read::Uneven && (1..table.time.len()).all(|sample| times.apart(sample) < LEAST_GAP) {
+            return bridge;
         }
-        let fitted = fitted_step(stamps, segments);
-        let near = segments.iter().all(|range| {
-            let t = &table.time[range.clone()];
-            let middle = (t.len() - 1) as f64 / 2.0;
-            let mean = t.iter().map(|x| x - t[0]).sum::<f64>() / t.len() as f64;
-            t.iter()
-                .enumerate()
-                .all(|(i, x)| (x - t[0] - mean - (i as f64 - middle) * fitted).abs() <= MOST_DRIFT * fitted)
-        });
-        let rougher: f64 = segments
-            .iter()
-            .map(|range| {
-                let stamps = &table.time[range.clone()];
-                let own = |channel: &Channel| rougher_at_stamps(stamps, &channel.values[range.clone()]);
-                range.len() as f64 * table.channels.iter().map(own).sum::<f64>()
-            })
-            .sum();
-        let resampled = !(near && rougher >= 0.0);
-        let step = if resampled { step } else { fitted };
-        let Jitter { rms, largest } = jitter_of(&table.time, segments, step);
-        let errors = if resampled { errors(table, segments) } else { Vec::new() };
-        let uneven = Unevenness { rms, largest, resampled, sample_time: step * table.factor, interpolation: errors };
-        Grid { step, uneven: Some(uneven), resampled }
+        let step = times.step * table.factor;
+        let of = |channel: &Channel, bridge: &Bridge| {
+            let pieces = bridge.pieces(table, times, cuts).into_iter();
+            let even: Vec<Vec<f64>> =
+                pieces.map(|(piece, _)| bridge.over(&times.at_from(&piece)).of(&channel.values[piece])).collect();
+            let moves = even.iter().any(|own| own.iter().any(|value| *value != own[0]));
+            let all: Vec<&[f64]> = even.iter().map(Vec::as_slice).collect();
+            if moves { Spectrum::of(&all, step).followed * step } else { 0.0 }
+        };
+        for _ in 0..ROUNDS {
+            let moving = table.channels.iter().zip(held(table)).enumerate();
+            let moving = moving.filter(|(c, (_, held))| *c < coordinates || coordinates == 0 && !held);
+            let band = moving.map(|(_, (channel, _))| of(channel, &bridge)).fold(0.0, f64::max);
+            let longest = (LONGEST / band).min(LONGEST * table.time.len() as f64);
+            if band <= 0.0 || longest == bridge.longest {
+                break;
+            }
+            bridge = Bridge { band, longest };
+        }
+        bridge
+    }
+
+    fn over<'a>(&self, at: &'a [f64]) -> Refill<'a> {
+        Refill { at, band: self.band }
+    }
+
+    /// The stretches between cuts and gaps that are not bridged, each with the reason for it.
+    fn pieces(&self, table: &Table, times: &Times, cuts: &[(usize, Cut)]) -> Vec<(Range<usize>, Option<Cut>)> {
+        let wide = |sample: &usize| times.apart(*sample) > LEAST_GAP.max(self.longest + 1e-6);
+        let gap = |sample: usize| {
+            let seconds = (table.time[sample] - table.time[sample - 1]) * table.factor;
+            let missing = table.holes.iter().find(|hole| hole.before == sample);
+            let missing = missing.map(|hole| Cut::Missing { rows: hole.rows, from_line: hole.from_line });
+            (sample, missing.unwrap_or(Cut::Gap { seconds }))
+        };
+        let mut all: Vec<(usize, Cut)> = cuts.to_vec();
+        all.extend((1..table.time.len()).filter(wide).map(gap));
+        all.sort_by_key(|(sample, _)| *sample);
+        all.dedup_by_key(|(sample, _)| *sample);
+        pieces(&all, table.time.len())
+    }
+
+    /// Says how stamps were read, what is bridged, and how far the motion may err there.
+    fn report(&self, table: &Table, times: &Times, pieces: &[Range<usize>], report: &mut ReadingReport) {
+        let apart = pieces.iter().flat_map(|piece| (piece.start + 1..piece.end).map(|sample| times.apart(sample)));
+        let resampled = times.read == Read::Uneven;
+        // A step of uneven readings lost none where it is not twice as long as the others.
+        let least = if resampled { 2.0 } else { LEAST_GAP };
+        let gaps: Vec<f64> = apart.filter(|apart| *apart >= least).collect();
+        let errors = if resampled || !gaps.is_empty() { self.errors(table, times, pieces) } else { Vec::new() };
+        let sample_time = times.step * table.factor;
+        if !gaps.is_empty() {
+            report.bridged = Some(Bridged {
+                count: gaps.len(),
+                samples: gaps.iter().map(|apart| apart.round() as usize - 1).sum(),
+                longest: gaps.iter().copied().fold(0.0, f64::max) * sample_time,
+                band: self.band / sample_time,
+                errors: errors.clone(),
+            });
+        }
+        if times.read != Read::Even {
+            let Jitter { rms, largest } = report.jitter;
+            let still = table.time.windows(2).filter(|pair| pair[0] == pair[1]).count();
+            let tick = (still * ROWS_PER_REPEAT > table.time.len()).then(|| table.stamps().usual_tick() * table.factor);
+            let interpolation = if resampled { errors } else { Vec::new() };
+            report.uneven = Some(Unevenness { rms, largest, resampled, sample_time, tick, interpolation });
+        }
+    }
+
+    /// The errors of refilling, channel by channel.
+    fn errors(&self, table: &Table, times: &Times, pieces: &[Range<usize>]) -> Vec<InterpolationError> {
+        let of = |Channel { column, values: channel, .. }: &Channel| {
+            let errors = pieces.iter().map(|piece| self.over(&times.at_from(piece)).errors(&channel[piece.clone()]));
+            let (square, count) = errors.fold((0.0, 0), |(a, b), (square, count)| (a + square, b + count));
+            let rms = (square / count.max(1) as f64).sqrt();
+            let mean = channel.iter().sum::<f64>() / channel.len() as f64;
+            let deviation = root_mean_square(channel.iter().map(|x| x - mean));
+            let share = if deviation > 0.0 { rms / deviation } else { 0.0 };
+            (count > 0).then(|| InterpolationError { column: column.clone(), rms, share })
+        };
+        let all = table.channels.iter().zip(held(table));
+        all.filter(|(_, held)| !held).filter_map(|(channel, _)| of(channel)).collect()
+    }
+
+    /// The segments at even times: held inputs by their means, everything else refilled.
+    fn refilled(&self, table: &Table, times: &Times, pieces: &[Range<usize>]) -> Vec<Log> {
+        let of = |piece: &Range<usize>| {
+            let at = times.at_from(piece);
+            let refill = self.over(&at);
+            let samples = refill.samples();
+            let even = |channel: &Channel| refill.of(&channel.values[piece.clone()]);
+            let lines = readings_before(&at, samples).into_iter().map(|i| table.lines[piece.start + i]).collect();
+            let is_there = |rate: &&Channel| rate.values[piece.clone()].iter().all(|value| value.is_finite());
+            let rates = table.rates.iter().map(|rate| rate.as_ref().filter(is_there).map(even)).collect();
+            let own = |(channel, held): (&Channel, bool)| {
+                if held { held_on_grid(&at, &channel.values[piece.clone()], samples) } else { even(channel) }
+            };
+            Log::unchecked(&table.path, table.channels.iter().zip(held(table)).map(own).collect(), tidy(rates), lines)
+        };
+        pieces.iter().map(of).collect()
     }
 }
 
-/// Deviation of the steps in the segments from an even step, as a share of it.
-fn jitter_of(time: &[f64], segments: &[Range<usize>], step: f64) -> Jitter {
-    let off = || segments.iter().flat_map(|range| time[range.clone()].windows(2).map(|w| (w[1] - w[0]) / step - 1.0));
+/// Deviation of the steps in the segments from the sample time, as a share of it.
+fn jitter_of(time: &[f64], times: &Times, pieces: &[Range<usize>]) -> Jitter {
+    let inner = || pieces.iter().flat_map(|piece| piece.start + 1..piece.end);
+    let counted = |i: usize| (times.count[i] - times.count[i - 1]) as f64;
+    let off = || inner().map(|i| (time[i] - time[i - 1]) / times.step - counted(i));
     Jitter { rms: root_mean_square(off()), largest: off().map(f64::abs).fold(0.0, f64::max) }
-}
-
-/// The step of the grids through the stamps of all segments, by least squares.
-fn fitted_step(stamps: Stamps<'_>, segments: &[Range<usize>]) -> f64 {
-    let (mut above, mut below) = (0.0, 0.0);
-    for range in segments {
-        let t = &stamps.time[range.clone()];
-        let middle = (t.len() - 1) as f64 / 2.0;
-        for (i, x) in t.iter().enumerate() {
-            above += (i as f64 - middle) * (x - t[0]);
-            below += (i as f64 - middle).powi(2);
-        }
-    }
-    above / below
-}
-
-/// The errors of interpolation, channel by channel.
-fn errors(table: &Table, segments: &[Range<usize>]) -> Vec<InterpolationError> {
-    let of = |Channel { column, values: channel, .. }: &Channel| {
-        let samples: usize = segments.iter().map(Range::len).sum();
-        let square = |range: &Range<usize>| {
-            let error = interpolation_error(&table.time[range.clone()], &channel[range.clone()]);
-            range.len() as f64 * error.powi(2)
-        };
-        let rms = (segments.iter().map(square).sum::<f64>() / samples as f64).sqrt();
-        let mean = channel.iter().sum::<f64>() / channel.len() as f64;
-        let deviation = (channel.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / channel.len() as f64).sqrt();
-        InterpolationError { column: column.clone(), rms, share: if deviation > 0.0 { rms / deviation } else { 0.0 } }
-    };
-    let all = table.channels.iter().zip(held(table));
-    all.filter(|(_, held)| !held).map(|(channel, _)| of(channel)).collect()
 }
 
 /// Whether a channel is an input that is held between its stamps.
 fn held(table: &Table) -> impl Iterator<Item = bool> + '_ {
     table.channels.iter().enumerate().map(|(c, channel)| c >= table.rates.len() && is_held(&channel.values))
-}
-
-/// The segments on an even grid: held inputs by their means, everything else by interpolation.
-fn resampled(table: &Table, segments: &[Range<usize>], step: f64) -> Vec<Log> {
-    let of = |range: &Range<usize>| {
-        let stamps = &table.time[range.clone()];
-        let samples = ((stamps[stamps.len() - 1] - stamps[0]) / step + 1e-6).floor() as usize + 1;
-        let grid = |channel: &Channel| on_grid(stamps, &channel.values[range.clone()], step, samples);
-        let lines = readings_before(stamps, step, samples).into_iter().map(|i| table.lines[range.start + i]).collect();
-        let rates = table.rates.iter().map(|rate| finite(rate.as_ref().map(grid))).collect();
-        let own = |(channel, held): (&Channel, bool)| {
-            if held { held_on_grid(stamps, &channel.values[range.clone()], step, samples) } else { grid(channel) }
-        };
-        Log::unchecked(&table.path, table.channels.iter().zip(held(table)).map(own).collect(), tidy(rates), lines)
-    };
-    segments.iter().map(of).collect()
 }
 
 /// The segments, moved out of the table without interpolation.

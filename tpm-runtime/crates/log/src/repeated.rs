@@ -11,11 +11,10 @@
 //! reading holds no information; it is replaced by the cubic through the two fresh readings on either side.
 
 use crate::steps::Steps;
-use std::borrow::Cow;
 use std::ops::Range;
 
 /// Most successive readings that repeat; a channel that is constant for longer rests, or is recorded at a lower rate.
-const MOST_IN_A_ROW: usize = 3;
+pub(super) const MOST_IN_A_ROW: usize = 3;
 /// Largest share of repeated readings; a channel with more is recorded at a lower rate than the others, which
 /// interpolation cannot mend.
 const MOST_REPEATED_SHARE: f64 = 0.2;
@@ -67,17 +66,6 @@ pub(super) fn repeated_readings(signal: &[f64], steps: &Steps) -> Vec<(usize, f6
     runs.iter().for_each(|run| fresh[run.clone()].fill(false));
     let stale = runs.into_iter().flatten();
     stale.filter_map(|k| Some((k, by_fresh(signal, &fresh, k)?))).collect()
-}
-
-/// A channel with fresh values in place of the readings that repeat.
-pub(super) fn without_repeats<'s>(signal: &'s [f64], steps: &Steps) -> Cow<'s, [f64]> {
-    let repeated = repeated_readings(signal, steps);
-    if repeated.is_empty() {
-        return Cow::Borrowed(signal);
-    }
-    let mut whole = signal.to_vec();
-    repeated.into_iter().for_each(|(k, value)| whole[k] = value);
-    Cow::Owned(whole)
 }
 
 /// Value at a sample of the cubic through two fresh readings on either side; nothing near the ends.

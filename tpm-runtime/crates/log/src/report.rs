@@ -2,7 +2,7 @@
 
 use crate::assumption::Assumption;
 use crate::read::Log;
-use crate::resample::InterpolationError;
+use crate::refill::InterpolationError;
 use serde::{Serialize, Serializer};
 use std::fmt;
 use tpm_report::number;
@@ -94,8 +94,8 @@ pub enum Why {
         /// Column of the first such field.
         column: String,
     },
-    /// The stretch between two gaps is too short.
-    Short,
+    /// The stamp alone goes back, ahead, or repeats the one before.
+    Stray,
 }
 
 /// Rows that are in no segment.
@@ -124,6 +124,9 @@ pub struct Unevenness {
     pub resampled: bool,
     /// The sample time of the even grid, s.
     pub sample_time: f64,
+    /// Time by which the clock of the stamps goes on, s, where many rows have the stamp of the row before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tick: Option<f64>,
     /// The error of the interpolation, column by column.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub interpolation: Vec<InterpolationError>,
@@ -140,16 +143,63 @@ impl fmt::Display for Unevenness {
             percent(self.largest)
         )?;
         if !self.resampled {
-            return write!(
+            write!(
                 f,
                 "the readings are smoother when they are taken as even, every {sample_time} s, and so the stamps are taken as late, not the readings"
-            );
+            )?;
+            return match self.tick {
+                Some(tick) => write!(
+                    f,
+                    "; many rows have the stamp of the row before, of a clock that ticks every {} s: the sample time is known to a tick in the whole record, and is better stated (--sample-time SECONDS)",
+                    number(tick)
+                ),
+                None => Ok(()),
+            };
         }
-        let errors = self.interpolation.iter();
-        let errors = errors
-            .map(|of| format!("{} in `{}` ({} % of its deviation)", number(of.rms), of.column, percent(of.share)));
-        let errors: Vec<String> = errors.collect();
-        write!(f, "resampled by cubic interpolation every {sample_time} s, with errors of about {}", errors.join(", "))
+        write!(f, "resampled every {sample_time} s within the band of the motion{}", Errors(&self.interpolation))
+    }
+}
+
+/// Errors of refilling, said behind what was refilled.
+struct Errors<'a>(&'a [InterpolationError]);
+
+impl fmt::Display for Errors<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let one = |InterpolationError { column, rms, share }: &InterpolationError| {
+            format!("{} in `{column}` ({} % of its deviation)", number(*rms), number(100.0 * share))
+        };
+        let errors: Vec<String> = self.0.iter().map(one).collect();
+        if errors.is_empty() { Ok(()) } else { write!(f, ", with errors of about {}", errors.join(", ")) }
+    }
+}
+
+/// Gaps over which the motion was refilled from the readings around them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Bridged {
+    /// How many gaps.
+    pub count: usize,
+    /// Readings that are missing in them.
+    pub samples: usize,
+    /// Time from reading to reading over the longest, s.
+    pub longest: f64,
+    /// Highest frequency of the motion, Hz.
+    pub band: f64,
+    /// The error, column by column: of readings that are there and were hidden in the same way.
+    pub errors: Vec<InterpolationError>,
+}
+
+impl fmt::Display for Bridged {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Bridged { count, samples, longest, band, errors } = self;
+        let gaps = if *count == 1 { "gap" } else { "gaps" };
+        let readings = if *samples == 1 { "reading is" } else { "readings are" };
+        write!(
+            f,
+            "{samples} {readings} missing in {count} {gaps} of at most {} s, which are bridged by the motion around them, of up to {} Hz{}",
+            number(*longest),
+            number(*band),
+            Errors(errors)
+        )
     }
 }
 
@@ -222,6 +272,8 @@ pub struct ReadingReport {
     pub left_out: Vec<LeftOut>,
     /// Stamps that are not even.
     pub uneven: Option<Unevenness>,
+    /// Gaps that were bridged.
+    pub bridged: Option<Bridged>,
     /// Coordinates whose readings wrap around.
     pub wrapped: Vec<Wrapped>,
     /// Readings of coordinates that repeat the reading before, and were replaced. They are no part of the remarks,
@@ -246,22 +298,20 @@ impl ReadingReport {
         let mut remarks: Vec<String> = self.assumptions.iter().map(|assumption| assumption.to_string()).collect();
         remarks.extend(self.wrapped.iter().map(|wrapped| wrapped.to_string()));
         remarks.extend(self.uneven.iter().map(|uneven| uneven.to_string()));
-        let missing: Vec<&LeftOut> = self.left_out.iter().filter(|part| part.why != Why::Short).collect();
-        let short: Vec<&LeftOut> = self.left_out.iter().filter(|part| part.why == Why::Short).collect();
-        for part in missing.iter().take(MOST_LISTED) {
-            if let Why::Missing { column } = &part.why {
-                let fields = if part.rows == 1 { "is no number" } else { "are no numbers" };
-                remarks.push(format!("column `{column}`: in {} {fields}, which is left out", lines(part)));
-            }
+        remarks.extend(self.bridged.iter().map(|bridged| bridged.to_string()));
+        for part in self.left_out.iter().take(MOST_LISTED) {
+            remarks.push(match &part.why {
+                Why::Missing { column } => {
+                    let fields = if part.rows == 1 { "is no number" } else { "are no numbers" };
+                    format!("column `{column}`: in {} {fields}, which is left out", lines(part))
+                }
+                Why::Stray => format!("{}: the time stamp alone is out of order; the row is left out", lines(part)),
+            });
         }
-        for part in short.iter().take(MOST_LISTED) {
-            remarks.push(format!("{} are left out: {} samples between two gaps are too few", lines(part), part.rows));
-        }
-        for (parts, of) in [(missing, "of missing readings"), (short, "that are too short")] {
-            if let Some(more) = parts.len().checked_sub(MOST_LISTED).filter(|more| *more > 0) {
-                let rows: usize = parts[MOST_LISTED..].iter().map(|part| part.rows).sum();
-                remarks.push(format!("{more} more stretches {of} are left out, {rows} rows"));
-            }
+        if let Some(more) = self.left_out.len().checked_sub(MOST_LISTED).filter(|more| *more > 0) {
+            let rows: usize = self.left_out[MOST_LISTED..].iter().map(|part| part.rows).sum();
+            remarks
+                .push(format!("{more} more stretches of missing readings or stray stamps are left out, {rows} rows"));
         }
         if self.segments.len() > 1 {
             let part = |segment: &SegmentReport| {
@@ -309,6 +359,8 @@ impl Serialize for ReadingReport {
             left_out: &'a [LeftOut],
             #[serde(skip_serializing_if = "Option::is_none")]
             uneven: Option<&'a Unevenness>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            bridged: Option<&'a Bridged>,
             #[serde(skip_serializing_if = "<[Wrapped]>::is_empty")]
             wrapped: &'a [Wrapped],
             #[serde(skip_serializing_if = "<[Repeated]>::is_empty")]
@@ -323,6 +375,7 @@ impl Serialize for ReadingReport {
             segments: &self.segments,
             left_out: &self.left_out,
             uneven: self.uneven.as_ref(),
+            bridged: self.bridged.as_ref(),
             wrapped: &self.wrapped,
             repeated: &self.repeated,
             used: self.used,

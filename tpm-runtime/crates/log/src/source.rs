@@ -148,7 +148,7 @@ enum Opened<'a> {
 #[cfg(test)]
 mod tests {
     use super::{InMemory, LogSource, Samples};
-    use crate::{Cut, ReadingSettings, Recording};
+    use crate::{ReadingSettings, Recording, Why};
     use std::path::Path;
     use std::sync::Arc;
     use tpm_test_support::models::MassSpringDrag;
@@ -198,8 +198,8 @@ mod tests {
     fn samples_in_memory_are_checked_as_those_of_a_file() {
         let mut columns = run().0;
         columns[1].1[100] = f64::NAN;
-        let split = open(columns.clone()).expect("two stretches");
-        assert!(matches!(split.report.segments[1].cut, Some(Cut::Missing { rows: 1, .. })), "{:?}", split.report);
+        let read = open(columns.clone()).expect("one reading is missing");
+        assert!(matches!(read.report.left_out[0].why, Why::Missing { .. }), "{:?}", read.report);
         columns[2].1.pop();
         let message = open(columns.clone()).expect_err("one is shorter");
         assert!(message.contains("`u` has 299"), "{message}");

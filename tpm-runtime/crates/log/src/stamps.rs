@@ -103,16 +103,22 @@ pub(super) enum Uneven {
     },
 }
 
-impl Stamps<'_> {
+impl<'a> Stamps<'a> {
     /// Stamps of a stretch.
-    pub(super) fn part(&self, from: usize, to: usize) -> Stamps<'_> {
+    pub(super) fn part(self, from: usize, to: usize) -> Stamps<'a> {
         Stamps { time: &self.time[from..to], resolution: self.resolution }
     }
 
     /// Median of the steps; zero for less than two stamps.
     pub(super) fn usual_step(&self) -> f64 {
+        self.usual_over(1)
+    }
+
+    /// Median of the mean steps over so many; zero for fewer.
+    pub(super) fn usual_over(&self, span: usize) -> f64 {
         let stride = (self.time.len() / MOST_MEDIAN_STEPS).max(1);
-        let mut steps: Vec<f64> = self.time.windows(2).step_by(stride).map(|pair| pair[1] - pair[0]).collect();
+        let mean = |all: &[f64]| (all[span] - all[0]) / span as f64;
+        let mut steps: Vec<f64> = self.time.windows(span + 1).step_by(stride).map(mean).collect();
         if steps.is_empty() {
             return 0.0;
         }
@@ -121,17 +127,24 @@ impl Stamps<'_> {
         *median
     }
 
+    /// Median of the steps by which time goes on.
+    pub(super) fn usual_tick(&self) -> f64 {
+        let mut own = self.time.to_vec();
+        own.dedup();
+        Stamps { time: &own, ..*self }.usual_step()
+    }
+
     /// By how much a step may differ from the usual one because its two stamps are rounded.
     fn rounding(&self, sample: usize, usual: f64) -> f64 {
         let [before, after] = [self.time[sample - 1], self.time[sample]];
         self.resolution.at(before).max(self.resolution.at(after)).min(0.5 * usual.abs())
     }
 
-    /// The samples before which time jumps or stands still.
-    pub(super) fn jumps(&self, usual: f64) -> impl Iterator<Item = usize> + '_ {
+    /// The samples before which time jumps ahead by more than steps of this size do.
+    pub(super) fn jumps(self, usual: f64) -> impl Iterator<Item = usize> + 'a {
         (1..self.time.len()).filter(move |&sample| {
             let step = self.time[sample] - self.time[sample - 1];
-            step <= 0.0 || step > LEAST_GAP * usual && step - usual > 1.01 * self.rounding(sample, usual)
+            step > LEAST_GAP * usual && step - usual > 1.01 * self.rounding(sample, usual)
         })
     }
 

@@ -123,10 +123,10 @@ mod tests {
         assert!(survey.channels.iter().all(|of| of.role == Role::Column));
         let unread: Vec<&str> = survey.unread.iter().map(|of| of.column.as_str()).collect();
         assert_eq!(unread, ["mode", "spare"]);
-        // The row without a reading cuts the record.
+        // The row without a reading is bridged.
         let samples: Vec<usize> = survey.recording.segments.iter().map(crate::Log::len).collect();
-        assert_eq!(samples, [30, 29]);
+        assert_eq!(samples, [60]);
         assert_eq!(survey.recording.report.left_out[0].from_line, 32);
-        assert_eq!(survey.recording.segments[1].channels[1][0], f64::from(31 % 7));
+        assert_eq!(survey.recording.segments[0].channels[1][31], f64::from(31 % 7));
     }
 }

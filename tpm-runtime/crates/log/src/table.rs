@@ -227,6 +227,13 @@ impl Table {
         self.all_mut().for_each(|channel| channel.values = of(&channel.values));
     }
 
+    /// Leaves out rows, which ascend.
+    pub(super) fn leave_out(&mut self, rows: &[usize]) {
+        self.holes.iter_mut().for_each(|hole| hole.before -= rows.partition_point(|row| *row < hole.before));
+        let kept: Vec<usize> = (0..self.time.len()).filter(|row| rows.binary_search(row).is_err()).collect();
+        self.take_rows(&kept);
+    }
+
     /// Reads the signals, and those rates that have a column, so that a row keeps what it has.
     ///
     /// # Errors

@@ -18,6 +18,7 @@ mod iteration;
 mod matrix;
 mod riccati;
 pub mod singular;
+pub mod spectrum;
 pub mod tail;
 pub mod tolerance;
 

@@ -25,8 +25,11 @@ use std::f64::consts::PI;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_controller::derivatives::RowDerivatives;
 use tpm_controller::model::{Buffer, EvalError, Model, require_len};
-use tpm_estimate::{Differentiable, Domain, ForceCourse, LARGE_RESIDUAL, MeasuredMotion, Missed, predict_in_band};
+use tpm_estimate::{
+    Differentiable, Domain, ForceCourse, LARGE_RESIDUAL, MeasuredMotion, Missed, Settings, predict_in_band,
+};
 use tpm_log::{Log, ReadingReport, Recording};
+use tpm_numerics::spectrum::Spectrum;
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
 const CANCELLED: f64 = 1e-3;
@@ -378,9 +381,14 @@ fn validate_segments(
     let mut found = Validation::begun(model, path.clone(), options);
     let rows: Vec<(Missed, Option<Vec<_>>)> = match (&periodic, segments.first()) {
         (Some((periodic, spectra)), Some(log)) => {
-            let record =
-                MeasuredMotion::new(model, &options.constants, spectra, options.reading.hold, &options.estimation)
-                    .map_err(fault)?;
+            // Harmonics of readings that repeat, or of digits that are cut off, stand out of the noise between them and are no motion.
+            let compared = |signal: &Vec<f64>| Spectrum::of(&[signal], log.sample_time).compared();
+            let band = log.channels[..dims.coordinates].iter().map(compared).fold(0.0, f64::max);
+            let highest = (band * log.sample_time * periodic.samples_per_period).max(1.0) as usize;
+            let settings =
+                Settings { harmonics: options.estimation.harmonics.or(Some(highest)), ..options.estimation.clone() };
+            let record = MeasuredMotion::new(model, &options.constants, spectra, options.reading.hold, &settings)
+                .map_err(fault)?;
             found.from_sample = periodic.from;
             found.period = Some(periodic.samples_per_period * log.sample_time);
             found.periods = periodic.periods;
