@@ -2,7 +2,7 @@
 
 use crate::error::EstimateError;
 use crate::free::Free;
-use crate::likelihood::components::{self, Components, Products};
+use crate::likelihood::components::{Components, Products};
 use crate::likelihood::library::{Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::nearest::{Nearby, Nearest};
@@ -270,7 +270,8 @@ fn applied<'a>(
     let mut settled = false;
     let passes = if look.fitted.is_empty() { APPLIED_PASSES } else { FITTED_PASSES };
     for _ in 0..passes {
-        let mut fitted = first_pass(rows, known, look, (free, settings))?.with_terms(&settings.load)?.fit(free, settings)?;
+        let mut fitted =
+            first_pass(rows, known, look, (free, settings))?.with_terms(&settings.load)?.fit(free, settings)?;
         let beyond = |found: &Applied| {
             let late = look.inputs[found.term.of].delay + found.value;
             found.term.kind == TermKind::Delay && !look.is_fitted(found.term) && late.abs() > LONGEST_DELAY
@@ -495,9 +496,8 @@ impl Pass<'_> {
         }
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
         // A gain that is off by less than torque constants are known moves no scale.
-        let of_gain = |own: &&(f64, Lacking)| {
-            own.1.term.kind == TermKind::InputGain && (own.1.value - 1.0).abs() > GAIN_FAULT
-        };
+        let of_gain =
+            |own: &&(f64, Lacking)| own.1.term.kind == TermKind::InputGain && (own.1.value - 1.0).abs() > GAIN_FAULT;
         let scale_unknown = match lacking.iter().filter(of_gain).count() {
             0 => false,
             // An input whose gain the record does not tell says nothing of the others' gains either.

@@ -31,7 +31,6 @@ mod nearest;
 mod noise;
 mod pass;
 mod path;
-mod spectrum;
 mod split;
 mod start;
 #[cfg(test)]

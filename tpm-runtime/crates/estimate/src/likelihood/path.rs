@@ -1,7 +1,6 @@
 //! The smoothed motion of a stretch, the inputs that act on it, and the rows of the model along both, on an even grid.
 
 use crate::error::EstimateError;
-use crate::likelihood::spectrum::{Spectrum, rate_deviation};
 use crate::rows::{Rows, Scratch};
 use crate::sensor::Sensor;
 use crate::time_domain::low_pass::LowPass;
@@ -16,6 +15,7 @@ use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
 use tpm_numerics::root_mean_square;
+use tpm_numerics::spectrum::{Spectrum, rate_deviation};
 
 /// Points of the grid in one oscillation at the highest frequency at which a motion stands out of its noise: products of a few coordinates
 /// alias nothing into the lines, and a sign jumps to a thirtieth of an oscillation.
