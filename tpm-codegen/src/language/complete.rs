@@ -144,8 +144,9 @@ pub fn with_forces(source: &Source, forces: &[AddedForce], loads: &AddedLoads) -
         } else if let Some(span) = own_force {
             insertions.push((span.range().end, terms));
         } else {
-            declared +=
-                &format!("    force {coordinate} ={};\n", terms.replacen(" + ", " ", 1).replacen(" - ", " -", 1));
+            let first = terms.strip_prefix(" + ").map(str::to_owned);
+            let first = first.unwrap_or_else(|| terms.replacen(" - ", "-", 1));
+            declared += &format!("    force {coordinate} = {first};\n");
         }
     }
     if !declared.is_empty() {

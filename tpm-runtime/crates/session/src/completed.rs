@@ -70,8 +70,11 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Of what the lines of a log told; nothing where the model lacks nothing.
+    /// Of what the lines of a log told; nothing where the model lacks nothing, or a row has no input, which shows ratios alone.
     pub(super) fn of(model: &dyn Model<f64>, found: &OfAnyMotion) -> Option<Self> {
+        if model.dims().inputs < model.dims().rows {
+            return None;
+        }
         let nearby = found.nearby.as_ref()?;
         let stated = LeftOfForces::of(&nearby.stated);
         let completed = nearby.completed.as_ref().map(|own| {

@@ -307,8 +307,7 @@ fn found(
         };
         // Where neither explains the record, a simulation is far from it, and what it names is what would bring it nearer. The rows stay on
         // the measured motion.
-        let named = |own: &Found| own.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }));
-        let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && named(other);
+        let says_more = |other: &Found| found.estimate.residual > LARGE_RESIDUAL && names_what_it_lacks(other);
         let enough = asked || exact || harmonics_tell(&found, dims, options.reading.hold);
         let other = if enough { None } else { by_lines().ok().filter(|other| better(other) || says_more(other)) };
         return Ok(other.unwrap_or(found));
@@ -331,6 +330,7 @@ fn found(
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
         Ok(found)
             if (found.estimate.residual > LARGE_RESIDUAL || lacks(&found))
+                && !names_what_it_lacks(&found)
                 && dims.coordinates <= lines_log::MOST_SIMULATED =>
         {
             let other = samples_log::identify(model, machine, segments, options)?;
@@ -339,6 +339,11 @@ fn found(
         }
         found => found,
     }
+}
+
+/// Whether a model is told by the terms that it lacks: its values are right beside these, and no other way knows them better.
+fn names_what_it_lacks(found: &Found) -> bool {
+    found.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }))
 }
 
 /// Whether one likelihood came to nothing but forces that the model lacks, or to much of the motion that nothing explains.

@@ -232,7 +232,7 @@ fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Iden
         lumped.complete(&mut result, first.estimation.physical())?;
     }
     if let Some(declared) = &declared {
-        summary::warn_of_negative_gains(&mut result, &declared.prepared().model);
+        summary::warn_of_negative_gains(&mut result, &declared.prepared().model, evaluated.dims().order);
         if declared.parsed().mechanism.is_some() {
             let inputs = (0..evaluated.dims().inputs).map(|i| evaluated.input(i).name.to_string()).collect();
             against_prior::warn_of_common_factor(&mut result, inputs);

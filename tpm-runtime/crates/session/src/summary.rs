@@ -282,13 +282,15 @@ pub(super) fn warn_of_impossible_values(
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
 }
 
-/// Warns of gains of inputs that came out negative where nobody stated that they are.
-pub(super) fn warn_of_negative_gains(result: &mut Identification, model: &ExactModel) {
+/// Warns of gains of inputs that came out negative where nobody stated that they are: those of forces, in a machine of the given order. A
+/// coolant, a brake and a rudder have negative gains as often as not, and a first-order model of a process says nothing of them.
+pub(super) fn warn_of_negative_gains(result: &mut Identification, model: &ExactModel, order: usize) {
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     let gains = model.input_gains();
     let is_gain = |own: &&ParameterReport| gains.iter().any(|gain| *model.quantity(*gain).name == own.name);
     let stated = |own: &&ParameterReport| own.prior.is_some_and(|prior| prior < 0.0);
-    let known = named.iter().filter(is_gain).filter(|own| !stated(own));
+    let of_force = |own: &&ParameterReport| order > 1 || own.unit.as_ref().is_some_and(|unit| unit.contains('N'));
+    let known = named.iter().filter(is_gain).filter(of_force).filter(|own| !stated(own));
     let known = known.filter_map(|own| Some((own.name.clone(), own.value?, own.std?)));
     let against = known.filter(|(_, value, std)| *value < -alarm::DRIVES * std);
     let said = against.map(|(parameter, value, std)| Warning::GoesAgainst { parameter, value, std });

@@ -193,8 +193,9 @@ impl OfAnyMotion {
             residual: root_mean_square(nearest.left.iter().copied()),
             ..self.restated(nearest.values, nearest.covariance, settings)
         };
+        let nearby = self.nearby.map(|own| Nearby { left: nearest.left.clone(), ..own });
         let report = LineReport { row_residuals: nearest.left, ..self.report };
-        OfAnyMotion { estimate, report, ..self }
+        OfAnyMotion { estimate, report, nearby, ..self }
     }
 
     /// The model as it is, beside what was found with terms that it may lack. Such terms and parameters were exchanged for each other: with

@@ -22,7 +22,7 @@ const WEIGHINGS: usize = 6;
 const SAMPLES: f64 = 3.0;
 /// Terms of a row stay when they lower what it leaves of the parts that were left out by so many deviations of the mean.
 const LOWERS: f64 = 1.0;
-/// A row of which the model leaves more than this share of the force holds no torque from which terms could be told.
+/// A row of which the model leaves more than this share of the force with its terms too holds no torque from which they could be told.
 const MOST_LEFT: f64 = 0.7;
 /// What is added to the diagonal of scaled normal equations.
 const RIDGE: f64 = 1e-12;
@@ -199,7 +199,9 @@ impl Pass<'_> {
                 any.then(|| {
                     let less = plain.held_out[row].iter().zip(&found.held_out[row]).map(|(plain, with)| plain - with);
                     let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
-                    let hopeless = if stated.held_out[row] > MOST_LEFT { f64::INFINITY } else { 0.0 };
+                    let inner = rows[row].blocks.iter().map(|block| rows[row].force(&block.inner)).sum();
+                    let hopeless = share(found.held_out[row].iter().sum(), inner) > MOST_LEFT;
+                    let hopeless = if hopeless { f64::INFINITY } else { 0.0 };
                     (LOWERS * deviation - mean) / rows[row].force(&rows[row].sum).max(f64::MIN_POSITIVE) + hopeless
                 })
             };
