@@ -141,18 +141,20 @@ def check(tpm, model, folder):
         known = {name: value for name, value in zip(own.CONSTANTS, constants)}
         forces = called(library, "own_inverse_dynamics", [flat, theta, *more], len(own.EQUATIONS))
         note("inverse dynamics", own.inverse_dynamics(*motion, *more).full().ravel().tolist(), forces)
-        by_name = {}
+        by_name = dict(known)
         for place, (name, most) in enumerate(zip(own.COORDINATES, orders)):
-            for order in range(most + 1):
-                by_name[name + ["", "_dot", "_ddot"][order] if order < 3 else f"{name}_der{order}"] = motion[order][place]
+            spelled = [name, f"dot({name})", f"ddot({name})", *(f"der({name}, {order})" for order in range(3, most + 1))]
+            by_name.update({spelled[order]: motion[order][place] for order in range(most + 1)})
         has_inputs = hasattr(own, "feed_forward")
         expected = called(library, "own_feed_forward", [flat, theta, *more], len(own.INPUTS)) if has_inputs else forces
         if has_inputs:
             note("feed-forward", own.feed_forward(*motion, *more).full().ravel().tolist(), expected)
         for name, block in blocks.items():
             if name.endswith(("_FeedForward", "_InverseDynamics")):
-                arguments = block.__code__.co_varnames[:block.__code__.co_argcount]
-                given = {key: value for key, value in {**by_name, **known}.items() if key in arguments}
+                # Identifiers of the language may differ from the model's names, which stand in the comments.
+                declared = re.search(rf"FUNCTION_BLOCK {name}\n(.*?)END_VAR", text, re.S)[1]
+                inputs = re.findall(r"(\w+) : LREAL[^;]*; \(\* `([^`]+)`", declared)
+                given = {identifier: by_name[told] for identifier, told in inputs if told in by_name}
                 note("structured text", list(block(**given).values()), expected)
         if forward:
             inputs = [random.uniform(-2, 2) for _ in own.INPUTS]

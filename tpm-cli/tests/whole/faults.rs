@@ -72,7 +72,7 @@ const SOME: [Writing; 7] = [
 ];
 
 /// All others, which read what earlier ones wrote.
-const OTHERS: [Writing; 40] = [
+const OTHERS: [Writing; 42] = [
     goes_on("demo shown"),
     writes("init slider --log run.csv", &[]),
     writes("check mass_spring_drag.tpm run.csv --against result.json --junit out.xml", &["out.xml"]),
