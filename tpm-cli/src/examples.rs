@@ -30,6 +30,7 @@ const EXAMPLES: [(&str, &str); 43] = [
     ("excite noise", "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.csv noise --std 2 --hold-time 0.01"),
     ("expand", "tpm expand cart.tpm --format markdown"),
     ("explain", "tpm explain schedule.stages"),
+    ("export", "tpm export cart.tpm --params result.json --to casadi -o cart.py"),
     ("feedforward", "tpm feedforward cart.tpm --loop loop.toml --params values.toml"),
     ("fit", "tpm fit log.csv --input u --measured x --order 1/3"),
     ("flags", "tpm flags"),

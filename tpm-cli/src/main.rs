@@ -67,6 +67,8 @@ enum Command {
     Expand(verbs::expand::Args),
     /// Say what a word of the model language, or a field of an experiment, motor or run file means.
     Explain(verbs::explain::Args),
+    /// Write a model with identified values for another program: MuJoCo, CasADi, a PLC, Arduino.
+    Export(verbs::export::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
     Feedforward(Box<verbs::feedforward::Args>),
     /// Fit a transfer function, or a model's parameters, to the frequency response of a log.
@@ -170,6 +172,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Excite(args) => verbs::excite::run(args),
         Command::Expand(args) => verbs::expand::run(args),
         Command::Explain(args) => verbs::explain::run(args),
+        Command::Export(args) => verbs::export::run(args),
         Command::Feedforward(args) => verbs::feedforward::run(args),
         Command::Fit(args) => verbs::fit::run(args),
         Command::Fmt(args) => verbs::fmt::run(args),

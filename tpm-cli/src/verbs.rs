@@ -11,6 +11,7 @@ pub(crate) mod design;
 pub(crate) mod excite;
 pub(crate) mod expand;
 pub(crate) mod explain;
+pub(crate) mod export;
 pub(crate) mod feedforward;
 pub(crate) mod fit;
 pub(crate) mod fmt;

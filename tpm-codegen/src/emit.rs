@@ -9,12 +9,16 @@
 #[cfg(feature = "generate")]
 pub mod c;
 mod campaign;
+#[cfg(feature = "generate")]
+pub(crate) mod casadi;
 mod code;
 pub mod estimator;
 pub mod filter;
 mod formulas;
 mod function;
 mod header;
+#[cfg(feature = "generate")]
+pub(crate) mod infix;
 mod jumps;
 pub mod name;
 mod names;
@@ -28,5 +32,7 @@ pub mod rounding;
 mod run;
 pub mod rust;
 pub mod specialise;
+#[cfg(feature = "generate")]
+pub(crate) mod structured_text;
 pub mod table;
 mod text;

@@ -129,7 +129,7 @@ pub enum IdentifiedError {
 }
 
 /// The outputs of a plan; nothing for those that depend on a leaf without a value.
-fn evaluated(plan: &Plan, leaf: impl Fn(&Leaf) -> Option<f64>) -> Vec<Option<f64>> {
+pub(crate) fn evaluated(plan: &Plan, leaf: impl Fn(&Leaf) -> Option<f64>) -> Vec<Option<f64>> {
     let mut values: Vec<Option<f64>> = Vec::with_capacity(plan.ops.len());
     for op in &plan.ops {
         let at = |slot: &Slot| values[slot.index()];

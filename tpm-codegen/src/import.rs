@@ -33,6 +33,7 @@ use crate::source::Source;
 pub use described::{Described, DescribedBody, JointLosses};
 pub use include::with_included;
 pub use mjcf::mjcf;
+pub use mujoco::losses::{WithLosses, with_losses};
 pub use options::{Angles, Options, STRIBECK};
 pub use replace::with_inertials;
 pub use split::{Parted, SplitError, decimal};

@@ -159,6 +159,8 @@
 pub mod build;
 pub mod diagnostic;
 pub mod emit;
+#[cfg(feature = "generate")]
+pub mod export;
 mod findings;
 #[cfg(feature = "generate")]
 pub mod generate;

@@ -76,13 +76,15 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes files that belong together into a folder, which is made with those above it where there is none: all of them or none, and a
-/// folder that was made for them goes again where one cannot be written.
+/// Writes files that belong together into a folder and those below it, which are made with those above where there are none: all files or
+/// none, and folders that were made for them go again where one cannot be written.
 pub(crate) fn write_into(folder: &Path, files: &[(&Path, &[u8])]) -> Result<(), Failure> {
+    let folders = || std::iter::once(folder).chain(files.iter().filter_map(|(path, _)| path.parent()));
     let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-    let missing: Vec<&Path> = folder.ancestors().take_while(is_missing).collect();
-    let made = std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error));
-    made.and_then(|()| write_files(files)).inspect_err(|_| {
+    let mut missing: Vec<&Path> = folders().flat_map(Path::ancestors).filter(is_missing).collect();
+    missing.sort_by_key(|folder| std::cmp::Reverse(folder.components().count()));
+    let make = |folder| std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error));
+    folders().try_for_each(make).and_then(|()| write_files(files)).inspect_err(|_| {
         // From the innermost outwards. A folder that is not empty holds files of somebody else, and stays.
         for folder in missing {
             let _ = std::fs::remove_dir(folder);

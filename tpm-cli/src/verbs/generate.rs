@@ -126,6 +126,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     let columns: Vec<&str> = estimator.form.columns.iter().map(|column| column.name.as_str()).collect();
     let identified = args.params.as_deref().map(|path| identified(path, &loaded, &columns)).transpose()?;
+    let identified = identified.map(|(identified, _)| identified);
     if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
         let what =
             "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
@@ -145,13 +146,36 @@ pub(crate) fn run(args: &Args) -> Outcome {
         ranges: (!args.range.is_empty()).then_some(&ranges),
         ..Options::new(args.lang, &command)
     };
-    let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
+    let files = generate(&estimator, &options)
+        .map_err(|error| fault(&error, args.params.as_deref(), identified.as_ref(), &loaded))?;
+    for gap in estimator.gaps().into_iter().chain(files.iter().flat_map(unbounded)) {
+        file::remark(&format!("remark: {gap}"));
+    }
+    match file::named(args.output.as_deref()) {
+        None if args.check => {
+            Err(Failure::Input("--check compares files: give the one or the folder that -o wrote".to_owned()))
+        }
+        out => match target_of(out, &files)? {
+            Some(out) if args.check => check(out, &files, &command),
+            out => deliver(out, &files),
+        },
+    }
+}
+
+/// Why no code is made, with the flag that would help.
+pub(super) fn fault(
+    error: &EmitError,
+    params: Option<&Path>,
+    identified: Option<&Identified>,
+    loaded: &Loaded,
+) -> Failure {
+    match (error, params) {
         (EmitError::Identified(IdentifiedError::NotShown { .. }), Some(path)) => Failure::Input(format!(
             "{}: {error} (tpm identify --prior NAME=VALUE or --freeze NAME=VALUE; in an experiment [prior] or [frozen])",
             path.display()
         )),
         (EmitError::Identified(IdentifiedError::Missing(name)), Some(path)) if is_values(path) => {
-            let missing = identified.as_ref().map_or_else(Vec::new, |given| not_given(loaded.model(), given));
+            let missing = identified.map_or_else(Vec::new, |given| not_given(loaded.model(), given));
             Failure::Input(format!(
                 "{}: there is no value from which `{name}` follows; add lines for {}",
                 path.display(),
@@ -160,16 +184,16 @@ pub(crate) fn run(args: &Args) -> Outcome {
         }
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
         (EmitError::Range(error), _) => Failure::Input(format!("--range: {error}")),
-        (EmitError::Prefix(_) | EmitError::Filter(_) | EmitError::Specialise(_), _) => Failure::Input(error.to_string()),
-        _ => loaded.at_whole(&error.to_string()),
-    })?;
-    for gap in estimator.gaps().into_iter().chain(files.iter().flat_map(unbounded)) {
-        file::remark(&format!("remark: {gap}"));
-    }
-    match file::named(args.output.as_deref()) {
-        None if args.check => {
-            Err(Failure::Input("--check compares files: give the one or the folder that -o wrote".to_owned()))
+        (EmitError::Prefix(_) | EmitError::Filter(_) | EmitError::Specialise(_), _) => {
+            Failure::Input(error.to_string())
         }
+        _ => loaded.at_whole(&error.to_string()),
+    }
+}
+
+/// Where files go: standard output where nothing is named, which takes one file alone.
+pub(super) fn target_of<'p>(output: Option<&'p Path>, files: &[File]) -> Result<Option<&'p Path>, Failure> {
+    match output {
         None if files.len() > 1 => {
             let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
             Err(Failure::Input(format!(
@@ -178,19 +202,25 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 names.join(", ")
             )))
         }
-        Some(out) if files.len() > 1 && is_file(out, &files) => Err(Failure::Input(format!(
+        Some(out) if files.len() > 1 && is_file(out, files) => Err(Failure::Input(format!(
             "the code is in {} files, so that -o must be a folder, not the file {}",
             files.len(),
             out.display()
         ))),
-        Some(out) if out.exists() && !out.is_dir() && !is_file(out, &files) => Err(Failure::Input(format!(
+        Some(out) if out.exists() && !out.is_dir() && !is_file(out, files) => Err(Failure::Input(format!(
             "-o {} is no folder: give one, which is made when there is none{}",
             out.display(),
             if files.len() == 1 { ", or a file whose name ends as the language's do" } else { "" }
         ))),
+        out => Ok(out),
+    }
+}
+
+/// Prints a file, or writes all files.
+pub(super) fn deliver(out: Option<&Path>, files: &[File]) -> Outcome {
+    match out {
         None => files.iter().try_for_each(|file| file::print_content(&file.text)),
-        Some(out) if args.check => check(out, &files, &command),
-        Some(out) => write(out, &files),
+        Some(out) => write(out, files),
     }
 }
 
@@ -258,8 +288,8 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
     }))
 }
 
-/// Values of parameters: a result, or lines that name what the model has.
-fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<Identified, Failure> {
+/// Values of parameters: a result, or lines that name what the model has; and the text of the file.
+pub(super) fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<(Identified, String), Failure> {
     let model = loaded.model();
     let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
     let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
@@ -268,7 +298,7 @@ fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<Identifi
     })?;
     let found = identification(path, &text, &model.name)?;
     if !is_values(path) {
-        return Ok(found);
+        return Ok((found, text));
     }
     let is_parameter = |symbol: Symbol| model.parameters().any(|own| own == symbol);
     for name in found.parameters.iter().map(|own| own.name.as_str()) {
@@ -289,7 +319,7 @@ fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Result<Identifi
             }
         }
     }
-    Ok(found)
+    Ok((found, text))
 }
 
 /// Whether a file has lines of values, and is no result.
@@ -319,8 +349,8 @@ fn write(out: &Path, files: &[File]) -> Outcome {
     let paths: Vec<PathBuf> = files.iter().map(|file| target(out, file, files.len() == 1)).collect();
     let contents: Vec<(&Path, &[u8])> =
         paths.iter().zip(files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();
-    let folder = paths.first().and_then(|path| path.parent()).unwrap_or(Path::new(""));
-    file::write_into(folder, &contents)?;
+    let alone = files.len() == 1 && is_file(out, files);
+    file::write_into(if alone { out.parent().unwrap_or(Path::new("")) } else { out }, &contents)?;
     for path in &paths {
         file::remark(&format!("wrote {}", path.display()));
     }

@@ -72,7 +72,7 @@ const SOME: [Writing; 7] = [
 ];
 
 /// All others, which read what earlier ones wrote.
-const OTHERS: [Writing; 40] = [
+const OTHERS: [Writing; 42] = [
     goes_on("demo shown"),
     writes("init slider --log run.csv", &[]),
     writes("check mass_spring_drag.tpm run.csv --against result.json --junit out.xml", &["out.xml"]),
@@ -109,6 +109,8 @@ const OTHERS: [Writing; 40] = [
     writes("inertias arm.tpm arm.json --description arm.urdf --urdf new.urdf", &["new.urdf"]),
     writes("inertias arm.tpm arm.json --description arm.urdf --mjcf new.xml", &[]),
     writes("inertias arm.tpm arm.json --description arm.urdf -o seen.txt", &["seen.txt"]),
+    writes("export mass_spring_drag.tpm --params result.json --to casadi -o seen.py", &["seen.py"]),
+    writes("export mass_spring_drag.tpm --params result.json --to arduino -o library", &[]),
     writes("payload arm.tpm arm.json arm.json -o seen.txt", &["seen.txt"]),
     writes(
         "project mass_spring_drag.tpm --onto mass_spring_drag.tpm --params result.json --value lambda=0.3 --value w=2 -o seen.txt",

@@ -13,6 +13,7 @@ mod coordinates;
 mod dry_friction;
 mod editors;
 mod excite;
+mod export;
 mod faults;
 mod first_steps;
 mod formats;

@@ -21,6 +21,7 @@ mod run_estimate;
 mod run_numerical;
 mod run_physical;
 mod run_reference;
+pub(crate) mod sketch;
 mod solve;
 mod support;
 mod translate;

@@ -670,7 +670,7 @@ fn placed(parent: &Place, origin: &Origin) -> Place {
 
 /// An unused name in the syntax of the language: letters, digits and `_`. The parameters of what it names, one for each of `symbols`, have
 /// unused names too.
-fn identifier(name: &str, symbols: &[&str], taken: &mut BTreeSet<String>) -> String {
+pub(super) fn identifier(name: &str, symbols: &[&str], taken: &mut BTreeSet<String>) -> String {
     let mut text: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     if text.starts_with(|c: char| c.is_ascii_digit()) || text.trim_matches('_').is_empty() {
         text.insert_str(0, "j_");

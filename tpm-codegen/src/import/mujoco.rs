@@ -5,6 +5,7 @@
 //! MuJoCo would add to the torques and has no place in a mechanism (loops, tendons that pull, fluids) is a fault.
 
 mod defaults;
+pub(super) mod losses;
 mod shape;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -20,6 +20,36 @@ pub fn with_inertials(
     links: &BTreeMap<String, AboutCentre>,
     losses: &BTreeMap<String, JointLosses>,
 ) -> Result<String, Diagnostics> {
+    let edits = |root: Node<'_, '_>| {
+        if !root.has_tag_name("robot") {
+            let fault = Diagnostic::error(Span::default(), format!("`{}` is no URDF", root.tag_name().name()));
+            return Err(Diagnostics::from_iter([fault.help("a model for MuJoCo is written whole, by `mjcf`")]));
+        }
+        let mut edits: Vec<Edit> = Vec::new();
+        for element in root.children().filter(Node::is_element) {
+            let name = element.attribute("name").map_or("", str::trim);
+            match element.tag_name().name() {
+                "link" => edits.extend(links.get(name).map(|inertia| new_inertial(element, inertia))),
+                "joint" => edits.extend(losses.get(name).into_iter().flat_map(|losses| new_dynamics(element, losses))),
+                _ => {}
+            }
+        }
+        Ok((edits, ()))
+    };
+    edited(source, edits).map(|(text, ())| text)
+}
+
+/// What stands at a place from now on.
+pub(super) type Edit = (Range<usize>, String);
+
+/// The text of a description with edits that follow from its root element, and every other byte as it was.
+///
+/// # Errors
+/// When the text is no XML, and those of `edits`.
+pub(super) fn edited<T>(
+    source: &Source,
+    edits: impl FnOnce(Node<'_, '_>) -> Result<(Vec<Edit>, T), Diagnostics>,
+) -> Result<(String, T), Diagnostics> {
     let no_xml = |error: roxmltree::Error| {
         let fault = Diagnostic::error(Span::default(), format!("this is no XML: {error}"));
         Diagnostics::from_iter([fault.help("give the description that was imported")])
@@ -27,26 +57,24 @@ pub fn with_inertials(
     // The mended text is as long as the source, so that a place in one is the same place in the other.
     let (mended, _) = with_prefixes(source.text()).map_err(no_xml)?;
     let document = Document::parse(&mended).map_err(no_xml)?;
-    let root = document.root_element();
-    if !root.has_tag_name("robot") {
-        let fault = Diagnostic::error(Span::default(), format!("`{}` is no URDF", root.tag_name().name()));
-        return Err(Diagnostics::from_iter([fault.help("a model for MuJoCo is written whole, by `mjcf`")]));
-    }
-    let mut edits: Vec<(Range<usize>, String)> = Vec::new();
-    for element in root.children().filter(Node::is_element) {
-        let name = element.attribute("name").map_or("", str::trim);
-        match element.tag_name().name() {
-            "link" => edits.extend(links.get(name).map(|inertia| new_inertial(element, inertia))),
-            "joint" => edits.extend(losses.get(name).into_iter().flat_map(|losses| new_dynamics(element, losses))),
-            _ => {}
-        }
-    }
+    let (mut edits, more) = edits(document.root_element())?;
     edits.sort_by_key(|(range, _)| range.start);
     let mut text = source.text().to_owned();
     for (range, new) in edits.into_iter().rev() {
         text.replace_range(range, &new);
     }
-    Ok(text)
+    Ok((text, more))
+}
+
+/// A number in an attribute of an element, which is added where the element does not state it.
+pub(super) fn new_number(element: Node<'_, '_>, name: &str, value: f64) -> Edit {
+    match element.attribute_node(name) {
+        Some(attribute) => (attribute.range_value(), format!("{value}")),
+        None => {
+            let at = element.range().start + 1 + element.tag_name().name().len();
+            (at..at, format!(" {name}=\"{value}\""))
+        }
+    }
 }
 
 fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
@@ -61,7 +89,7 @@ fn indent(text: &str, start: usize) -> &str {
     if before.trim().is_empty() { before } else { "" }
 }
 
-fn new_inertial(link: Node<'_, '_>, inertia: &AboutCentre) -> (Range<usize>, String) {
+fn new_inertial(link: Node<'_, '_>, inertia: &AboutCentre) -> Edit {
     let text = link.document().input_text();
     if let Some(old) = child(link, "inertial") {
         return (old.range(), inertial(inertia, indent(text, old.range().start)));
@@ -96,20 +124,10 @@ fn inertial(inertia: &AboutCentre, indent: &str) -> String {
 }
 
 /// The values in `dynamics` that are known; a value that the element does not state is added to it.
-fn new_dynamics(joint: Node<'_, '_>, losses: &JointLosses) -> Vec<(Range<usize>, String)> {
+fn new_dynamics(joint: Node<'_, '_>, losses: &JointLosses) -> Vec<Edit> {
     let Some(dynamics) = child(joint, "dynamics") else { return Vec::new() };
     let known = [("damping", losses.damping), ("friction", losses.friction)];
-    let edit = |(name, value): (&str, Option<f64>)| {
-        let value = value?;
-        match dynamics.attribute_node(name) {
-            Some(attribute) => Some((attribute.range_value(), format!("{value}"))),
-            None => {
-                let at = dynamics.range().start + "<dynamics".len();
-                Some((at..at, format!(" {name}=\"{value}\"")))
-            }
-        }
-    };
-    known.into_iter().filter_map(edit).collect()
+    known.into_iter().filter_map(|(name, value)| Some(new_number(dynamics, name, value?))).collect()
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ mod c;
 mod committed;
 mod constants_of_tables;
 mod derivation;
+mod exported;
 mod format;
 mod generate;
 mod language;

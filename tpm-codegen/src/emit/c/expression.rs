@@ -7,7 +7,8 @@ use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::plan::leaf::Leaf;
 
-use super::super::code::{Expression, Level, Operator};
+use super::super::code::{Expression, Level};
+use super::super::infix::{self, Spelling};
 use super::super::number::{Rounded, digits, digits_single};
 
 /// The scalar of the code.
@@ -120,45 +121,38 @@ impl<L: Fn(&Leaf) -> String> Writer<L> {
 
     /// The text of an expression.
     pub(super) fn expression(&self, expression: &Expression) -> String {
-        match expression {
-            Expression::Number(value) => self.scalar.number(value),
-            Expression::Pi => self.scalar.pi(),
-            Expression::Leaf(leaf) => (self.leaf)(leaf),
-            Expression::Temporary(index) => format!("t{index}"),
-            Expression::Binary(operator, left, right) => {
-                let (left, right) = (self.at(left, operator.level()), self.at(right, operator.right()));
-                let sign = match operator {
-                    Operator::Add => '+',
-                    Operator::Sub => '-',
-                    Operator::Mul => '*',
-                    Operator::Div => '/',
-                };
-                format!("{left} {sign} {right}")
-            }
-            Expression::Negated(value) => format!("-{}", self.at(value, Level::Atom)),
-            Expression::Call(function, value) => {
-                let value = self.expression(value);
-                match function {
-                    Function::Sign => format!("sign_of({value})"),
-                    Function::Abs => format!("{}({value})", self.scalar.function("fabs")),
-                    function => format!("{}({value})", self.scalar.function(function.name())),
-                }
-            }
-            Expression::Atan2(y, x) => {
-                format!("{}({}, {})", self.scalar.function("atan2"), self.expression(y), self.expression(x))
-            }
+        infix::expression(self, expression)
+    }
+
+    /// The text of an expression, in parentheses unless it binds at least as tightly as `level`.
+    pub(super) fn at(&self, expression: &Expression, level: Level) -> String {
+        infix::at(self, expression, level)
+    }
+}
+
+impl<L: Fn(&Leaf) -> String> Spelling for Writer<L> {
+    fn number(&self, value: &Rational) -> String {
+        self.scalar.number(value)
+    }
+
+    fn pi(&self) -> String {
+        self.scalar.pi()
+    }
+
+    fn leaf(&self, leaf: &Leaf) -> String {
+        (self.leaf)(leaf)
+    }
+
+    fn call(&self, function: Function, argument: &str) -> String {
+        match function {
+            Function::Sign => format!("sign_of({argument})"),
+            Function::Abs => format!("{}({argument})", self.scalar.function("fabs")),
+            function => format!("{}({argument})", self.scalar.function(function.name())),
         }
     }
 
-    /// The text of an expression, in parentheses unless it binds at least as tightly as `level`. A negative number is
-    /// always in parentheses, so that no operator precedes its sign.
-    pub(super) fn at(&self, expression: &Expression, level: Level) -> String {
-        let text = self.expression(expression);
-        if expression.level() >= level && !(text.starts_with('-') && expression.level() == Level::Atom) {
-            text
-        } else {
-            format!("({text})")
-        }
+    fn atan2(&self, y: &str, x: &str) -> String {
+        format!("{}({y}, {x})", self.scalar.function("atan2"))
     }
 }
 
