@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
-const EXAMPLES: [(&str, &str); 43] = [
+const EXAMPLES: [(&str, &str); 44] = [
     ("actuator", "tpm actuator cart.tpm --motor motors.toml --params values.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),

@@ -395,7 +395,8 @@ impl Session {
                 }
             }
         }
-        summary::warn_of_negative_gains(&mut result, &self.declared.prepared().model);
+        let order = self.declared.evaluated().dims().order;
+        summary::warn_of_negative_gains(&mut result, &self.declared.prepared().model, order);
         let simulated = match (result.source, store) {
             (Source::SimulatedPlant, _) => true,
             (Source::Folder, Some(store)) => store.is_simulated()?,

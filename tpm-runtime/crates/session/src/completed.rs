@@ -4,7 +4,7 @@ use crate::error::SessionError;
 use crate::identification::Identification;
 use crate::lines_log::is_simulated;
 use crate::log::{LogRequest, from_logs};
-use crate::model::{DeclaredModel, Identifiable};
+use crate::model::{DeclaredModel, Identifiable, ModelFault};
 use crate::refinement_report::MissingTerm;
 use crate::term_words::lacking;
 use serde::Serialize;
@@ -213,10 +213,7 @@ pub(super) fn completed_text(declared: &DeclaredModel, result: &Identification) 
     let mut forces: Vec<AddedForce> = Vec::new();
     let mut loads = AddedLoads::default();
     for log in result.log.iter().chain(pooled) {
-        let Some((prediction, completed)) = log.prediction().and_then(|own| Some((own, own.completed.as_ref()?)))
-        else {
-            continue;
-        };
+        let Some(completed) = log.prediction().and_then(|own| own.completed.as_ref()) else { continue };
         for force in &completed.added {
             if !forces.iter().any(|own| own.rows == force.rows) {
                 forces.push(force.clone());
@@ -228,7 +225,7 @@ pub(super) fn completed_text(declared: &DeclaredModel, result: &Identification) 
             }
         }
         if !loads.drives.is_empty() && loads.near.is_empty() {
-            loads.near = inertias(declared, &prediction.stated.values);
+            loads.near = inertias(declared, &completed.forces.values);
         }
     }
     if forces.is_empty() && loads.drives.is_empty() {
@@ -271,14 +268,15 @@ fn inertias(declared: &DeclaredModel, values: &[f64]) -> Vec<(String, Vec<f64>)>
 /// forces: what it still lacks takes no part in what it predicts.
 ///
 /// # Errors
-/// [`SessionError::NoText`] of a model without a text, [`SessionError::Completing`] where the forces cannot be written into it; otherwise as
+/// [`ModelFault::NoText`] of a model without a text, [`SessionError::Completing`] where the forces cannot be written into it; otherwise as
 /// [`from_logs`].
 pub fn completed(
     model: &impl Identifiable,
     mut requests: Vec<LogRequest>,
     result: &Identification,
 ) -> Result<Option<(DeclaredModel, Identification)>, SessionError> {
-    let declared = model.declaration()?.ok_or(SessionError::NoText)?;
+    let declared =
+        (model.declaration()?).ok_or_else(|| ModelFault::NoText { name: model.evaluated().name().to_string() })?;
     let Some(text) = completed_text(&declared, result).map_err(SessionError::Completing)? else { return Ok(None) };
     let whole = DeclaredModel::of_source(Source::new(declared.text().name(), text))?;
     if !is_simulated(whole.evaluated().dims()) {

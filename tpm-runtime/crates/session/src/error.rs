@@ -71,11 +71,6 @@ pub enum MachineError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
-    /// A model has no text into which what it lacks could be written.
-    #[error(
-        "the model is compiled and has no text into which what it lacks could be written; identify its `.tpm` file"
-    )]
-    NoText,
     /// What a model lacks cannot be written into its text.
     #[error("what the model lacks is not written into it: {0}")]
     Completing(CannotAdd),

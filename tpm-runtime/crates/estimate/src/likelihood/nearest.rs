@@ -22,6 +22,8 @@ const WEIGHINGS: usize = 6;
 const SAMPLES: f64 = 3.0;
 /// Terms of a row stay when they lower what it leaves of the parts that were left out by so many deviations of the mean.
 const LOWERS: f64 = 1.0;
+/// Times that the load is computed anew by the values that were found with its friction: those without it make up for that friction.
+const REFERENCES: usize = 3;
 /// A row of which the model leaves more than this share of the force with its terms too holds no torque from which they could be told.
 const MOST_LEFT: f64 = 0.7;
 /// What is added to the diagonal of scaled normal equations.
@@ -183,10 +185,16 @@ impl Pass<'_> {
         };
         let own = DVector::from_iterator(columns.len(), columns.iter().enumerate().map(own));
         let left = rows.iter().map(|row| share(row.left(&row.sum, &own), row.force(&row.sum))).collect();
-        if self.take_loads(terms, load, &stated.values) {
-            rows = all(self)?;
-        }
         takes_part.fill(true);
+        let mut reference = stated.values.clone();
+        for _ in 0..REFERENCES {
+            if !self.take_loads(terms, load, &reference) {
+                break;
+            }
+            rows = all(self)?;
+            let Some(found) = fitted(&rows, &takes_part) else { break };
+            reference = self.of_fitted(&rows, (&columns, fixed.len()), &found, noise).values;
+        }
         // The row whose terms do most harm loses them first.
         let completed = loop {
             if takes_part[fixed.len()..].iter().all(|takes| !takes) {
