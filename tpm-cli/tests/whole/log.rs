@@ -58,7 +58,7 @@ fn nothing_is_identified_where_the_exit_code_says_that_there_is_no_result() {
     // An encoder whose steps are as large as the motion's amplitude reads two counts.
     for step in [0.2, 0.3, 0.45] {
         let found = found(&slider(|_, x| (x / step).round() * step), &[], 1);
-        assert!(found["residual"].as_f64().is_some_and(|residual| residual > 0.5), "{found}");
+        assert!(found["residual"].as_f64().is_some_and(|residual| residual > 0.2), "{found}");
         let statuses: Vec<&str> = (found["parameters"].as_array().expect("a list").iter())
             .map(|parameter| parameter["status"].as_str().expect("a text"))
             .collect();
@@ -117,8 +117,8 @@ fn the_shape_of_a_file_does_not_change_what_is_identified() {
             &["--map", "x=counts", "--map", "u=current", "--scale", "x=2*pi/4096", "--scale", "u=7"],
             &["tabulators", "states no unit: read as s", "the stated factor 7"],
         ),
-        (gap.clone(), &[], &["split into 2 segments"]),
-        (gap, &["--domain", "harmonics"], &["split into 2 segments", "lines 701 to 3996 are used"]),
+        (gap.clone(), &[], &["5 readings are missing in 1 gap", "bridged"]),
+        (gap, &["--domain", "harmonics"], &["5 readings are missing in 1 gap", "bridged"]),
     ];
     for (log, options, said) in cases {
         let result = found(&log, options, 0);

@@ -1,9 +1,10 @@
 //! The settled part of a run as samples.
 
 use tpm_estimate::beside_counts;
-use tpm_motion::{Spectra, grid};
+use tpm_motion::Spectra;
 use tpm_numerics::alarm;
 use tpm_numerics::differences::white_noise;
+use tpm_numerics::grid;
 
 /// Smallest amplitude of a harmonic that counts as part of the motion, as a share of the largest amplitude.
 const LEAST_AMPLITUDE: f64 = 1e-3;

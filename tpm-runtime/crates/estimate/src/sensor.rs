@@ -1,8 +1,7 @@
 //! What the readings of a sensor say of the sensor itself: its noise, and the step of its counts.
 
-use tpm_motion::{counted, grid};
 use tpm_numerics::differences::white_noise;
-use tpm_numerics::{root_mean_square, tolerance};
+use tpm_numerics::{counted, grid, root_mean_square, tolerance};
 
 /// A sensor, told from its readings.
 #[derive(Clone, Copy, Debug, PartialEq)]

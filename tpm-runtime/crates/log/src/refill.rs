@@ -15,7 +15,7 @@ use serde::Serialize;
 use std::f64::consts::PI;
 use std::ops::Range;
 use tpm_numerics::fourier::{forward, inverse};
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{counted, grid, root_mean_square};
 
 /// Rounds of refilling.
 const ROUNDS: usize = 30;
@@ -64,6 +64,9 @@ impl Refill<'_> {
         if self.band >= 0.5 {
             return even;
         }
+        // A counter reads counts, also where its readings were lost; between uneven stamps it is what it counted that is looked for.
+        let lost = self.samples().saturating_sub(self.at.len());
+        let step = if 2 * lost < self.samples() { counted(readings, grid(readings)) } else { 0.0 };
         for open in self.open() {
             let reach = (PERIODS_AROUND / self.band).ceil();
             let first = self.at.partition_point(|at| *at < open.start as f64 - reach);
@@ -71,7 +74,9 @@ impl Refill<'_> {
             // The window begins and ends at readings, so that nothing is refilled beyond them.
             let own = (self.at[first].ceil() as usize)..(self.at[end - 1] + SAME_TIME).floor() as usize + 1;
             let filled = refilled(&self.at[first..end], &readings[first..end], own.clone(), self.band);
-            even[open.clone()].copy_from_slice(&filled[open.start - own.start..open.end - own.start]);
+            let counts = |value: &f64| if step > 0.0 { (value / step).round() * step } else { *value };
+            let filled = filled[open.start - own.start..open.end - own.start].iter().map(counts);
+            even[open].iter_mut().zip(filled).for_each(|(even, filled)| *even = filled);
         }
         even
     }

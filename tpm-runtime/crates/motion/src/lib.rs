@@ -44,6 +44,6 @@ pub use feedback::{Loop, Velocity};
 pub use forward::{Plant, PlantError};
 pub use hold::held;
 pub use record::{Ending, Record, RecordError, RunEnding};
-pub use spectra::{Spectra, SpectrumError, Window, counted, grid, step};
+pub use spectra::{Spectra, SpectrumError, Window};
 pub use terms::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
 pub use trial::{Trial, TrialSettings};

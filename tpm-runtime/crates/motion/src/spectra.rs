@@ -14,13 +14,6 @@ use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn, Iteration, alarm};
 
 /// Highest harmonic that is fitted when the period is not a whole number of samples; it bounds the size of the linear system.
 const HIGHEST_FITTED: usize = 256;
-/// Tolerance on a grid: largest distance of a difference of two values from a whole number of steps, as a share of a
-/// step.
-const MOST_OFF_GRID: f64 = 1e-3;
-/// The same of values that a file rounds once more: it gives a step with two digits or more.
-const MOST_ROUNDED: f64 = 0.05;
-/// Differences of fewer steps than this are counted before the step is known better than its rounding.
-const FEW_STEPS: f64 = 5.0;
 /// Least noise variance, in counts squared, that dithers the quantiser: from it on the mean rounding error is less
 /// steep than the motion, since its slope 2 exp(-2 pi^2 s^2) is below one.
 const LEAST_DITHER: f64 = std::f64::consts::LN_2 / (2.0 * PI * PI);
@@ -206,7 +199,7 @@ impl Spectra {
                 line => line * 2.0,
             };
             let lines = fitted.unwrap_or_else(|| (0..=highest).map(line).collect());
-            (lines, (spectrum, step(signal)))
+            (lines, (spectrum, tpm_numerics::step(signal)))
         };
         #[expect(clippy::type_complexity, reason = "lines, bins and steps, channel by channel")]
         let (lines, (bins, steps)): (Vec<Vec<Complex<f64>>>, (Vec<Vec<Complex<f64>>>, Vec<f64>)) =
@@ -352,43 +345,6 @@ fn is_whole(samples_per_period: f64) -> bool {
     (samples_per_period - samples_per_period.round()).abs() < 1e-9
 }
 
-/// The step of the grid on which all values lie, provided that there are more values than grid points between the extremes; zero otherwise.
-pub fn step(values: &[f64]) -> f64 {
-    counted(values, grid(values))
-}
-
-/// The step of a grid, provided that there are more values than points of it between their extremes; zero otherwise.
-pub fn counted(values: &[f64], grid: f64) -> f64 {
-    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
-    if grid > 0.0 && (high - low) / grid < values.len() as f64 { grid } else { 0.0 }
-}
-
-/// The step of the grid on which all values lie, however fine it is; zero where they lie on none. Values that lie on no grid fit to one by
-/// chance only where there are a few of them.
-pub fn grid(values: &[f64]) -> f64 {
-    let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
-    let least = apart().fold(f64::INFINITY, f64::min);
-    if !least.is_finite() {
-        return 0.0;
-    }
-    let off = |difference: f64, step: f64| (difference / step - (difference / step).round()).abs();
-    if apart().all(|difference| off(difference, least) < MOST_OFF_GRID) {
-        return least;
-    }
-    // Counts that were converted to another unit are rounded once more by the digits of the file. The mean of many small differences has
-    // lost that rounding, and is the step to which the large ones are held.
-    let (mut sum, mut steps) = (0.0, 0.0);
-    for difference in apart().filter(|difference| *difference < FEW_STEPS * least) {
-        if off(difference, least) > 2.0 * MOST_ROUNDED {
-            return 0.0;
-        }
-        sum += difference;
-        steps += (difference / least).round();
-    }
-    let step = sum / steps;
-    if apart().all(|difference| off(difference, step) < MOST_ROUNDED) { step } else { 0.0 }
-}
-
 /// Covariance of the noise in the first `count` lines, estimated from the bins between lines, and the least number of
 /// bins that an estimate averages.
 fn line_noise(
@@ -531,12 +487,13 @@ fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Spectra, Window, analyse, grid};
+    use super::{Spectra, Window, analyse};
     use num_complex::Complex;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
     use std::f64::consts::PI;
+    use tpm_numerics::grid;
 
     /// Counts of an encoder in degrees as a file gives them, with so many digits behind the point.
     fn degrees(count: f64, digits: i32) -> Vec<f64> {

@@ -8,6 +8,7 @@
 pub mod alarm;
 pub mod chance;
 mod continuous_riccati;
+mod counts;
 pub mod differences;
 pub mod eigenvalues;
 mod exponential;
@@ -23,6 +24,7 @@ pub mod tail;
 pub mod tolerance;
 
 pub use continuous_riccati::continuous_riccati;
+pub use counts::{counted, grid, step};
 pub use exponential::exponential;
 pub use gram::gram;
 pub use iteration::{Doubling, Iteration};

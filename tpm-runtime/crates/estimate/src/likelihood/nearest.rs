@@ -10,6 +10,7 @@ use crate::likelihood::library::{OnGrid, Term, TermKind};
 use crate::likelihood::lines::{Signals, View};
 use crate::likelihood::noise::Noise;
 use crate::likelihood::pass::Pass;
+use std::f64::consts::PI;
 use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix};
 
 /// Parts of a record of which each is left out once.
@@ -196,8 +197,9 @@ impl Pass<'_> {
             reference = self.of_fitted(&rows, (&columns, fixed.len()), &found, noise).values;
         }
         // The row whose terms do most harm loses them first.
+        let tested = rows.iter().all(|row| row.blocks.iter().any(|block| row.force(&block.inner) > 0.0));
         let completed = loop {
-            if takes_part[fixed.len()..].iter().all(|takes| !takes) {
+            if !tested || takes_part[fixed.len()..].iter().all(|takes| !takes) {
                 break None;
             }
             let Some(found) = fitted(&rows, &takes_part) else { break None };
@@ -248,12 +250,11 @@ impl Pass<'_> {
         let (signals, _) = self.signals(row, missing)?;
         let view = self.views[row];
         let right = self.right();
-        let mut at: Vec<usize> = (0..columns.len())
+        let at: Vec<usize> = (0..columns.len())
             .filter(|&at| signals.iter().any(|own: &Signals| own.iter().any(|(number, _)| *number == columns[at])))
             .collect();
-        at.sort_unstable();
         let n = at.len() + 1;
-        let wave = 2.0 * std::f64::consts::PI / view.low_pass.cut_off;
+        let wave = 2.0 * PI / view.low_pass.cut_off;
         let parts: Vec<(DMatrix<f64>, f64)> = (self.paths.paths.iter().zip(&signals))
             .map(|(path, signals)| {
                 let shares = view.shares(path);
@@ -281,7 +282,10 @@ impl Pass<'_> {
                 let (from, to) =
                     (from.saturating_sub(first).min(matrix.nrows()), to.saturating_sub(first).min(matrix.nrows()));
                 let products = |from: usize, to: usize| {
-                    let own = matrix.rows(from, to.saturating_sub(from));
+                    if from >= to {
+                        return DMatrix::zeros(n, n);
+                    }
+                    let own = matrix.rows(from, to - from);
                     own.tr_mul(&own)
                 };
                 block.whole += products(from, to);
