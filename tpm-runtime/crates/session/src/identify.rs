@@ -296,8 +296,7 @@ fn found(
     // Harmonics of a motion without noise are exact, and so many coordinates are simulated from them.
     let exact = periodic.is_some_and(|(log, _)| lines_log::has_exact_harmonics(log));
     let asked = options.domain == Some(Domain::Harmonics);
-    let simulated = lines_log::is_simulated(dims) && dims.coordinates <= lines_log::MOST_SIMULATED;
-    if (asked || exact || simulated)
+    if (asked || exact || dims.coordinates <= lines_log::MOST_SIMULATED)
         && let Some(found) = by_harmonics()?
     {
         let better = |other: &Found| {
@@ -329,8 +328,7 @@ fn found(
         }
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
         Ok(found)
-            if (found.estimate.residual > LARGE_RESIDUAL || lacks(&found))
-                && !names_what_it_lacks(&found)
+            if (found.estimate.residual > LARGE_RESIDUAL || (lacks(&found) && !names_what_it_lacks(&found)))
                 && dims.coordinates <= lines_log::MOST_SIMULATED =>
         {
             let other = samples_log::identify(model, machine, segments, options)?;
@@ -360,7 +358,8 @@ fn harmonics_tell(found: &Found, dims: Dims, hold: Hold) -> bool {
             found.estimate.residual <= LARGE_RESIDUAL
                 || Warning::other_hold(hold, found.hold_residuals, ResidualOf::Force).is_some()
         }
-        Some(report) => report.used,
+        Some(report) if dims.inputs < dims.rows => report.used,
+        Some(report) => lines_log::follows(report),
         None => false,
     }
 }
