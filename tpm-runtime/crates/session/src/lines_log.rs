@@ -142,7 +142,7 @@ pub(super) fn identify(
         way: Way::Spectral(SpectralReport {
             lines: report.clone(),
             period: whole.map(|period| period as f64 * first.sample_time),
-            prediction: Prediction::of(model, &found).filter(|_| !explained),
+            prediction: Prediction::of(model, &found).filter(|_| !explained).map(Box::new),
             missing: if explained { Vec::new() } else { missing },
         }),
         estimate: refined.estimate,

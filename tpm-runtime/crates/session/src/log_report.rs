@@ -108,7 +108,7 @@ pub struct SpectralReport {
     pub missing: Vec<MissingTerm>,
     /// How well the model predicts forces, as it stands and with these terms; nothing where it lacks none.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub prediction: Option<Prediction>,
+    pub prediction: Option<Box<Prediction>>,
 }
 
 /// A fault of a sensor that a log would not show for certain, though it would move parameters by more than their deviations.
@@ -280,7 +280,7 @@ impl LogReport {
     /// How well a model that lacks something predicts the forces of the log, where the lines of its rows told so.
     #[must_use]
     pub fn prediction(&self) -> Option<&Prediction> {
-        if let Way::Spectral(own) = &self.way { own.prediction.as_ref() } else { None }
+        if let Way::Spectral(own) = &self.way { own.prediction.as_deref() } else { None }
     }
 
     /// Terms that the record shows the model to lack, whichever way they were found.
