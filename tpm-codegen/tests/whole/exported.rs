@@ -134,9 +134,8 @@ fn solved(matrix: Vec<f64>, right: Vec<f64>) -> Vec<f64> {
         rows.swap(k, pivot);
         for i in (0..n).filter(|i| *i != k) {
             let share = rows[i][k] / rows[k][k];
-            for j in k..=n {
-                rows[i][j] -= share * rows[k][j];
-            }
+            let pivot = rows[k].clone();
+            rows[i].iter_mut().zip(&pivot).for_each(|(own, pivot)| *own -= share * pivot);
         }
     }
     (0..n).map(|k| rows[k][n] / rows[k][k]).collect()
