@@ -31,6 +31,7 @@ mod compare;
 mod completed;
 #[cfg(test)]
 mod completed_tests;
+mod completing;
 #[cfg(test)]
 mod contradiction_tests;
 mod entry;
@@ -68,6 +69,7 @@ mod other_model_tests;
 mod periodic_log;
 mod play;
 mod pooled_logs;
+mod prediction;
 mod reading;
 mod record;
 mod recorded_log;
@@ -110,7 +112,7 @@ pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_
 pub use compare::{
     CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,
 };
-pub use completed::{Completed, LeftOfForces, Prediction, completed};
+pub use completed::completed;
 pub use error::{MachineError, SessionError, Setting};
 pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
@@ -135,6 +137,7 @@ pub use method_report::{
 pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
 pub use options::LogOptions;
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
+pub use prediction::{Completed, LeftOfForces, Prediction};
 pub use reading::RecordSettings;
 pub use refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 pub use regression::{Check, CheckOutcome, Regression, RegressionError, check_against};

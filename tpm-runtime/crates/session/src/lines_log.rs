@@ -1,11 +1,11 @@
 //! A log of any motion, identified by the lines of its rows.
 
-use crate::completed::Prediction;
 use crate::excerpt::{Excerpt, at_most};
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{Calibration, HoldResiduals, SpectralReport, UnseenFaultReport, Way};
 use crate::options::LogOptions;
+use crate::prediction::Prediction;
 use crate::reading::RecordSettings;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, estimated, nothing, period_not_used, record, stretches};
 use crate::refine::{By, Conditions, HALF_A_SAMPLE, Refined, Start, refined};

@@ -1,7 +1,7 @@
 //! From a log to parameters.
 
 use crate::against_prior;
-use crate::completed::completed_text;
+use crate::completing::completed_text;
 use crate::entry::Entry;
 use crate::error::{MachineError, SessionError};
 use crate::identification::{Identification, LogFingerprint, Provenance};

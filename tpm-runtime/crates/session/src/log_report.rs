@@ -1,6 +1,6 @@
 //! What was found about a log on the way to its parameters.
 
-use crate::completed::Prediction;
+use crate::prediction::Prediction;
 use crate::refinement_report::{MissingTerm, RefinementReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
