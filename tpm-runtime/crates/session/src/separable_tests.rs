@@ -141,16 +141,8 @@ fn harmonics_of_a_log_that_hardly_repeats_are_refused() {
     let found = from_log(&stribeck, request.clone()).expect("identifies");
     assert!((found.parameters[4].value.unwrap_or(0.0) - fall).abs() < 0.05 * fall, "{found}");
     request.estimation.domain = Some(Domain::Harmonics);
-    // Or nothing of it is known well.
-    match from_log(&stribeck, request) {
-        Err(error) => assert!(matches!(error, SessionError::Log(LogFault::RunsAway { .. })), "{error}"),
-        Ok(found) => {
-            for (own, truth) in found.parameters.iter().zip([0.1, 0.05, 0.3, 0.2]) {
-                let (value, std) = (own.value.unwrap_or(truth), own.std.unwrap_or(f64::INFINITY));
-                assert!((value - truth).abs() < 3.0 * std && std > 0.1 * truth, "{found}");
-            }
-        }
-    }
+    let error = from_log(&stribeck, request).expect_err("runs away");
+    assert!(matches!(error, SessionError::Log(LogFault::RunsAway { .. })), "{error}");
 }
 
 #[test]

@@ -7,6 +7,8 @@ use crate::time_domain::motion::{Motion, Moving};
 use std::f64::consts::PI;
 use tpm_numerics::spectrum::Spectrum;
 
+/// Cut-off in units of the highest frequency at which a motion is followed.
+const CUT_OFF: f64 = 2.2;
 /// Largest cut-off, as a share of the sampling frequency.
 const LARGEST_CUT_OFF: f64 = 0.125;
 /// Largest share of a stretch that a low pass may take from its ends.
@@ -25,12 +27,12 @@ pub(super) fn cut_off(motion: &Motion, sample_time: f64) -> Option<f64> {
     // A low pass reaches the farther the lower it is, so that a short stretch needs a high one.
     let lowest = 2.0 * Equations::lost(LowPass { cut_off: 1.0 }) / (MOST_LOST * longest);
     let largest = LARGEST_CUT_OFF * 2.0 * PI / sample_time;
-    (lowest <= largest).then(|| (2.0 * PI * compared(motion, sample_time)).clamp(lowest, largest))
+    (lowest <= largest).then(|| (2.0 * PI * CUT_OFF * followed(motion, sample_time)).clamp(lowest, largest))
 }
 
-/// Frequency up to which a model is compared with any of the coordinates, Hz. The noise is read from the spectrum itself above the motion, so that
+/// Highest frequency at which any of the coordinates is followed, Hz. The noise is read from the spectrum itself above the motion, so that
 /// readings that repeat and digits that are cut off, whatever their spectrum, are not taken for motion.
-fn compared(motion: &Motion, sample_time: f64) -> f64 {
+fn followed(motion: &Motion, sample_time: f64) -> f64 {
     let of = |c: usize| {
         let signal = |stretch: &Moving| {
             let mut all = stretch.coordinates[c].derivative(stretch.points, 0, |_| 1.0);
@@ -39,7 +41,7 @@ fn compared(motion: &Motion, sample_time: f64) -> f64 {
         };
         let signals: Vec<Vec<f64>> = motion.stretches.iter().map(signal).collect();
         let signals: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
-        Spectrum::of(&signals, sample_time).compared()
+        Spectrum::of(&signals, sample_time).followed
     };
     (0..motion.steps.len()).map(of).fold(0.0, f64::max)
 }
