@@ -100,7 +100,9 @@ pub(super) fn identify(
     // With the other hold than the one that is stated a record is another one.
     let explained = !own.tells_hold && own.report.as_ref().is_some_and(|report| explains(report, &found));
     let used = own.report.as_ref().is_some_and(|report| report.used);
-    let refined = if explained || (asked && used) {
+    // What the lines say of predictions is said of their own values.
+    let replaced = explained || (asked && used);
+    let refined = if replaced {
         own
     } else {
         // Why a simulation is not used stays in the report, but where one that nobody asked for could not be made.
@@ -142,7 +144,7 @@ pub(super) fn identify(
         way: Way::Spectral(SpectralReport {
             lines: report.clone(),
             period: whole.map(|period| period as f64 * first.sample_time),
-            prediction: Prediction::of(model, &found).filter(|_| !explained).map(Box::new),
+            prediction: Prediction::of(model, &found).filter(|_| !replaced).map(Box::new),
             missing: if explained { Vec::new() } else { missing },
         }),
         estimate: refined.estimate,

@@ -279,7 +279,7 @@ fn applied<'a>(
         };
         if fitted.applied.is_empty() || settled || fitted.applied.iter().any(beyond) {
             fitted.result.delays.iter_mut().for_each(|delay| delay.settled = settled);
-            return Ok(fitted.result);
+            return fitted.with_prediction(settings);
         }
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
         fitted.applied.iter().for_each(|found| look.apply(found.term, found.value));
@@ -289,7 +289,7 @@ fn applied<'a>(
         found.term.kind == TermKind::InputGain && found.value.abs() > UNSETTLED_GAIN.max(APPLIED_SETTLED * found.std)
     };
     look.refused.extend(fitted.applied.iter().filter(grows).map(|found| found.term));
-    Ok(fitted.result)
+    fitted.with_prediction(settings)
 }
 
 /// Columns that are asked for.
@@ -324,10 +324,31 @@ struct Weighed {
 }
 
 /// What a fit gives.
-struct Outcome {
+struct Outcome<'a> {
     result: OfAnyMotion,
     /// Delays and gains of inputs that were found beside what was applied.
     applied: Vec<Applied>,
+    pass: Pass<'a>,
+    noise: Noise,
+    /// Columns that are estimated, and those of missing terms that a model which predicts forces can have.
+    columns: (Vec<usize>, Vec<usize>),
+    /// Coefficients of all terms.
+    missing: Vec<f64>,
+}
+
+impl Outcome<'_> {
+    /// The result, with how well the model can predict the forces where it lacks any or its values are to be the nearest to them.
+    fn with_prediction(mut self, settings: &Settings) -> Result<OfAnyMotion, EstimateError> {
+        let is_asked = settings.weights == Weights::Equal
+            || self.result.estimate.residual > LARGE_RESIDUAL
+            || self.result.lacking.iter().any(|own| own.term.kind.is_force());
+        if is_asked {
+            let (values, (fixed, lasting)) = (&self.result.estimate.values, &self.columns);
+            self.result.nearby =
+                self.pass.nearest((fixed, lasting), (values, &self.missing), (&self.noise, &settings.load))?;
+        }
+        Ok(self.result)
+    }
 }
 
 /// A term of an input that was found beside what was applied of it.
@@ -337,7 +358,7 @@ struct Applied {
     std: f64,
 }
 
-impl Pass<'_> {
+impl<'a> Pass<'a> {
     /// Noise and components in turn, from a noise on.
     fn weigh(&mut self, asked: &Asked, mut noise: Noise) -> Result<Weighed, EstimateError> {
         let (p, right) = (self.rows.model.dims().parameters, self.right());
@@ -404,7 +425,7 @@ impl Pass<'_> {
     }
 
     /// Values, deviations and missing terms.
-    fn fit(mut self, free: &Free, settings: &Settings) -> Result<Outcome, EstimateError> {
+    fn fit(mut self, free: &Free, settings: &Settings) -> Result<Outcome<'a>, EstimateError> {
         let dims = self.rows.model.dims();
         let (p, right) = (dims.parameters, self.right());
         let asked = self.asked();
@@ -563,13 +584,6 @@ impl Pass<'_> {
             samples: self.record.stretches.iter().map(Stretch::samples).sum(),
             rate_gains: self.motion.rate_gains.clone(),
         };
-        let is_asked = settings.weights == Weights::Equal
-            || estimate.residual > LARGE_RESIDUAL
-            || lacking.iter().any(|(_, own)| own.term.kind.is_force());
-        let nearby = match is_asked {
-            true => self.nearest((&fixed, &lasting), (&estimate.values, &missing), (&noise, &settings.load))?,
-            false => None,
-        };
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
         let followed = self.paths.fastest();
         Ok(Outcome {
@@ -581,13 +595,17 @@ impl Pass<'_> {
                 steps: self.motion.steps.clone(),
                 lacking: lacking.into_iter().map(|(_, own)| own).collect(),
                 delays,
-                nearby,
+                nearby: None,
                 calibration,
                 scale_unknown,
                 report,
                 felt,
             },
             applied,
+            noise,
+            columns: (fixed, lasting),
+            missing,
+            pass: self,
         })
     }
 

@@ -8,10 +8,10 @@
 use crate::error::EstimateError;
 use crate::likelihood::library::{OnGrid, Term, TermKind};
 use crate::likelihood::lines::{Signals, View};
-use crate::likelihood::noise::Noise;
+use crate::likelihood::noise::{Noise, Scaled};
 use crate::likelihood::pass::Pass;
 use std::f64::consts::PI;
-use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix};
+use tpm_numerics::{DMatrix, DVector, Matrix};
 
 /// Parts of a record of which each is left out once.
 const BLOCKS: usize = 10;
@@ -123,12 +123,9 @@ fn solve(rows: &[RowBlocks], weights: &[f64], without: Option<usize>, takes_part
             }
         }
     }
-    let scale: Vec<f64> = (0..n).map(|i| if gram[(i, i)] > 0.0 { gram[(i, i)].sqrt() } else { 1.0 }).collect();
-    let scaled = |i: usize, k: usize| gram[(i, k)] / (scale[i] * scale[k]) + if i == k { RIDGE } else { 0.0 };
-    let factor = Cholesky::new(DMatrix::from_fn(n, n, scaled))?;
-    let found = factor.solve(&DVector::from_fn(n, |i, _| target[i] / scale[i]));
+    let found = Scaled::of(&gram, RIDGE)?.solve(&target);
     let mut values = DVector::zeros(takes_part.len());
-    places.iter().enumerate().for_each(|(i, &at)| values[at] = found[i] / scale[i]);
+    places.iter().enumerate().for_each(|(i, &at)| values[at] = found[i]);
     Some(values)
 }
 
@@ -194,7 +191,7 @@ impl Pass<'_> {
             }
             rows = all(self)?;
             let Some(found) = fitted(&rows, &takes_part) else { break };
-            reference = self.of_fitted(&rows, (&columns, fixed.len()), &found, noise).values;
+            reference = self.values_of(&columns, &found);
         }
         // The row whose terms do most harm loses them first.
         let tested = rows.iter().all(|row| row.blocks.iter().any(|block| row.force(&block.inner) > 0.0));
@@ -297,6 +294,17 @@ impl Pass<'_> {
         Ok(RowBlocks { at, blocks, sum, samples: samples as f64 })
     }
 
+    /// Values of all parameters.
+    fn values_of(&self, columns: &[usize], found: &Fitted) -> Vec<f64> {
+        let mut values = self.theta.clone();
+        for (&column, value) in columns.iter().zip(found.values.iter()) {
+            if let Some(own) = values.get_mut(column) {
+                *own = *value;
+            }
+        }
+        values
+    }
+
     /// What was fitted, in the units of the model; its covariance is that of these weights under the noise of the lines.
     fn of_fitted(
         &self,
@@ -306,17 +314,11 @@ impl Pass<'_> {
         noise: &Noise,
     ) -> Nearest {
         let p = self.rows.model.dims().parameters;
-        let mut values = self.theta.clone();
-        let mut terms = Vec::new();
-        for (at, (&column, value)) in columns.iter().zip(found.values.iter()).enumerate() {
-            if column < p {
-                values[column] = *value;
-            } else if at >= fixed && *value != 0.0 {
-                let term = self.terms[column - p];
-                let constants = self.scales.constants(term);
-                terms.push(AddedTerm { term, value: *value / self.sizes[column - p], constants });
-            }
-        }
+        let added = columns.iter().zip(found.values.iter()).skip(fixed).filter(|(_, value)| **value != 0.0);
+        let terms = added.map(|(column, value)| {
+            let (term, size) = (self.terms[column - p], self.sizes[column - p]);
+            AddedTerm { term, value: *value / size, constants: self.scales.constants(term) }
+        });
         let left = rows.iter().map(|row| share(row.left(&row.sum, &found.values), row.force(&row.sum))).collect();
         let held_out = (rows.iter().zip(&found.held_out))
             .map(|(row, own)| share(own.iter().sum(), row.blocks.iter().map(|block| row.force(&block.inner)).sum()))
@@ -334,7 +336,13 @@ impl Pass<'_> {
                 covariance[(i, j)] = own[(a, b)];
             }
         }
-        Nearest { values, covariance: Matrix::of(covariance), terms, left, held_out }
+        Nearest {
+            values: self.values_of(columns, found),
+            covariance: Matrix::of(covariance),
+            terms: terms.collect(),
+            left,
+            held_out,
+        }
     }
 
     /// Covariance of least squares over columns with one weight for every row, under the noise of the lines.
@@ -355,11 +363,7 @@ impl Pass<'_> {
                 }
             }
         }
-        let scale: Vec<f64> = (0..n).map(|i| if whole[(i, i)] > 0.0 { whole[(i, i)].sqrt() } else { 1.0 }).collect();
-        let scaled = |i: usize, k: usize| whole[(i, k)] / (scale[i] * scale[k]) + if i == k { RIDGE } else { 0.0 };
-        let Some(factor) = Cholesky::new(DMatrix::from_fn(n, n, scaled)) else { return DMatrix::zeros(n, n) };
-        let inverse = factor.inverse();
-        let inverse = DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] / (scale[i] * scale[k]));
+        let Some(inverse) = Scaled::of(&whole, RIDGE).map(|own| own.inverse()) else { return DMatrix::zeros(n, n) };
         &inverse * middle * &inverse
     }
 }

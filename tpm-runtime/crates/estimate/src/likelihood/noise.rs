@@ -13,7 +13,7 @@
 
 use crate::likelihood::lines::RowLines;
 use tpm_numerics::singular::unit_columns;
-use tpm_numerics::{Cholesky, DMatrix, DVector, Iteration, gram as products};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn, Iteration, gram as products};
 
 /// Steps, and the largest change of the logarithm of a variance after which they end.
 const STEPS: Iteration = Iteration { most: 25, settled: 0.03 };
@@ -143,6 +143,33 @@ impl Noise {
     }
 }
 
+/// Normal equations whose columns are scaled to a length of one.
+pub(super) struct Scaled {
+    scale: Vec<f64>,
+    factor: Cholesky<f64, Dyn>,
+}
+
+impl Scaled {
+    /// Those of a matrix of products, with something added to the scaled diagonal, so that columns which others span make them no worse.
+    pub(super) fn of(gram: &DMatrix<f64>, ridge: f64) -> Option<Self> {
+        let n = gram.nrows();
+        let scale: Vec<f64> = (0..n).map(|i| if gram[(i, i)] > 0.0 { gram[(i, i)].sqrt() } else { 1.0 }).collect();
+        let scaled = |i: usize, k: usize| gram[(i, k)] / (scale[i] * scale[k]) + if i == k { ridge } else { 0.0 };
+        let factor = Cholesky::new(DMatrix::from_fn(n, n, scaled))?;
+        Some(Scaled { scale, factor })
+    }
+
+    pub(super) fn solve(&self, target: &DVector<f64>) -> DVector<f64> {
+        let found = self.factor.solve(&DVector::from_fn(target.len(), |i, _| target[i] / self.scale[i]));
+        DVector::from_fn(target.len(), |i, _| found[i] / self.scale[i])
+    }
+
+    pub(super) fn inverse(&self) -> DMatrix<f64> {
+        let inverse = self.factor.inverse();
+        DMatrix::from_fn(inverse.nrows(), inverse.ncols(), |i, k| inverse[(i, k)] / (self.scale[i] * self.scale[k]))
+    }
+}
+
 /// Weighted equations, solved by their normal equations, which is enough for weights.
 struct Weighted {
     values: Vec<f64>,
@@ -180,11 +207,7 @@ impl Weighted {
                 }
             }
         }
-        let scale: Vec<f64> = (0..n).map(|i| if gram[(i, i)] > 0.0 { gram[(i, i)].sqrt() } else { 1.0 }).collect();
-        let scaled =
-            DMatrix::from_fn(n, n, |i, k| gram[(i, k)] / (scale[i] * scale[k]) + if i == k { RIDGE } else { 0.0 });
-        let inverse = Cholesky::new(scaled).map_or_else(|| DMatrix::zeros(n, n), |factor| factor.inverse());
-        let inverse = DMatrix::from_fn(n, n, |i, k| inverse[(i, k)] / (scale[i] * scale[k]));
+        let inverse = Scaled::of(&gram, RIDGE).map_or_else(|| DMatrix::zeros(n, n), |own| own.inverse());
         let values: DVector<f64> = &inverse * target;
         let (mut squares, mut freedom) = (Vec::new(), Vec::new());
         for ((at, matrix, right), row) in parts.iter().zip(rows) {
