@@ -250,7 +250,7 @@ impl Checker<'_, '_> {
             } else if let Some((_, place)) = load.filter(|_| mechanism.bodies().all(|body| body.near.is_none())) {
                 self.error(
                     place.span,
-                    "of no body is it said near which values its inertia is, and the load is computed with these".to_owned(),
+                    "the load of a drive is computed from inertias that the model states, and no body states any".to_owned(),
                     "write `inertia parameters near (m, mx, my, mz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz);` with the values of an identification",
                 );
             }

@@ -64,7 +64,7 @@ impl Refill<'_> {
         if self.band >= 0.5 {
             return even;
         }
-        // A counter reads counts, also where its readings were lost; between uneven stamps it is what it counted that is looked for.
+        // Readings of a counter that were lost were counts too. Between uneven stamps the position itself is wanted, not its counts.
         let lost = self.samples().saturating_sub(self.at.len());
         let step = if 2 * lost < self.samples() { counted(readings, grid(readings)) } else { 0.0 };
         for open in self.open() {

@@ -296,8 +296,9 @@ pub fn takes_energy(model: &dyn Model<f64>, constants: &[f64], position: &[f64])
     never.into_iter().zip(some).map(|(never, some)| never && some).collect()
 }
 
-/// Which of these parameters, all in terms that [take energy](takes_energy), make such terms together drive the machine, about a position, at
-/// speeds up to those that are given: of two that brake in one place one may be negative, as drag where friction grows less than linearly.
+/// The negative ones among the parameters of damping and friction (those that [take energy](takes_energy)), where all such terms together drive
+/// the machine, about a position, at some speed up to those that are given. One may be negative while the others make up for it, as drag is
+/// where friction grows less than linearly with the speed.
 #[must_use]
 pub fn gives_energy(
     model: &dyn Model<f64>,

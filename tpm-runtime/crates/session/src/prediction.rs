@@ -89,13 +89,13 @@ impl Prediction {
             table.row(&std::iter::once(name.to_owned()).chain(shares).collect::<Vec<String>>());
         };
         if self.left != self.stated.left {
-            add("with the values above, right beside what the model lacks", &self.left);
+            add("the values above, which hold beside what is missing", &self.left);
         }
-        add("with those that are nearest to the forces", &self.stated.left);
-        add("  on parts from which they were not taken", &self.stated.held_out);
+        add("the values nearest to the forces", &self.stated.left);
+        add("  the same, on parts held out", &self.stated.held_out);
         if let Some(completed) = &self.completed {
-            add("with what the model lacks, nearest", &completed.forces.left);
-            add("  on parts from which they were not taken", &completed.forces.held_out);
+            add("the completed model", &completed.forces.left);
+            add("  the same, on parts held out", &completed.forces.held_out);
         }
         table.finish()
     }

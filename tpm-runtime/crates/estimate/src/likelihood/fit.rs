@@ -29,8 +29,8 @@ const MORE_PASSES: usize = 3;
 const SETTLED: f64 = 0.05;
 /// Steps of the noise in a pass.
 const NOISE_STEPS: usize = 6;
-/// A candidate of which the parameters leave so many times the share that is the error of its own column, but at least the first and at most
-/// the second of these shares, says something of its own: of less noise of the sensors would decide.
+/// A candidate counts when the parameters leave more of its column than this many times the error that noise of the sensors makes in it. The
+/// share that they must leave is never below the first number and never above the second.
 const OWN_ERRORS: f64 = 30.0;
 const SPANNED: [f64; 2] = [0.02, 0.1];
 /// A named term makes at least this share of the force of its row.
@@ -517,7 +517,7 @@ impl<'a> Pass<'a> {
             own.value = factor;
         }
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
-        // A gain that is off by less than torque constants are known moves no scale.
+        // Torque constants are known no better than this, so that such a gain does not put the scale of all parameters in doubt.
         let of_gain =
             |own: &&(f64, Lacking)| own.1.term.kind == TermKind::InputGain && (own.1.value - 1.0).abs() > GAIN_FAULT;
         let scale_unknown = match lacking.iter().filter(of_gain).count() {

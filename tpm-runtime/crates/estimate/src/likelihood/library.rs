@@ -266,8 +266,8 @@ impl Scales {
         }
     }
 
-    /// About the error of a column as a share of it. That of an offset or a gain is made of the parameters of the first fit, and known as well as
-    /// these are; of inertias it is not known.
+    /// About how far noise of the sensors puts a column off, as a share of it. Columns of offsets, gains and delays are made of first values and
+    /// of inputs, and count as exact; for inertias the error is not computed, and they count as wholly uncertain.
     pub(super) fn relative_error(&self, term: Term) -> f64 {
         let of = |c: usize| self.rate_deviation[c] / self.speed[c].max(f64::MIN_POSITIVE);
         match term.kind {

@@ -25,7 +25,7 @@ const SAMPLES: f64 = 3.0;
 const LOWERS: f64 = 1.0;
 /// Times that the load is computed anew by the values that were found with its friction: those without it make up for that friction.
 const REFERENCES: usize = 3;
-/// A row of which the model leaves more than this share of the force with its terms too holds no torque from which they could be told.
+/// The terms of a row are not believed when even with them more than this share of its force is left.
 const MOST_LEFT: f64 = 0.7;
 /// What is added to the diagonal of scaled normal equations.
 const RIDGE: f64 = 1e-12;
@@ -223,8 +223,8 @@ impl Pass<'_> {
         Ok(Some(Nearby { left, stated, completed }))
     }
 
-    /// Friction in proportion to the load, of which the recorded force makes a column that explains itself, is from now on that of the load which
-    /// these values of its parameters give. Whether there is any.
+    /// Replaces the columns of load friction by those of the load that these values of the parameters make: made of the recorded force, such a
+    /// column would explain that force by itself. Says whether there are any.
     fn take_loads(&mut self, terms: &[usize], load: &[usize], values: &[f64]) -> bool {
         let p = self.rows.model.dims().parameters;
         let own = terms.iter().map(|column| column - p).filter(|&i| self.terms[i].kind == TermKind::LoadFriction);
