@@ -9,6 +9,7 @@ use crate::options::LogOptions;
 use crate::play::{Watch, play_campaign, play_on_simulated, play_simulated};
 use crate::reading::RecordSettings;
 use crate::refine_campaign::RunSimulation;
+use crate::run_lines;
 use crate::summary::{self, Lumped};
 use crate::truth::Truth;
 use crate::validate::{Validation, validate_run};
@@ -19,7 +20,7 @@ use std::sync::Arc;
 use tpm_campaign::{Campaign, RunReport, Store};
 use tpm_codegen::identified::Identified;
 use tpm_controller::derivatives::RowDerivatives;
-use tpm_estimate::{Domain, ParameterReport, Refine, Status};
+use tpm_estimate::{Domain, ParameterReport, Refine, Settings, Status};
 use tpm_experiment::{Experiment, ExperimentError, Named, PlantModelSection, Value};
 use tpm_interpret::Interpreted;
 use tpm_log::{Log, fingerprint};
@@ -291,18 +292,14 @@ impl Session {
         let (setup, _) = self.experiment.stable_setup(plant, self.machine.pattern())?;
         let channels = record.coordinates.iter().chain(&record.inputs).cloned().collect();
         let log = Log::from_samples(&format!("run {}", run.run), record.sample_time, channels)?;
-        let options = LogOptions {
-            reading: RecordSettings {
-                from_sample: Some(settled * run.samples_per_period),
-                period: Some(run.samples_per_period as f64 * record.sample_time),
-                hold: setup.procedure.hold,
-                ..RecordSettings::default()
-            },
-            actuators: setup.control.actuators,
-            constants: setup.constants,
-            domain: Some(Domain::Harmonics),
-            ..LogOptions::default()
+        let reading = RecordSettings {
+            from_sample: Some(settled * run.samples_per_period),
+            period: Some(run.samples_per_period as f64 * record.sample_time),
+            hold: setup.procedure.hold,
+            ..RecordSettings::default()
         };
+        let domain = Some(Domain::Harmonics);
+        let options = LogOptions { reading, domain, ..run_lines::options(&setup, Settings::default()) };
         let own = self.machine.eliminated().is_none();
         let derivatives = own.then(|| self.declared.derivatives());
         let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
@@ -369,7 +366,7 @@ impl Session {
     /// What the estimator gives, refined by the simulation where there is one.
     fn refined(&self, campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
         let refined = self.simulation(campaign).and_then(|simulation| simulation.of_campaign(campaign));
-        match refined {
+        match run_lines::asked(&self.declared, self.machine.plant(), campaign, refined) {
             Some(refined) => summary::of_refined(campaign, refined, stability, source, seed),
             None => summary::of_estimated(campaign, stability, source, seed),
         }

@@ -64,6 +64,10 @@ fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
         return (rank < result.wanted())
             .then(|| format!("the data determine {rank} independent combinations of the parameters, not all of them"));
     };
+    // A campaign is asked for a model that explains its runs: what it leaves is no remark, even where deviations contain what it does.
+    if let Some(misfit) = result.warnings.iter().find(|warning| warning.meaning().severity == Severity::Misfit) {
+        return Some(misfit.to_string());
+    }
     // Where there are physical parameters the lumped ones are means to an end.
     let wanted = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     let known = |status: &Status| matches!(status, Status::Identified | Status::Frozen);

@@ -82,6 +82,7 @@ mod refine_tests;
 mod refinement_report;
 mod regression;
 mod rows;
+mod run_lines;
 mod sample;
 mod samples_log;
 #[cfg(test)]

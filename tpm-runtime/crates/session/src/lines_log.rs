@@ -127,10 +127,7 @@ pub(super) fn identify(
     }
     // What the lines name stays, but where the simulation explains the record.
     if !explained {
-        warnings.extend(report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force }));
-        warnings.extend(missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
-        let inputs = || (0..dims.inputs).map(|i| model.input(i).name.to_string()).collect();
-        warnings.extend(found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() }));
+        warnings.extend(unexplained(model, &found, &missing));
     }
     warnings.extend(refined.warnings);
     warnings.extend(found.delays.iter().filter(|delay| !delay.settled).map(|delay| {
@@ -156,6 +153,19 @@ pub(super) fn identify(
     })
 }
 
+/// What the lines say that the model leaves unexplained; `missing` are the terms that they name.
+pub(super) fn unexplained<'a>(
+    model: &'a dyn Model<f64>,
+    found: &'a OfAnyMotion,
+    missing: &'a [MissingTerm],
+) -> impl Iterator<Item = Warning> + 'a {
+    let of_row = found.report.free_row_left.map(|residual| Warning::Unexplained { residual, of: ResidualOf::Force });
+    let terms = missing.iter().cloned().map(|term| Warning::MissingTerm { term });
+    let inputs = || (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
+    let scale = found.scale_unknown.then(|| Warning::ScaleUnknown { inputs: inputs() });
+    of_row.into_iter().chain(terms).chain(scale)
+}
+
 /// Whether a machine is simulated without being asked for. Where every row of several has an input, the lines of the rows tell the
 /// parameters as well; of a row without one they tell ratios alone.
 pub(super) const fn is_simulated(dims: Dims) -> bool {
@@ -173,7 +183,7 @@ fn explains(report: &RefinementReport, lines: &OfAnyMotion) -> bool {
 }
 
 /// What is said of an input that seems late by about half a sample, where it is not with the other hold.
-fn late_by_hold(
+pub(super) fn late_by_hold(
     model: &dyn Model<f64>,
     record: &TimeRecord<'_>,
     found: &OfAnyMotion,

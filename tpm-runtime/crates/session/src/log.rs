@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
-use tpm_estimate::Frozen;
+use tpm_estimate::{Frozen, Settings};
 use tpm_log::{InMemory, LogError, LogSource, Recording, Samples, rates_alone};
 use tpm_symbolic::number::rational::{Rational, to_f64};
 use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
@@ -201,11 +201,8 @@ fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Iden
         lumped.state(&mut prior, &first.estimation.prior, &first.estimation.constants);
         known.state(&prior);
     }
-    if let Some(declared) = declared.as_deref().filter(|declared| declared.parsed().mechanism.is_some()) {
-        let EstimationSettings { constants, .. } = &first.estimation;
-        known.estimation.hidden = hidden(declared.prepared(), constants, &known.estimation.frozen);
-        let is_inertia = |j: &usize| evaluated.parameter(*j).unit.is_some_and(|unit| INERTIAS.contains(&unit));
-        known.estimation.load = (0..evaluated.dims().parameters).filter(is_inertia).collect();
+    if let Some(declared) = declared.as_deref() {
+        state_mechanism(&mut known.estimation, declared, evaluated, &first.estimation.constants);
     }
     let mut parts = Vec::with_capacity(requests.len());
     let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());
@@ -269,6 +266,21 @@ fn with_their_coordinates(
         }
     }
     Ok(Some((whole, Warning::AllCoordinates { coordinates: eliminated })))
+}
+
+/// States what is known of the parameters of a mechanism before it moves: directions that no motion shows, and inertias, which load the
+/// drives. `evaluated` has the parameters of the settings.
+pub(super) fn state_mechanism(
+    settings: &mut Settings,
+    declared: &DeclaredModel,
+    evaluated: &dyn Model<f64>,
+    constants: &BTreeMap<String, f64>,
+) {
+    if declared.parsed().mechanism.is_some() {
+        settings.hidden = hidden(declared.prepared(), constants, &settings.frozen);
+        let is_inertia = |j: &usize| evaluated.parameter(*j).unit.is_some_and(|unit| INERTIAS.contains(&unit));
+        settings.load = (0..evaluated.dims().parameters).filter(is_inertia).collect();
+    }
 }
 
 /// Directions in parameter space that no motion shows while some parameters are held, exact but for one rounding: noise seems to show
