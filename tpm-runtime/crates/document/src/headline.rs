@@ -4,9 +4,10 @@
 //! and the table of section "Measured against model" cannot differ.
 
 use crate::block::{Cell, SHARE_DIGITS};
+use crate::validation::failed;
 use tpm_estimate::{ParameterReport, Status};
 use tpm_report::{digits, or_dash};
-use tpm_session::{Identification, MissingTerm, Severity, Source};
+use tpm_session::{Identification, MissingTerm, Severity, Source, Validation};
 
 pub(super) fn subtitle(result: &Identification) -> String {
     match (result.source, &result.log, &result.pool) {
@@ -29,8 +30,9 @@ pub(super) fn unexplained(result: &Identification) -> (String, Cell) {
     ("unexplained".to_owned(), Cell::shown(share(result), Some(result.residual)))
 }
 
-/// The sentence for a complete result, with the parameters that are poorly determined.
-pub(super) fn success(result: &Identification) -> String {
+/// The sentence for a complete result, with the parameters that are poorly determined. `evidence` are the validations on the page, whose
+/// tests it does not contradict.
+pub(super) fn success(result: &Identification, evidence: &[Validation]) -> String {
     // A term that the page names as missing is not explained, even where it moves no parameter and no warning speaks of it.
     let misfit = result.warnings.iter().any(|warning| warning.meaning().severity >= Severity::Misfit) || lacks(result);
     let hidden = asked(result).iter().filter(|own| own.status == Status::Unobservable).count();
@@ -48,6 +50,9 @@ pub(super) fn success(result: &Identification) -> String {
     };
     let mut text = if misfit {
         format!("{shown}, but the model leaves {} unexplained", share(result))
+    } else if evidence.iter().any(failed) {
+        // What rounding and integration leave fails such a test too, however little it is.
+        format!("{shown}, and the model explains what was measured but for {}, which is not all noise", share(result))
     } else {
         format!("{shown}, and the model explains what was measured")
     };
@@ -65,12 +70,12 @@ pub(super) fn lacks(result: &Identification) -> bool {
 }
 
 /// Terms that the model lacks, with the log that showed them where there are several.
-pub(super) fn lacking(result: &Identification) -> Vec<(String, &[MissingTerm])> {
-    let runs = result.refinement.iter().map(|own| (String::new(), own.missing.as_slice()));
-    let alone = result.log.iter().map(|log| (String::new(), log.missing()));
+pub(super) fn lacking(result: &Identification) -> Vec<(String, Vec<&MissingTerm>)> {
+    let runs = (result.source != Source::Log).then(|| (String::new(), result.missing_of_runs()));
+    let alone = result.log.iter().map(|log| (String::new(), log.missing().iter().collect()));
     let pooled = result.pool.iter().flat_map(|pool| &pool.logs);
-    let pooled = pooled.map(|part| (format!(" of {}", part.log.path), part.log.missing()));
-    runs.chain(alone).chain(pooled).collect()
+    let pooled = pooled.map(|part| (format!(" of {}", part.log.path), part.log.missing().iter().collect()));
+    runs.into_iter().chain(alone).chain(pooled).collect()
 }
 
 /// The parameters that were asked for: where there are physical ones, the lumped ones are intermediate results.

@@ -39,7 +39,7 @@ impl Document {
             issue: None,
             short: "Not complete",
             shortfall: result.shortfall(),
-            success: headline::success(result),
+            success: headline::success(result, evidence),
             conclusion: headline::conclusion(result),
             caution: Caution::of_warnings(!result.warnings.is_empty()),
             facts: headline::facts(result),

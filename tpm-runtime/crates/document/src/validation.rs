@@ -38,7 +38,7 @@ impl From<&Validation> for Document {
 }
 
 /// Whether a test of the errors one step ahead failed.
-fn failed(found: &Validation) -> bool {
+pub(super) fn failed(found: &Validation) -> bool {
     found.simulation.iter().flat_map(|simulation| &simulation.channels).any(|channel| {
         let tests = channel.whiteness.iter().chain(channel.independence.iter().map(|input| &input.test));
         tests.into_iter().any(|test| !test.passed)

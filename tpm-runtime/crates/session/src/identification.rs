@@ -3,7 +3,7 @@
 use crate::log_report::{LogReport, PoolReport};
 use crate::meaning::Severity;
 use crate::method_report::MethodReport;
-use crate::refinement_report::RefinementReport;
+use crate::refinement_report::{MissingTerm, RefinementReport};
 use crate::warning::Warning;
 use serde::ser::SerializeSeq as _;
 use serde::{Serialize, Serializer};
@@ -162,6 +162,17 @@ impl Identification {
     #[must_use]
     pub fn is_explained(&self) -> bool {
         self.residual <= LARGE_RESIDUAL
+    }
+
+    /// Terms that the runs of a campaign show the model to lack: those that a simulation names, and otherwise those of the findings.
+    #[must_use]
+    pub fn missing_of_runs(&self) -> Vec<&MissingTerm> {
+        match &self.refinement {
+            Some(simulated) if !simulated.missing.is_empty() => simulated.missing.iter().collect(),
+            _ => (self.warnings.iter())
+                .filter_map(|warning| if let Warning::MissingTerm { term } = warning { Some(term) } else { None })
+                .collect(),
+        }
     }
 
     /// Adds a parameter whose value was known, behind the others.
