@@ -13,7 +13,7 @@ const LEAST_AMPLITUDE: f64 = 1e-3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct SteadyRun {
     /// Index of the run among the reports.
-    pub(crate) run: usize,
+    pub run: usize,
     /// Samples of every coordinate, then of every input; unit of the coordinate or input.
     pub channels: Vec<Vec<f64>>,
     /// Number of samples in a period.

@@ -71,13 +71,22 @@ fn named(
     let constants = setup.constants.iter().enumerate().map(|(i, value)| (plant.constant(i).name.to_string(), *value));
     state_mechanism(&mut settings, declared, plant, &constants.collect());
     let options = options(setup, settings);
-    let stretches = campaign.steady().map(|run| whole_periods(run, plant.dims().coordinates)).collect();
+    let stretches = last_of_stages(campaign).map(|run| whole_periods(run, plant.dims().coordinates)).collect();
     let record = record::record(setup.control.sample_time, &options, stretches);
     let found = estimate_any_motion(plant, &options.constants, &record, true, &options.estimation).ok()?;
     let missing: Vec<MissingTerm> = found.lacking.iter().map(|own| lacking(plant, own)).collect();
     let mut warnings: Vec<Warning> = unexplained(plant, &found, &missing).collect();
     warnings.extend(late_by_hold(plant, &record, &found, true, &options));
     (!warnings.is_empty()).then_some((found.estimate, warnings))
+}
+
+/// The last of the runs of every stage: the others play the same motion, which costs as much and shows nothing new.
+fn last_of_stages<'a>(campaign: &'a Campaign<'_>) -> impl Iterator<Item = &'a SteadyRun> {
+    let stage = |run: &SteadyRun| campaign.runs().get(run.run).map(|report| report.stage);
+    let is_last = move |run: &&SteadyRun| {
+        campaign.steady().filter(|other| other.run > run.run).all(|other| stage(other) != stage(run))
+    };
+    campaign.steady().filter(is_last)
 }
 
 /// The whole periods at the end of a run.
@@ -162,11 +171,9 @@ mod tests {
             let own = [("seed", seed.as_str()), ("plant.parameters.m", m.as_str())];
             for sensor in [COUNTED.as_slice(), NOISY.as_slice()] {
                 let result = identified(&[&own, sensor].concat());
-                assert!(
-                    result.is_complete() && result.warnings.is_empty(),
-                    "{own:?} {sensor:?}: {:?}",
-                    result.warnings
-                );
+                // A first run may have to be played for longer, which is no misfit.
+                assert!(result.is_complete(), "{own:?} {sensor:?}: {:?}", result.shortfall());
+                assert_eq!(named(&result), [], "{own:?} {sensor:?}");
             }
         }
         let exact = identified(&[]);
