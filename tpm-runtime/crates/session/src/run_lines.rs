@@ -68,8 +68,11 @@ fn named(
 ) -> Option<(Estimate, Vec<Warning>)> {
     let setup = campaign.setup();
     let mut settings = setup.estimation.clone();
-    let constants = setup.constants.iter().enumerate().map(|(i, value)| (plant.constant(i).name.to_string(), *value));
-    state_mechanism(&mut settings, declared, plant, &constants.collect());
+    // With coordinates eliminated the parameters of the plant are others than those of the text's equations.
+    if declared.eliminated().is_empty() {
+        let constant = |(i, value): (usize, &f64)| (plant.constant(i).name.to_string(), *value);
+        state_mechanism(&mut settings, declared, plant, &setup.constants.iter().enumerate().map(constant).collect());
+    }
     let options = options(setup, settings);
     let stretches = last_of_stages(campaign).map(|run| whole_periods(run, plant.dims().coordinates)).collect();
     let record = record::record(setup.control.sample_time, &options, stretches);
