@@ -83,7 +83,7 @@ fn findings() -> Vec<Warning> {
                 signal: x(),
                 quantity: Calibration::Zero,
                 size: 0.02,
-                std: 0.1,
+                std: Some(0.1),
                 unit: Some(m()),
                 deviations: 5.0,
             }],

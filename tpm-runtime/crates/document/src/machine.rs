@@ -185,14 +185,16 @@ fn next(result: &Identification, mechanism: bool, command: &Direct<'_>) -> Vec<N
     }
     for warning in &result.warnings {
         let Warning::UnseenFaults { faults } = warning else { continue };
-        for (what, of) in [("zeros", Calibration::Zero), ("gains", Calibration::Gain)] {
+        for (what, of) in [
+            ("Check the zeros of", Calibration::Zero),
+            ("Check the gains of", Calibration::Gain),
+            ("Make sure that there is no dead zone of", Calibration::DeadZone),
+            ("Make sure that the model has every inertia between", Calibration::Inertia),
+        ] {
             let own = faults.iter().filter(|fault| fault.quantity == of).map(|fault| fault.signal.as_str());
             let list = own.collect::<Vec<&str>>().join(", ");
             if !list.is_empty() {
-                let text = format!(
-                    "Check the {what} of {list}, or state how well they are known: this log may not show a wrong one."
-                );
-                say(text, None);
+                say(format!("{what} {list}: this log may not show a fault there."), None);
             }
         }
     }

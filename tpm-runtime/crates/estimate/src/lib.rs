@@ -67,7 +67,7 @@ pub use first_order::feed_forward_lines;
 pub use information::{Information, reduced};
 pub use likelihood::{
     AddedTerm, Arranged, Arrangement, CalibrationFault, FittedDelay, Lacking, LineReport, Nearby, Nearest, OfAnyMotion,
-    Term, TermKind, UnseenFault, best_arrangement, estimate_any_motion,
+    Term, TermKind, UnseenFault, best_arrangement, estimate_any_motion, gain_of_the_only_input,
 };
 pub use measured_motion::{
     ASKED_ABOUT, Fitted, MeasuredMotion, Structure, Untested, estimate_measured_motion, estimate_structured,

@@ -17,7 +17,7 @@ use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
     Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, Outcome, OutputErrorFault, Refine,
-    ResidualOf, TermKind, is_static,
+    ResidualOf, TermKind, gain_of_the_only_input, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
@@ -196,27 +196,27 @@ pub(super) fn identify_from(
 /// The name of a signal with a stated calibration is the error where nothing tells what that does to the parameters.
 fn calibrated(model: &dyn Model<f64>, found: &mut Found, options: &LogOptions) -> Result<(), String> {
     let stated = |list: &[Option<f64>], of: usize| list.get(of).copied().flatten();
-    let told = std::mem::take(&mut found.calibration);
-    let is_told = |gain: bool, of: usize| {
-        told.iter().any(|own| own.term.of == of && (own.term.kind == TermKind::InputGain) == gain)
-    };
+    let mut told = std::mem::take(&mut found.calibration);
+    told.extend(gain_of_the_only_input(model, &options.constants, &found.estimate, &options.estimation));
+    let is_told = |kind: TermKind, of: usize| told.iter().any(|own| own.term.of == of && own.term.kind == kind);
     let dims = model.dims();
     let zeros = (0..dims.coordinates)
-        .filter(|&c| stated(&options.zero_deviations, c).is_some() && !is_told(false, c))
+        .filter(|&c| stated(&options.zero_deviations, c).is_some() && !is_told(TermKind::PositionOffset, c))
         .map(|c| model.coordinate(c).name.to_string());
     let gains = (0..dims.inputs)
-        .filter(|&i| stated(&options.gain_deviations, i).is_some() && !is_told(true, i))
+        .filter(|&i| stated(&options.gain_deviations, i).is_some() && !is_told(TermKind::InputGain, i))
         .map(|i| model.input(i).name.to_string());
     if let Some(signal) = zeros.chain(gains).next() {
         return Err(signal);
     }
     let mut faults = Vec::new();
     for own in told {
-        let deviations = match own.term.kind {
-            TermKind::InputGain => &options.gain_deviations,
-            _ => &options.zero_deviations,
+        let known = match own.term.kind {
+            TermKind::InputGain => stated(&options.gain_deviations, own.term.of),
+            TermKind::PositionOffset => stated(&options.zero_deviations, own.term.of),
+            _ => None,
         };
-        match stated(deviations, own.term.of) {
+        match known {
             Some(deviation) => {
                 let moved: Vec<f64> = own.change.iter().map(|change| deviation * change).collect();
                 found.estimate = found.estimate.moving(&moved, &options.estimation);

@@ -16,7 +16,7 @@ use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Lacking, OfAnyMotion, Outcome, Refine, ResidualOf, Sensor,
-    Stretch, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
+    Stretch, Term, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_motion::Dynamics;
@@ -318,13 +318,19 @@ fn whole_period(coordinates: &[Vec<f64>], periodic: &Periodic, stated: Option<f6
 /// A fault that a log would not show in the words of the model; nothing of one that it shows.
 pub(super) fn unseen(model: &dyn Model<f64>, fault: &CalibrationFault) -> Option<UnseenFaultReport> {
     let found = fault.unseen?;
-    let (label, quantity) = match fault.term.kind {
-        TermKind::InputGain => (model.input(fault.term.of), Calibration::Gain),
-        _ => (model.coordinate(fault.term.of), Calibration::Zero),
+    let Term { kind, row, of, other } = fault.term;
+    let coordinate = |c: usize| model.coordinate(c).name.to_string();
+    let (signal, quantity, unit) = match kind {
+        TermKind::InputGain => (model.input(of).name.into(), Calibration::Gain, None),
+        TermKind::DeadZone if model.dims().inputs == 1 => (model.input(0).name.into(), Calibration::DeadZone, None),
+        TermKind::DeadZone => (model.row(row.unwrap_or(of)).name.into(), Calibration::DeadZone, None),
+        TermKind::RelativeInertia => {
+            (format!("{} and {}", coordinate(of), coordinate(other.unwrap_or(of))), Calibration::Inertia, None)
+        }
+        _ => (coordinate(of), Calibration::Zero, model.coordinate(of).unit.map(Into::into)),
     };
-    let unit = label.unit.filter(|_| quantity == Calibration::Zero).map(Into::into);
     Some(UnseenFaultReport {
-        signal: label.name.into(),
+        signal,
         quantity,
         size: found.size,
         std: fault.std,

@@ -111,24 +111,25 @@ pub struct SpectralReport {
     pub prediction: Option<Box<Prediction>>,
 }
 
-/// A fault of a sensor that a log would not show for certain, though it would move parameters by more than their deviations.
+/// A fault of a sensor, or something else of the machine, that a log would not show for certain, though it would move parameters by more than
+/// their deviations.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnseenFaultReport {
-    /// The input or coordinate.
+    /// The input, the coordinate, or both coordinates.
     pub signal: String,
     /// What would be off.
     pub quantity: Calibration,
-    /// By how much: a share of the gain, or a distance in the unit of the coordinate.
+    /// By how much: a share of the gain, of the force or of the inertias, or a distance in the unit of the coordinate.
     pub size: f64,
-    /// Standard deviation with which the log tells it, in the same unit.
-    pub std: f64,
+    /// Standard deviation with which the log tells it, in the same unit; nothing where no log of this input tells it.
+    pub std: Option<f64>,
     /// Unit of the coordinate whose zero it is.
     pub unit: Option<String>,
     /// Largest change of a parameter, in its standard deviations.
     pub deviations: f64,
 }
 
-/// What a sensor must know of itself.
+/// What a sensor must know of itself, and what a machine may have besides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Calibration {
@@ -136,6 +137,10 @@ pub enum Calibration {
     Gain,
     /// Where its reading is zero.
     Zero,
+    /// How much an input must be before it acts.
+    DeadZone,
+    /// An inertia between two coordinates.
+    Inertia,
 }
 
 /// What was found about a log that repeats.

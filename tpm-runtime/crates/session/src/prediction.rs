@@ -122,9 +122,11 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
         TermKind::PositionDamping(n) => (n + 1, 1, format!("fv_by{n}")),
         TermKind::PairPositionDamping => (2, 1, "fv_by1".to_owned()),
         TermKind::Inertia(n) => (n + 1, 2, if n == 0 { "Ia".to_owned() } else { format!("Ia_by{n}") }),
-        TermKind::PairInertia => (1, 2, "M".to_owned()),
+        TermKind::PairInertia | TermKind::RelativeInertia => (1, 2, "M".to_owned()),
         TermKind::Sine(n) => (0, 0, numbered("sine", n)),
         TermKind::Cosine(n) => (0, 0, numbered("cosine", n)),
+        TermKind::ChainSine { .. } => (0, 0, "sine".to_owned()),
+        TermKind::ChainCosine { .. } => (0, 0, "cosine".to_owned()),
         TermKind::Ripple { even: false, half_waves } => (0, 0, format!("ripple{half_waves}s")),
         TermKind::Ripple { even: true, half_waves } => (0, 0, format!("ripple{half_waves}c")),
         TermKind::Play | TermKind::PairPlay => (0, 0, "play".to_owned()),
@@ -176,6 +178,9 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
                 (other, name(other), format!("ddot({})", name(term.of))),
             ]
         }
+        (TermKind::ChainSine { against } | TermKind::ChainCosine { against }, Some(other)) => (term.of..=other)
+            .map(|c| (c, name(c), if against && c == other { format!("-{expression}") } else { expression.clone() }))
+            .collect(),
         (_, Some(other)) => {
             vec![(term.of, name(term.of), expression.clone()), (other, name(other), format!("-{expression}"))]
         }

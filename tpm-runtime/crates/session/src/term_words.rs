@@ -132,6 +132,21 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
             let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
             (format!("ddot({other}) and ddot({})", q()), "an inertia that couples the coordinates".into())
         }
+        TermKind::RelativeInertia => {
+            let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
+            let meaning = "an inertia between the coordinates, as that of a beam which turns when its ends do not move alike";
+            (format!("(ddot({}) - ddot({other}))", q()), meaning.into())
+        }
+        TermKind::ChainSine { .. } | TermKind::ChainCosine { .. } => {
+            let function = if matches!(own.kind, TermKind::ChainSine { .. }) { "sin" } else { "cos" };
+            let against =
+                matches!(own.kind, TermKind::ChainSine { against: true } | TermKind::ChainCosine { against: true });
+            let angles: Vec<String> =
+                (own.of..=own.other.unwrap_or(own.of)).map(|c| name(model.coordinate(c))).collect();
+            let sum = angles.join(if against { " - " } else { " + " });
+            let meaning = "a force that is a sine of this angle, as gravity of a link, in the rows of all of its joints";
+            (format!("{function}({sum})"), meaning.into())
+        }
         TermKind::Limit => (
             format!("{0} beyond {1:.4}", name(model.input(own.of)), lacking.value),
             format!("clipping: the input is limited (saturation) at about {:.4}", lacking.value).into(),

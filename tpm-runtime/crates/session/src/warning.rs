@@ -457,7 +457,9 @@ impl Warning {
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
             Warning::CommonFactor { inputs, .. } => Some(Remedy::Scales { signals: inputs.clone() }),
             Warning::UnseenFaults { faults } => {
-                Some(Remedy::Calibration { signals: faults.iter().map(|fault| fault.signal.clone()).collect() })
+                let of_sensor = |own: &&UnseenFaultReport| matches!(own.quantity, Calibration::Gain | Calibration::Zero);
+                let signals: Vec<String> = faults.iter().filter(of_sensor).map(|own| own.signal.clone()).collect();
+                (!signals.is_empty()).then_some(Remedy::Calibration { signals })
             }
             _ => None,
         }
@@ -528,18 +530,25 @@ impl fmt::Display for Warning {
                     let own = faults.iter().filter(|fault| fault.quantity == of).map(name);
                     own.collect::<Vec<_>>().join(", ")
                 };
-                let gain = list(Calibration::Gain, &|own| format!("{} ({} %)", own.signal, number(100.0 * own.size)));
+                let share = |of: &'static str| {
+                    move |own: &UnseenFaultReport| format!("{} ({} %{of})", own.signal, number(100.0 * own.size))
+                };
                 let zero = list(Calibration::Zero, &|own| {
                     let unit = own.unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
                     format!("{} ({:.2}{unit})", own.signal, own.size)
                 });
-                let named = [("a wrong gain of ", gain), ("a wrong zero of ", zero)];
+                let named = [
+                    ("a wrong gain of ", list(Calibration::Gain, &share(""))),
+                    ("a wrong zero of ", zero),
+                    ("a dead zone of ", list(Calibration::DeadZone, &share(" of the force"))),
+                    ("an inertia between ", list(Calibration::Inertia, &share(" of theirs"))),
+                ];
                 let named = named.iter().filter(|(_, own)| !own.is_empty()).map(|(what, own)| format!("{what}{own}"));
                 let most = faults.iter().map(|fault| fault.deviations).fold(0.0, f64::max);
                 write!(
                     f,
-                    "this log may not show {}, though one of these sizes moves a parameter by up to {most:.0} of its \
-                     deviations: make sure of them before the numbers are relied on",
+                    "this log may not show {}; such a fault moves a parameter by up to {most:.0} of its deviations: make sure of it before \
+                     the numbers are relied on",
                     named.collect::<Vec<_>>().join(", nor ")
                 )
             }

@@ -49,12 +49,13 @@ const APPLIED_SETTLED: f64 = 0.1;
 /// A gain of which the last pass still asks for more than this share does not settle: of one that is there a few percent are left by then,
 /// be it a factor of a thousand.
 const UNSETTLED_GAIN: f64 = 0.5;
-/// Faults that are asked for whether the record would show them: a gain that is by this share off, and a zero by this share of the range of
-/// its coordinate.
-const GAIN_FAULT: f64 = 0.05;
+/// Faults that are asked for whether the record would show them: a gain that is by this share off, a dead zone of this share of the force, a
+/// zero that is off by its share of the range of its coordinate, and an inertia between two coordinates of its share of theirs.
+pub(super) const GAIN_FAULT: f64 = 0.05;
 const ZERO_FAULT: f64 = 0.01;
+const INERTIA_FAULT: f64 = 0.1;
 /// One that moves no parameter by so many deviations does no harm.
-const HARMFUL: f64 = 2.0;
+pub(super) const HARMFUL: f64 = 2.0;
 /// A record shows a fault when it does so 95 times in 100: what is told of it lies by so many of its deviations below the fault once in twenty.
 const SURELY: f64 = 1.645;
 /// Longest delay that is looked for, s.
@@ -97,13 +98,14 @@ pub struct FittedDelay {
     pub settled: bool,
 }
 
-/// What a fault of a sensor's calibration would do.
+/// What a fault of a sensor's calibration would do, or something else of which many records say nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationFault {
-    /// The gain of an input, or the zero of a coordinate.
+    /// The gain of an input, the zero of a coordinate, a dead zone, or an inertia between coordinates.
     pub term: Term,
-    /// Standard deviation with which the record tells it: a share of the gain, or a distance in the unit of the coordinate.
-    pub std: f64,
+    /// Standard deviation with which the record tells it: a share of the gain, of the force or of the inertia, or a distance in the unit of the
+    /// coordinate. Nothing where no record tells it.
+    pub std: Option<f64>,
     /// Change of every parameter by a fault of one of these units that the model knows nothing of.
     pub change: Vec<f64>,
     /// One that the record would not show for certain, though it would move parameters.
@@ -609,15 +611,19 @@ impl<'a> Pass<'a> {
         })
     }
 
-    /// What faults of gains and zeros would do to the parameters, whose covariance is given. One is unseen where its term takes no part, since
-    /// the parameters make up for nearly all of it, or where noise can leave it below what makes a term enter.
+    /// What faults of gains and zeros, dead zones and inertias between coordinates would do to the parameters, whose covariance is given. One
+    /// is unseen where its term takes no part, since the parameters make up for nearly all of it, or where noise can leave it below what
+    /// makes a term enter.
     fn calibration(&self, asked: &Asked, split: &Split, covariance: &DMatrix<f64>) -> Vec<CalibrationFault> {
         let p = self.rows.model.dims().parameters;
         let of = |(at, &column): (usize, &usize)| {
-            let (term, scale) = (self.terms[column - p], self.sizes[column - p]);
-            let size = match term.kind {
-                TermKind::InputGain => GAIN_FAULT,
-                TermKind::PositionOffset => ZERO_FAULT * self.scales.span(term.of),
+            let (term, size) = (self.terms[column - p], self.sizes[column - p]);
+            let own_inertia = |c: usize| self.own_inertia.get(c).copied().flatten().map_or(0.0, |j| self.theta[j].abs());
+            let (size, scale) = match term.kind {
+                TermKind::InputGain => (GAIN_FAULT, size),
+                TermKind::PositionOffset => (ZERO_FAULT * self.scales.span(term.of), size),
+                TermKind::DeadZone => (GAIN_FAULT, size * self.scales.force(term.row?)),
+                TermKind::RelativeInertia => (INERTIA_FAULT, size * own_inertia(term.of).min(own_inertia(term.other?))),
                 _ => return None,
             };
             let told = split.told[at] * scale;
@@ -631,7 +637,7 @@ impl<'a> Pass<'a> {
             let mut change = vec![0.0; p];
             self.kept.iter().zip(moved.iter()).for_each(|(&j, own)| change[j] = *own);
             let unseen = (below && moves > HARMFUL).then_some(UnseenFault { size, moves });
-            Some(CalibrationFault { term, std: 1.0 / told, change, unseen })
+            Some(CalibrationFault { term, std: Some(1.0 / told), change, unseen })
         };
         asked.terms.iter().enumerate().filter_map(of).collect()
     }

@@ -85,6 +85,19 @@ pub enum TermKind {
     PairPlay,
     /// An inertia that couples two coordinates.
     PairInertia,
+    /// An inertia that feels the relative acceleration of two coordinates, as that of a beam which turns when its ends do not move alike.
+    RelativeInertia,
+    /// A sine of the sum of the angles from one coordinate to another, as gravity of a link on a chain: the derivative of one potential, in the
+    /// rows of all of them.
+    ChainSine {
+        /// Whether the two angles are counted against each other.
+        against: bool,
+    },
+    /// A cosine of such a sum.
+    ChainCosine {
+        /// Whether the two angles are counted against each other.
+        against: bool,
+    },
     /// The product of two coordinates. This kind and the next two are asked of output error alone.
     Product,
     /// A parameter that changes over the record; the term is of the parameter.
@@ -167,6 +180,27 @@ fn rounded_sign(signal: &[f64], size: f64) -> Vec<f64> {
 fn against_each_other((a, b): (usize, usize), values: Vec<f64>) -> Columns {
     let against = values.iter().map(|value| -value).collect();
     vec![(a, values), (b, against)]
+}
+
+/// A function of the sum of the angles from one coordinate to another, in the rows of all of them.
+fn chain((from, to): (usize, usize), against: bool, of: fn(f64) -> f64, seen: &dyn Seen) -> Columns {
+    let sign = |c: usize| if against && c == to { -1.0 } else { 1.0 };
+    let mut sum = vec![0.0; seen.points()];
+    for c in from..=to {
+        sum.iter_mut().zip(seen.series(c, 0)).for_each(|(sum, q)| *sum += sign(c) * q);
+    }
+    let values: Vec<f64> = sum.into_iter().map(of).collect();
+    (from..=to).map(|c| (c, values.iter().map(|value| sign(c) * value).collect())).collect()
+}
+
+/// How the rows of a model depend on the motion.
+pub(crate) struct Structure<'a> {
+    /// Whether a row has the acceleration of a coordinate.
+    pub(crate) coupled: &'a dyn Fn(usize, usize) -> bool,
+    /// Whether a row depends on the motion of a coordinate.
+    pub(crate) feels: &'a dyn Fn(usize, usize) -> bool,
+    /// Whether a parameter makes the acceleration of a coordinate in its own row, and no other.
+    pub(crate) has_own_inertia: &'a dyn Fn(usize) -> bool,
 }
 
 /// What the terms of all stretches have in common: so that a column means the same in each of them.
@@ -272,7 +306,7 @@ impl Scales {
         let of = |c: usize| self.rate_deviation[c] / self.speed[c].max(f64::MIN_POSITIVE);
         match term.kind {
             TermKind::PositionOffset | TermKind::InputGain | TermKind::Delay => 0.0,
-            TermKind::Inertia(_) | TermKind::PairInertia => 1.0,
+            TermKind::Inertia(_) | TermKind::PairInertia | TermKind::RelativeInertia => 1.0,
             _ => of(term.of).max(term.other.map_or(0.0, of)),
         }
     }
@@ -303,6 +337,11 @@ impl Scales {
         high - low
     }
 
+    /// Root mean square force of a row.
+    pub(crate) fn force(&self, row: usize) -> f64 {
+        self.force[row]
+    }
+
     /// Whether an input acts in a row.
     pub(crate) fn driven(&self, row: usize) -> bool {
         self.driven[row]
@@ -316,7 +355,11 @@ impl Scales {
         }
         let row = term.row.unwrap_or(term.of);
         if let Some(other) = term.other {
-            return self.between(term.kind, (term.of, other), seen);
+            return match term.kind {
+                TermKind::ChainSine { against } => chain((term.of, other), against, f64::sin, seen),
+                TermKind::ChainCosine { against } => chain((term.of, other), against, f64::cos, seen),
+                kind => self.between(kind, (term.of, other), seen),
+            };
         }
         let c = term.of;
         let (q, v) = (series(c, 0), series(c, 1));
@@ -398,6 +441,7 @@ impl Scales {
         }
         let of = |k: usize| match kind {
             TermKind::PairPower(n) => r[k].powi(n as i32),
+            TermKind::RelativeInertia => acceleration[k],
             TermKind::PairDamping => w[k],
             TermKind::PairAsymmetry => w[k] * sign(w[k], deviation(k)),
             TermKind::PairDrag => w[k] * w[k].abs(),
@@ -408,14 +452,9 @@ impl Scales {
         against_each_other((a, b), (0..seen.points()).map(of).collect())
     }
 
-    /// The terms that are asked for; `coupled` says whether a row of the model has the acceleration of a coordinate, `feels` whether it
-    /// depends on its motion.
-    pub(crate) fn terms(
-        &self,
-        model: &dyn Model<f64>,
-        coupled: &dyn Fn(usize, usize) -> bool,
-        feels: &dyn Fn(usize, usize) -> bool,
-    ) -> Vec<Term> {
+    /// The terms that are asked for.
+    pub(crate) fn terms(&self, model: &dyn Model<f64>, structure: &Structure<'_>) -> Vec<Term> {
+        let Structure { coupled, feels, has_own_inertia } = structure;
         let dims = model.dims();
         let mut terms = Vec::new();
         for row in 0..dims.rows {
@@ -496,15 +535,39 @@ impl Scales {
                     ] {
                         add(kind);
                     }
-                    // With a coupling of the model's own it would span, together with an inertia, what the parameters span.
+                    // With a coupling of the model's own an inertia would span, together with one that no parameter is, what the
+                    // parameters span.
                     if !inertial(a, b) {
                         add(TermKind::PairInertia);
+                    } else if has_own_inertia(a) && has_own_inertia(b) {
+                        add(TermKind::RelativeInertia);
                     }
                 }
             }
+            terms.extend(self.chains(model));
         }
         let order = |c: usize| model.coordinate_order(c.min(dims.coordinates.saturating_sub(1)));
         terms.retain(|term| term.kind.is_of_first_order() || order(term.of) != 1);
         terms
+    }
+
+    /// Forces of links on chains of few joints: sines of sums of successive angles, and of the difference of two.
+    fn chains(&self, model: &dyn Model<f64>) -> Vec<Term> {
+        let coordinates = model.dims().coordinates;
+        let is_angle = |c: usize| model.coordinate(c).unit.is_none_or(|unit| unit == "rad");
+        if coordinates > MOST_PAIRED {
+            return Vec::new();
+        }
+        let pairs = (0..coordinates).flat_map(|a| (a + 1..coordinates).map(move |b| (a, b)));
+        let of_angles = pairs.filter(|&(a, b)| {
+            (a..=b).all(is_angle) && (a..=b).map(|c| self.span(c)).fold(0.0, f64::max) > SINE_RANGE
+        });
+        let both = of_angles.flat_map(|(a, b)| [false, true].map(|against| (a, b, against)));
+        both.filter(|(a, b, against)| !against || b - a == 1)
+            .flat_map(|(of, other, against)| {
+                [TermKind::ChainSine { against }, TermKind::ChainCosine { against }]
+                    .map(|kind| Term { kind, row: None, of, other: Some(other) })
+            })
+            .collect()
     }
 }

@@ -129,6 +129,8 @@ pub(super) struct Pass<'a> {
     pub(super) leading: Vec<Option<usize>>,
     /// Which accelerations stand in which rows, row by row.
     pub(super) coupled: Vec<Vec<bool>>,
+    /// The parameter that makes the acceleration of a coordinate in its own row, and no other, coordinate by coordinate.
+    pub(super) own_inertia: Vec<Option<usize>>,
     /// Lines of all rows with the terms; none before these are asked for.
     pub(super) lines: Vec<RowLines>,
     /// How the rows feel the motion; nothing before first values are known.

@@ -3,7 +3,7 @@
 use crate::error::EstimateError;
 use crate::free::Free;
 use crate::information::{beside, beside_known, set_apart};
-use crate::likelihood::library::{OnGrid, Scales, Seen, Term, TermKind};
+use crate::likelihood::library::{OnGrid, Scales, Seen, Structure, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines};
 use crate::likelihood::noise::{Noise, triangle};
 use crate::likelihood::pass::{Known, Look, Pass};
@@ -59,6 +59,7 @@ impl<'a> Pass<'a> {
             views: Vec::new(),
             leading: vec![None; dims.rows],
             coupled: Vec::new(),
+            own_inertia: Vec::new(),
             lines: Vec::new(),
             felt: None,
         };
@@ -87,6 +88,14 @@ impl<'a> Pass<'a> {
         }
         let coupled = |own: &Vec<Vec<f64>>| own.iter().map(|own| own.iter().any(|a| *a != 0.0)).collect();
         self.coupled = coefficients.iter().map(coupled).collect();
+        let makes = |row: usize, c: usize, j: usize| coefficients[row][c][j] != 0.0;
+        let is_own = |c: usize, j: usize| {
+            let others = (0..dims.rows).flat_map(|row| (0..dims.coordinates).map(move |other| (row, other)));
+            makes(c, c, j) && others.filter(|at| *at != (c, c)).all(|(row, other)| !makes(row, other, j))
+        };
+        self.own_inertia = (0..dims.coordinates.min(dims.rows))
+            .map(|c| free.indices.iter().copied().find(|&j| is_own(c, j)))
+            .collect();
         self.felt = Some(felt);
         Ok(())
     }
@@ -97,7 +106,12 @@ impl<'a> Pass<'a> {
     /// As of [`all_rows`](Self::all_rows).
     pub(super) fn with_terms(mut self, load: &[usize]) -> Result<Self, EstimateError> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
-        self.terms = self.scales.terms(self.rows.model, &|row, c| self.coupled[row][c], &feels);
+        let structure = Structure {
+            coupled: &|row, c| self.coupled[row][c],
+            feels: &feels,
+            has_own_inertia: &|c| self.own_inertia.get(c).is_some_and(Option::is_some),
+        };
+        self.terms = self.scales.terms(self.rows.model, &structure);
         let look = &self.look;
         self.terms.retain(|term| look.is_fitted(*term) || !look.refused.contains(term));
         let mut from = 0.0;

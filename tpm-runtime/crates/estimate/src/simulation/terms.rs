@@ -1,6 +1,6 @@
 //! Terms that the model may lack, along the motion of a record: the library of the lines.
 
-use crate::likelihood::{Columns, Scales, Seen, Term, TermKind};
+use crate::likelihood::{Columns, Scales, Seen, Structure, Term, TermKind};
 use crate::output_error::OutputErrorFault;
 use crate::simulation::problem::{Along, Column, Point, Problem};
 use tpm_numerics::root_mean_square;
@@ -99,7 +99,9 @@ impl Library {
         let felt = |row: usize, slot: usize| feels[row * dims.motion_len() + slot];
         let coupled = |row: usize, c: usize| felt(row, model.coordinate_order(c) * dims.coordinates + c);
         let moved = |row: usize, c: usize| (0..model.coordinate_order(c)).any(|d| felt(row, d * dims.coordinates + c));
-        let mut terms = scales.terms(model, &coupled, &moved);
+        // A coupling beside the model's own is asked of the lines alone.
+        let structure = Structure { coupled: &coupled, feels: &moved, has_own_inertia: &|_| false };
+        let mut terms = scales.terms(model, &structure);
         terms.retain(|term| !matches!(term.kind, TermKind::InputGain | TermKind::PositionOffset));
         let read = (0..dims.coordinates).filter(|&c| model.coordinate_order(c) > 1 && problem.sensor(c).is_some());
         terms.extend(read.map(|of| Term { kind: TermKind::Backlash, row: None, of, other: None }));
