@@ -22,6 +22,7 @@ pub mod singular;
 pub mod spectrum;
 pub mod tail;
 pub mod tolerance;
+pub mod whole;
 
 pub use continuous_riccati::continuous_riccati;
 pub use counts::{counted, grid, step};

@@ -2,6 +2,7 @@
 //! share of every frequency is motion.
 
 use crate::fourier::forward;
+use crate::whole;
 use std::f64::consts::PI;
 
 /// Shape of the Kaiser window: its side lobes lie 105 dB below the main lobe, so that a motion hides no sensor noise that is 1e-5 of it.
@@ -107,8 +108,8 @@ impl Spectrum {
     #[must_use]
     pub fn of(signals: &[&[f64]], h: f64) -> Self {
         let longest = signals.iter().map(|signal| signal.len()).max().unwrap_or(0);
-        let whole = longest as f64 * h;
-        let length = (LEAST_SEGMENT.max(whole / SEGMENTS) / h) as usize;
+        let duration = longest as f64 * h;
+        let length = whole::below(LEAST_SEGMENT.max(duration / SEGMENTS) / h);
         let fine = Welch::of(signals, h, length.clamp(1, longest.max(1)));
         let quarter = 0.25 / h;
         let mut high: Vec<f64> = fine.bins().filter(|(f, _)| *f > quarter).map(|(_, p)| p).collect();
@@ -155,7 +156,7 @@ impl Spectrum {
         }
         let noise = (white.level * 0.5 / h).sqrt();
         let (followed, used) = (below(FOLLOWED, &floor), below(USED, &floor));
-        let segment = ((SHARE_SEGMENT / h) as usize).clamp(1, longest.max(1));
+        let segment = whole::below(SHARE_SEGMENT / h).clamp(1, longest.max(1));
         let mut share = Welch::of(signals, h, segment);
         let logs: Vec<f64> = share.density.iter().map(|p| p.max(f64::MIN_POSITIVE).ln()).collect();
         let spacing = share.spacing;

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 use tpm_numerics::fourier::forward;
-use tpm_numerics::{DMatrix, DVector, root_mean_square};
+use tpm_numerics::{DMatrix, DVector, root_mean_square, whole};
 
 /// Share of a stretch over which the window rises and falls.
 const TAPER: f64 = 0.1;
@@ -176,8 +176,8 @@ impl View {
         let slow = (SIGN_UNKNOWN * self.rate_deviation).max(a / (2.0 * PI * self.followed));
         let mut weights = vec![1.0; n];
         for share in NOTCH_SHARES.into_iter().filter(|share| *share <= self.notch) {
-            let reach = (share * NOTCH / width / path.apart) as usize;
-            let rise = (NOTCH_RISE / width / path.apart) as usize + 1;
+            let reach = whole::below(share * NOTCH / width / path.apart);
+            let rise = whole::below(NOTCH_RISE / width / path.apart) + 1;
             let bad: Vec<bool> = valid.clone().map(|k| v[k].abs() < share * slow).collect();
             weights = rounded(&widened(&bad, reach + rise, path.circular), rise, path.circular);
             if weights.iter().map(|w| w * w).sum::<f64>() > LEAST_LEFT * n as f64 {
@@ -345,7 +345,7 @@ pub(super) fn row_lines_beside(
         let Some(window) = view.window(path) else { continue };
         let n = window.range.len();
         let spacing = 1.0 / (n as f64 * path.apart);
-        let lines = ((view.used / spacing) as usize + 1).min(n / 2).max(2);
+        let lines = (whole::below(view.used / spacing) + 1).min(n / 2).max(2);
         let scale = path.apart.sqrt();
         let shares = view.shares(path);
         let fresh: Vec<&(usize, Vec<f64>)> = signals.iter().filter(|(number, _)| !known.contains_key(number)).collect();

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{root_mean_square, whole};
 use tpm_numerics::spectrum::{Spectrum, rate_deviation};
 
 /// Points of the grid in one oscillation at the highest frequency at which a motion stands out of its noise: products of a few coordinates
@@ -259,8 +259,8 @@ impl Path {
         if self.circular {
             return 0..self.points;
         }
-        let first = (lost / self.apart).ceil() as usize;
-        let last = (((self.duration - lost) / self.apart).max(0.0) as usize).min(self.points);
+        let first = whole::above(lost / self.apart);
+        let last = whole::below((self.duration - lost) / self.apart).min(self.points);
         first.min(last)..last
     }
 
@@ -375,10 +375,10 @@ fn on_grid(
 ) -> Path {
     let dims = model.dims();
     let fastest = measured.iter().map(|own| own.spectrum.followed).fold(0.0, f64::max);
-    let whole = moving.points as f64 * record.sample_time;
+    let duration = moving.points as f64 * record.sample_time;
     let narrow = measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
-    let wanted = whole * f64::max(POINTS_PER_OSCILLATION * narrow, LEAST_POINTS * fastest);
-    let points = quick(wanted.ceil() as usize).min(moving.points);
+    let wanted = duration * f64::max(POINTS_PER_OSCILLATION * narrow, LEAST_POINTS * fastest);
+    let points = quick(whole::above(wanted)).min(moving.points);
     let slots = dims.motion_len();
     let mut motion = vec![0.0; points * slots];
     for (c, signal) in moving.coordinates.iter().enumerate() {
@@ -397,7 +397,7 @@ fn on_grid(
         coordinates: dims.coordinates,
         slots,
         points,
-        apart: whole / points as f64,
+        apart: duration / points as f64,
         circular,
         duration: moving.samples as f64 * record.sample_time,
         motion,

@@ -6,6 +6,7 @@ use crate::time_domain::low_pass::LowPass;
 use crate::time_domain::motion::{Motion, Moving};
 use std::f64::consts::PI;
 use tpm_numerics::spectrum::Spectrum;
+use tpm_numerics::whole;
 
 /// Cut-off in units of the highest frequency at which a motion is followed.
 const CUT_OFF: f64 = 2.2;
@@ -18,7 +19,7 @@ const POLYNOMIAL_REACH: f64 = 0.45;
 
 /// Samples on either side of a sample over which a polynomial follows a motion below a cut-off, Hz.
 pub(crate) fn reach(cut_off: f64, sample_time: f64) -> usize {
-    (POLYNOMIAL_REACH / (cut_off * sample_time)) as usize
+    whole::below(POLYNOMIAL_REACH / (cut_off * sample_time))
 }
 
 /// The cut-off for a motion, rad/s; nothing where all stretches are too short.

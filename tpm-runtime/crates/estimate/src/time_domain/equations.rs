@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use tpm_controller::derivatives::RowDerivatives;
 use tpm_controller::model::{EvalError, Model};
 use tpm_motion::held;
-use tpm_numerics::{alarm, root_mean_square};
+use tpm_numerics::{alarm, root_mean_square, whole};
 
 /// Cut-off of the low pass on the motion, in units of that on the rows: what the rows' own low pass takes later need not be taken here.
 const MOTION_CUT_OFF_RATIO: f64 = 2.0;
@@ -84,7 +84,7 @@ impl Equations {
         for stretch in &motion.stretches {
             Band { machine, record, stretch, low_pass, rate }.append(&mut rows)?;
         }
-        Ok(Equations { rows, correlated: (rate * low_pass.reach()).ceil() as usize })
+        Ok(Equations { rows, correlated: whole::above(rate * low_pass.reach()) })
     }
 
     /// The longest time that a band takes from either end of a stretch, s.
@@ -133,7 +133,7 @@ impl Band<'_> {
             return Ok(());
         }
         let wanted = duration * SAMPLES_PER_OSCILLATION * self.low_pass.cut_off / (2.0 * PI);
-        let fine = quick(wanted as usize).min(self.stretch.points);
+        let fine = quick(whole::below(wanted)).min(self.stretch.points);
         let wide = LowPass { cut_off: MOTION_CUT_OFF_RATIO * self.low_pass.cut_off };
         let inputs: Vec<Vec<f64>> = (self.stretch.inputs.iter().enumerate())
             .map(|(i, input)| {
@@ -147,9 +147,9 @@ impl Band<'_> {
         let dims = self.machine.model.dims();
         let width = dims.parameters + 1;
         let apart = duration / fine as f64;
-        let coarse = quick((duration * self.rate).ceil() as usize).min(fine);
+        let coarse = quick(whole::above(duration * self.rate)).min(fine);
         let instants = coarse as f64 / duration;
-        let kept = (first * instants).ceil() as usize..(last * instants) as usize;
+        let kept = whole::above(first * instants)..whole::below(last * instants);
         if kept.is_empty() {
             return Ok(());
         }
@@ -177,8 +177,8 @@ impl Band<'_> {
             let counts = kept.clone().map(|k| {
                 let near = HEAVY_REACH * self.low_pass.reach();
                 let middle = k as f64 / instants;
-                let from = (((middle - near) / apart) as usize).min(fine - 1);
-                let to = (((middle + near) / apart) as usize).clamp(from + 1, fine);
+                let from = whole::below((middle - near) / apart).min(fine - 1);
+                let to = whole::below((middle + near) / apart).clamp(from + 1, fine);
                 unsure[r]
                     .as_ref()
                     .is_none_or(|sums| f64::from(sums[to] - sums[from]) <= MOST_UNKNOWN_TIME * (to - from) as f64)
