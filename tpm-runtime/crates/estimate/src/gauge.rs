@@ -8,7 +8,7 @@
 
 use crate::result::Estimate;
 use crate::scale::Scale;
-use crate::verdict::Status;
+use crate::verdict::{Evidence, POOR_DEVIATION, Status};
 use tpm_numerics::singular::largest_one;
 use tpm_numerics::{DMatrix, Matrix, tolerance};
 
@@ -50,6 +50,24 @@ impl Estimate {
                 self = self.in_gauge(&scale, own).along(&scale);
             }
         }
+        self
+    }
+
+    /// The estimate with values and covariance of all parameters where something else tells every scale, such as a part of the machine that is
+    /// known.
+    #[must_use]
+    pub fn with_scales_known(mut self, values: Vec<f64>, covariance: Matrix) -> Self {
+        let of_scale = |j: usize| self.scales.iter().any(|scale| scale.powers[j] != 0.0);
+        for j in (0..values.len()).filter(|&j| of_scale(j)) {
+            let std = covariance[(j, j)].max(0.0).sqrt();
+            self.std[j] = std;
+            self.status[j] = Status::of(Evidence::Shown { value: values[j], std, felt: f64::INFINITY }, POOR_DEVIATION);
+        }
+        self.rank += self.scales.len();
+        let told: Vec<usize> = self.scales.drain(..).map(|scale| scale.direction).collect();
+        let left = self.unobservable.drain(..).enumerate().filter(|(at, _)| !told.contains(at));
+        self.unobservable = left.map(|(_, direction)| direction).collect();
+        (self.values, self.covariance) = (values, covariance);
         self
     }
 

@@ -115,13 +115,16 @@ impl Estimate {
         let first = |values: &[f64]| values.iter().take(count).copied().collect::<Vec<f64>>();
         let rows: Vec<Vec<f64>> = self.covariance.to_rows().iter().take(count).map(|row| first(row)).collect();
         let shown = |direction: &Vec<f64>| direction.iter().any(|component| component.abs() > 0.0);
+        let before = |own: usize| self.unobservable[..own].iter().filter(|direction| shown(&first(direction))).count();
+        let of_these = |scale: &&Scale| scale.powers.iter().skip(count).all(|power| *power == 0.0);
+        let scale = |own: &Scale| Scale { direction: before(own.direction), powers: first(&own.powers) };
         Estimate {
             values: first(&self.values),
             std: first(&self.std),
             covariance: Matrix::from_rows(&rows).unwrap_or_else(|| self.covariance.clone()),
             status: self.status.iter().take(count).copied().collect(),
             unobservable: self.unobservable.iter().map(|direction| first(direction)).filter(shown).collect(),
-            scales: Vec::new(),
+            scales: self.scales.iter().filter(of_these).map(scale).collect(),
             ..self.clone()
         }
     }

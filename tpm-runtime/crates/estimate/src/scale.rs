@@ -11,17 +11,18 @@ pub struct Scale {
 
 impl Scale {
     /// The parameters that take part.
-    pub(super) fn members(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn members(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.powers.len()).filter(|&j| self.powers[j] != 0.0)
     }
 
     /// Goes along the scale by a factor.
-    pub(super) fn multiply(&self, values: &mut [f64], factor: f64) {
+    pub fn multiply(&self, values: &mut [f64], factor: f64) {
         self.members().for_each(|j| values[j] *= factor.powf(self.powers[j]));
     }
 
     /// The largest of them by value, whose power is one, and which is one in their gauge.
-    pub(super) fn own(&self, values: &[f64]) -> Option<usize> {
+    #[must_use]
+    pub fn own(&self, values: &[f64]) -> Option<usize> {
         let whole = |j: &usize| self.powers[*j] == 1.0 && values[*j].abs() > 0.0;
         self.members().filter(whole).max_by(|&a, &b| values[a].abs().total_cmp(&values[b].abs()))
     }

@@ -12,13 +12,18 @@
 //! starts: where such a point lies at the distance `d` from the minimum, and its sum of squares is larger by `D`, the
 //! variance is at least `d^2 / D`. Equality holds for a linear map along the worst direction.
 //!
+//! Where the data show the c up to powers of a common factor, the c(p) are brought to the factor of the estimate before they are compared:
+//! products of powers are then what they are however far p goes along the factor, which a tangent does not give.
+//!
 //! Invariant: rows of `Weighted` are combinations of the c that the data determine, each of variance one and
 //! uncorrelated with the others. Directions that the data do not determine have no row.
 
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
 use tpm_controller::model::Model;
-use tpm_estimate::{Estimate, Evidence, Information, POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Status};
+use tpm_estimate::{
+    Estimate, Evidence, Information, POOR_PHYSICAL_DEVIATION, ParameterReport, PhysicalRemark, Scale, Status,
+};
 use tpm_experiment::Experiment;
 use tpm_numerics::chance::deviation;
 use tpm_numerics::singular::{Singular, complement, largest_one, unit_columns};
@@ -72,6 +77,8 @@ pub struct Physical {
     pub values: Vec<f64>,
     /// The lumped parameters computed from the physical ones.
     pub lumped: Vec<f64>,
+    /// Their covariance.
+    pub lumped_covariance: Matrix,
     /// Covariance, in the order of `parameters`; zero for parameters that are frozen or at a bound.
     pub covariance: Matrix,
     /// Directions that the lumped parameters do not determine, each scaled so that its largest component is one.
@@ -362,6 +369,8 @@ const PRODUCTS: [&str; 3] = ["Ixy", "Ixz", "Iyz"];
 struct Weighted {
     rows: DMatrix<f64>,
     right: DVector<f64>,
+    /// Common factors of parameters, with the parameter of power one that tells them and its value in the estimate.
+    scales: Vec<(Scale, usize, f64)>,
 }
 
 impl Weighted {
@@ -391,7 +400,33 @@ impl Weighted {
             turned[(j, i)] / (scale[j] * variance.sqrt())
         });
         let right = &rows * DVector::from_column_slice(&estimate.values);
-        Self { rows, right }
+        let of = |scale: &Scale| {
+            let own = scale.own(&estimate.values)?;
+            Some((scale.clone(), own, estimate.values[own]))
+        };
+        Self { rows, right, scales: estimate.scales.iter().filter_map(of).collect() }
+    }
+
+    /// Lumped parameters at the factors of the estimate, and what becomes of their derivatives, if these are given: rows are parameters.
+    fn at_its_scales(&self, lumped: &mut [f64], derivatives: Option<&mut DMatrix<f64>>) {
+        let before = lumped.to_vec();
+        for (scale, own, size) in &self.scales {
+            scale.multiply(lumped, size / before[*own]);
+        }
+        let Some(derivatives) = derivatives else { return };
+        for (scale, own, _) in &self.scales {
+            let of_own = derivatives.row(*own) / before[*own];
+            for j in scale.members() {
+                for (entry, relative) in derivatives.row_mut(j).iter_mut().zip(of_own.iter()) {
+                    *entry -= scale.powers[j] * before[j] * relative;
+                }
+            }
+        }
+        for (j, mut row) in derivatives.row_iter_mut().enumerate() {
+            if before[j] != 0.0 {
+                row *= lumped[j] / before[j];
+            }
+        }
     }
 
     fn of_information(information: &Information, gradient: Option<&[f64]>) -> Self {
@@ -403,7 +438,7 @@ impl Weighted {
         {
             right += shift;
         }
-        Self { rows, right }
+        Self { rows, right, scales: Vec::new() }
     }
 }
 
@@ -577,7 +612,7 @@ impl Fixed {
         for (row, sign) in (0..weighted.right.len()).flat_map(|row| [(row, 1.0), (row, -1.0)]) {
             let mut right = weighted.right.clone();
             right[row] += sign;
-            let moved = Weighted { rows: weighted.rows.clone(), right };
+            let moved = Weighted { rows: weighted.rows.clone(), right, scales: weighted.scales.clone() };
             let there = self.minimise(map, &moved, solution.values.clone());
             let follows = there.misfit.is_finite();
             for ((square, there), here) in squares.iter_mut().zip(&there.values).zip(&solution.values) {
@@ -596,16 +631,24 @@ impl Fixed {
     }
 
     fn residuals(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
-        let lumped = DVector::from_vec(map.evaluate(self.lookup(map, values)));
-        let residuals = &weighted.rows * lumped - &weighted.right;
+        let mut lumped = map.evaluate(self.lookup(map, values));
+        weighted.at_its_scales(&mut lumped, None);
+        let residuals = &weighted.rows * DVector::from_vec(lumped) - &weighted.right;
         residuals.iter().all(|value| value.is_finite()).then_some(residuals)
     }
 
     fn jacobian(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DMatrix<f64>> {
-        let rows = map.jacobian_at(self.lookup(map, values));
-        let lumped = DMatrix::from_fn(rows.len(), values.len(), |r, c| rows[r][c]);
-        let jacobian = &weighted.rows * lumped;
+        let mut derivatives = self.derivatives(map, values);
+        let mut lumped = map.evaluate(self.lookup(map, values));
+        weighted.at_its_scales(&mut lumped, Some(&mut derivatives));
+        let jacobian = &weighted.rows * derivatives;
         jacobian.iter().all(|value| value.is_finite()).then_some(jacobian)
+    }
+
+    /// Derivatives of the lumped parameters by the physical ones.
+    fn derivatives(&self, map: &ParameterMap, values: &[f64]) -> DMatrix<f64> {
+        let rows = map.jacobian_at(self.lookup(map, values));
+        DMatrix::from_fn(rows.len(), values.len(), |r, c| rows[r][c])
     }
 
     fn gradient(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
@@ -733,11 +776,13 @@ impl Fixed {
         if deviation > alarm::LUMPED_CONTRADICT {
             remarks.push(PhysicalRemark::Inconsistent { deviation, relations: freedom });
         }
+        let derivatives = self.derivatives(map, &solution.values);
         Physical {
             parameters,
             status,
             values: solution.values.clone(),
             lumped: map.evaluate(self.lookup(map, &solution.values)),
+            lumped_covariance: Matrix::of(&derivatives * &covariance * derivatives.transpose()),
             covariance: Matrix::of(covariance),
             unobservable,
             condition,

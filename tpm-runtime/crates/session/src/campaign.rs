@@ -383,7 +383,11 @@ impl Session {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
                 Some(lumped) => lumped
-                    .complete(&mut result, PhysicalSettings::of(&self.written, &self.bounds))
+                    .complete(
+                        &mut result,
+                        (self.declared.evaluated(), &[]),
+                        PhysicalSettings::of(&self.written, &self.bounds),
+                    )
                     .map_err(|fault| self.placed(fault.into()))?,
                 None => {
                     if let Some(name) = self.bounds.keys().next() {

@@ -140,9 +140,16 @@ pub struct Identification {
 
 impl Identification {
     /// The result with what another estimate tells of the parameters.
-    pub(super) fn telling(self, told: EstimateReport) -> Self {
+    pub(super) fn telling(mut self, told: EstimateReport) -> Self {
+        self.tell(told);
+        self
+    }
+
+    /// Takes what another estimate tells of the parameters.
+    pub(super) fn tell(&mut self, told: EstimateReport) {
         let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } = told;
-        Identification { parameters, unobservable, combinations, covariance, combination_covariance, ..self }
+        (self.parameters, self.unobservable, self.combinations) = (parameters, unobservable, combinations);
+        (self.covariance, self.combination_covariance) = (covariance, combination_covariance);
     }
 
     /// Whether everything that was asked for was identified by a model that explains the data, and a campaign ended as planned.

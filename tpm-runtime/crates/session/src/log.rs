@@ -226,7 +226,7 @@ fn of_requests(model: &dyn Identifiable, requests: &[LogRequest]) -> Result<Iden
     let mut result = pooled(evaluated, parts, &known)
         .map_err(|source| LogFault::Estimate { path: first.path.display().to_string(), source })?;
     if let Some(lumped) = lumped {
-        lumped.complete(&mut result, first.estimation.physical())?;
+        lumped.complete(&mut result, (evaluated, &known.stated_prior()), first.estimation.physical())?;
     }
     if let Some(declared) = &declared {
         summary::warn_of_negative_gains(&mut result, &declared.prepared().model, evaluated.dims().order);

@@ -336,6 +336,7 @@ impl<'a> Lumped<'a> {
     pub(super) fn complete(
         &self,
         result: &mut Identification,
+        (model, prior): (&dyn Model<f64>, &[Option<f64>]),
         mut settings: PhysicalSettings,
     ) -> Result<(), PhysicalError> {
         let Some(estimate) = &result.estimate else { return Ok(()) };
@@ -343,8 +344,19 @@ impl<'a> Lumped<'a> {
         for values in [&mut settings.prior, &mut settings.frozen] {
             values.retain(|name, _| names.contains(name));
         }
-        let estimate = &estimate.of_first(self.0.form.columns.len());
-        let found = physical(self.0, estimate, &settings)?;
+        let own = estimate.of_first(self.0.form.columns.len());
+        let found = physical(self.0, &own, &settings)?;
+        let is_whole = own.values.len() == estimate.values.len() && own.scales.len() == estimate.scales.len();
+        if is_whole && !own.scales.is_empty() && found.unobservable.is_empty() {
+            // What is held of the machine tells the scales that the log does not show.
+            let told = own.with_scales_known(found.lumped.clone(), found.lumped_covariance.clone());
+            result.tell(EstimateReport::new(model, prior, Some(&told)));
+            (result.rank, result.current) = (told.rank, told.values.clone());
+            result.estimate = Some(told);
+            let of_scales =
+                |own: &Warning| matches!(own, Warning::OnlyTogether { .. } | Warning::OnlyInCombinations { .. });
+            result.warnings.retain(|own| !of_scales(own));
+        }
         // A value at a bound has no deviation, and so no covariance.
         let known = |i: usize| found.parameters[i].std.is_some();
         let count = found.parameters.len();
