@@ -88,9 +88,10 @@ pub(super) fn identify(
         let conditions = Conditions { by, ..Conditions::of_log(options) };
         refined(machine, start, conditions, settings, &restate)
     };
-    let own = if !settings.fitted_delays.is_empty() {
-        // A delay that is found is a parameter of the lines, which the simulation does not have.
-        let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::FittedDelay);
+    let errs = found.lacking.iter().any(|own| own.term.kind.is_of_reading());
+    let own = if !settings.fitted_delays.is_empty() || (errs && !asked) {
+        // A delay or an error of a reading that is found is a parameter of the lines, which the simulation does not have.
+        let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::OfChannel);
         Refined { report: (options.refine != Refine::None).then(why), ..unrefined(&found) }
     } else if asked || is_simulated(dims) {
         simulated()
@@ -106,7 +107,7 @@ pub(super) fn identify(
         own
     } else {
         // Why a simulation is not used stays in the report, but where one that nobody asked for could not be made.
-        let left_out = asked || !is_simulated(dims) || !settings.fitted_delays.is_empty();
+        let left_out = asked || errs || !is_simulated(dims) || !settings.fitted_delays.is_empty();
         let why = |report: RefinementReport| match report.used {
             true => Some(RefinementReport { used: false, note: Some(NotRefined::Lacks), ..report }),
             false => Some(report).filter(|_| left_out),

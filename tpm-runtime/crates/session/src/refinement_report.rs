@@ -149,8 +149,8 @@ pub enum NotRefined {
     NotAsked,
     /// The simulation needs forces that the model lacks.
     Lacks,
-    /// A delay is found with the parameters, which the simulation takes as known.
-    FittedDelay,
+    /// A delay or an error of a reading is found with the parameters, which the simulation takes as known.
+    OfChannel,
     /// A nonlinear parameter goes on moving.
     Moving {
         /// The nonlinear parameter.
@@ -172,8 +172,8 @@ impl fmt::Display for NotRefined {
             NotRefined::Lacks => f.write_str(
                 "not refined by a simulation: it needs forces that the model lacks, and says no more of the parameters than the lines of the rows beside the terms that they name",
             ),
-            NotRefined::FittedDelay => f.write_str(
-                "not refined by a simulation: it takes delays as known, and one is found with the parameters",
+            NotRefined::OfChannel => f.write_str(
+                "not refined by a simulation: it takes delays and errors of readings as known, and one is found with the parameters",
             ),
             NotRefined::Moving { parameter } => write!(f, "{parameter} does not settle on a value"),
         }

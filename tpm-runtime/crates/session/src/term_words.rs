@@ -151,6 +151,16 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
             format!("{0} beyond {1:.4}", name(model.input(own.of)), lacking.value),
             format!("clipping: the input is limited (saturation) at about {:.4}", lacking.value).into(),
         ),
+        TermKind::ReadingSine(multiple) => {
+            let often = if multiple == 1 { "once".to_owned() } else { format!("{multiple} times") };
+            let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));
+            let meaning = format!(
+                "the reading of {} errs by {:.3e}{unit} {often} a turn (a wheel that is not centred)",
+                q(),
+                lacking.value.abs()
+            );
+            (format!("{} on its reading", angle("sin", multiple, &q())), meaning.into())
+        }
         TermKind::Backlash => (
             format!("sign({}) on its reading", v()),
             format!("backlash or hysteresis between machine and sensor, {:.3e} to either side", lacking.value.abs())

@@ -20,6 +20,7 @@ use crate::verdict::LARGE_RESIDUAL;
 use serde::Serialize;
 use tpm_controller::model::Model;
 use tpm_numerics::singular::unit_columns;
+use tpm_numerics::tail::chi_squared_upper;
 use tpm_numerics::{Cholesky, DMatrix, DVector, Matrix, alarm, gram as products, root_mean_square, tolerance};
 
 /// Passes in which noise and components are found in turn; more where a row without an input is linearised anew.
@@ -279,6 +280,10 @@ fn applied<'a>(
             let late = look.inputs[found.term.of].delay + found.value;
             found.term.kind == TermKind::Delay && !look.is_fitted(found.term) && late.abs() > LONGEST_DELAY
         };
+        if !fitted.erring.is_empty() {
+            look.applied.append(&mut fitted.erring);
+            continue;
+        }
         if fitted.applied.is_empty() || settled || fitted.applied.iter().any(beyond) {
             fitted.result.delays.iter_mut().for_each(|delay| delay.settled = settled);
             return fitted.with_prediction(settings);
@@ -330,6 +335,8 @@ struct Outcome<'a> {
     result: OfAnyMotion,
     /// Delays and gains of inputs that were found beside what was applied.
     applied: Vec<Applied>,
+    /// Errors of readings that were found, which are parameters from then on.
+    erring: Vec<Term>,
     pass: Pass<'a>,
     noise: Noise,
     /// Columns that are estimated, and those of missing terms that a model which predicts forces can have.
@@ -454,6 +461,7 @@ impl<'a> Pass<'a> {
         let (values, missing) = self.values(&asked, &weighed.solved);
         let Weighed { noise, variance, active, solved, split } = weighed;
         let calibration = self.calibration(&asked, &split, &solved.covariance);
+        let erring = self.erring(&asked, &split, &variance);
         let Asked { fixed, terms, threshold, .. } = asked;
         let by_lines =
             self.by_lines(&noise, &fixed, &active.iter().map(|&i| (terms[i], variance[i])).collect::<Vec<_>>());
@@ -471,9 +479,17 @@ impl<'a> Pass<'a> {
             }
         }
         let named = |column: usize, (value, std): (f64, f64)| {
-            let (term, size) = (self.terms[column - p], self.sizes[column - p]);
+            let term = self.terms[column - p];
+            let size = match (term.kind, term.row) {
+                // What a reading errs by is the acceleration that no force makes, over the inertia.
+                (kind, Some(row)) if kind.is_of_reading() => {
+                    let inertia = self.coefficients[row][term.of].iter().zip(&values).map(|(own, value)| own * value);
+                    -self.sizes[column - p] * inertia.sum::<f64>()
+                }
+                _ => self.sizes[column - p],
+            };
             let gain = self.gain(column, value, (&values, &missing));
-            Lacking { term, value: value / size, std: std / size, gain }
+            Lacking { term, value: value / size, std: (std / size).abs(), gain }
         };
         let mut lacking: Vec<(f64, Lacking)> = Vec::new();
         let mut lasting = Vec::new();
@@ -498,6 +514,10 @@ impl<'a> Pass<'a> {
         for (a, &column) in fixed.iter().enumerate().skip(kept) {
             let (term, size) = (self.terms[column - p], self.sizes[column - p]);
             let (value, std) = (solved.values[a] / size, covariance[(a, a)].max(0.0).sqrt() / size);
+            if term.kind.is_of_reading() {
+                lacking.push((f64::INFINITY, named(column, (value * size, std * size))));
+                continue;
+            }
             let own = self.look.inputs[term.of];
             let whole = if term.kind == TermKind::Delay { own.delay + value } else { (1.0 + value) / own.gain - 1.0 };
             applied.push(Applied { term, value, std });
@@ -518,6 +538,7 @@ impl<'a> Pass<'a> {
             own.std *= factor * factor / self.look.inputs[own.term.of].gain;
             own.value = factor;
         }
+        let mut lacking = with_amplitudes(lacking);
         lacking.sort_by(|a, b| b.0.total_cmp(&a.0));
         // Torque constants are known no better than this, so that such a gain does not put the scale of all parameters in doubt.
         let of_gain =
@@ -589,6 +610,7 @@ impl<'a> Pass<'a> {
         let other_hold = self.other_hold(&estimate.values)?.map(|ratio| ratio * estimate.residual);
         let followed = self.paths.fastest();
         Ok(Outcome {
+            erring,
             result: OfAnyMotion {
                 estimate,
                 other_hold,
@@ -611,6 +633,28 @@ impl<'a> Pass<'a> {
         })
     }
 
+    /// The errors of readings that the record shows, those of a coordinate together: a wheel that is not centred errs once and twice a turn, and
+    /// while half of that is left out the inertia that makes up for it hides the other half.
+    fn erring(&self, asked: &Asked, split: &Split, variance: &[f64]) -> Vec<Term> {
+        let term = |at: usize| self.terms[asked.terms[at] - self.rows.model.dims().parameters];
+        let n = split.target.len();
+        let scaled = DMatrix::from_fn(n, n, |r, c| split.candidates[(r, c)] * variance[c].sqrt());
+        let Some(noise) = Cholesky::new(DMatrix::identity(n, n) + &scaled * scaled.transpose()) else {
+            return Vec::new();
+        };
+        let coordinates = 0..self.rows.model.dims().coordinates;
+        let shown = coordinates.filter_map(|c| {
+            let of = |at: &usize| term(*at).kind.is_of_reading() && term(*at).of == c && split.counts[*at];
+            let own: Vec<usize> = (0..n).filter(of).collect();
+            let columns = split.candidates.select_columns(&own);
+            let weighted = noise.solve(&columns);
+            let right = weighted.tr_mul(&split.target);
+            let gain = right.dot(&Cholesky::new(columns.tr_mul(&weighted))?.solve(&right));
+            (chi_squared_upper(gain, own.len()) < alarm::MISSING_TERM_RATE).then_some(own)
+        });
+        shown.flatten().map(term).collect()
+    }
+
     /// What faults of gains and zeros, dead zones and inertias between coordinates would do to the parameters, whose covariance is given. One
     /// is unseen where its term takes no part, since the parameters make up for nearly all of it, or where noise can leave it below what
     /// makes a term enter.
@@ -618,7 +662,7 @@ impl<'a> Pass<'a> {
         let p = self.rows.model.dims().parameters;
         let of = |(at, &column): (usize, &usize)| {
             let (term, size) = (self.terms[column - p], self.sizes[column - p]);
-            let own_inertia = |c: usize| self.own_inertia.get(c).copied().flatten().map_or(0.0, |j| self.theta[j].abs());
+            let own_inertia = |c: usize| self.own_inertia(c).map_or(0.0, |j| self.theta[j].abs());
             let (size, scale) = match term.kind {
                 TermKind::InputGain => (GAIN_FAULT, size),
                 TermKind::PositionOffset => (ZERO_FAULT * self.scales.span(term.of), size),
@@ -779,6 +823,27 @@ impl<'a> Pass<'a> {
         let own = by(&self.lines);
         Ok((own > 0.0).then(|| by(&lines) / own))
     }
+}
+
+/// Sines and cosines of the error of a reading as one sine, whose size is that of the error.
+fn with_amplitudes(lacking: Vec<(f64, Lacking)>) -> Vec<(f64, Lacking)> {
+    let mut found: Vec<(f64, Lacking)> = Vec::with_capacity(lacking.len());
+    for (shown, own) in lacking {
+        let kind = match own.term.kind {
+            TermKind::ReadingCosine(n) => TermKind::ReadingSine(n),
+            kind => kind,
+        };
+        let term = Term { kind, ..own.term };
+        match found.iter_mut().find(|(_, other)| kind.is_of_reading() && other.term == term) {
+            Some((_, other)) => {
+                let value = own.value.hypot(other.value);
+                other.std = (own.value * own.std).hypot(other.value * other.std) / value.max(f64::MIN_POSITIVE);
+                (other.value, other.gain) = (value, other.gain + own.gain);
+            }
+            None => found.push((shown, Lacking { term, ..own })),
+        }
+    }
+    found
 }
 
 /// What values of `p` parameters, and of the terms behind them, leave of the lines of a row; nothing without a right-hand side.

@@ -11,6 +11,8 @@ const STRIBECK_VELOCITY: f64 = 0.15;
 const DEAD_ZONE: f64 = 0.05;
 /// Smallest range of a coordinate, rad or unit of the coordinate, over which sines of the coordinate itself are told from its powers.
 const SINE_RANGE: f64 = 0.5;
+/// Range of an angle, rad, over which it is asked whether its reading errs once or twice a turn.
+const TURN: f64 = 2.0 * PI;
 /// Half waves over the range of a coordinate that ripples may have: fewer are powers, more are not followed.
 const RIPPLES: std::ops::RangeInclusive<u32> = 5..=30;
 /// A column that is made of the recorded force takes no part when it is that force to within this cosine.
@@ -104,6 +106,11 @@ pub enum TermKind {
     ParameterDrift,
     /// Dynamics between an input and a sensor: a flexible mode, or a lag.
     Flexible,
+    /// An error of the reading of an angle that is a sine of a multiple of it, as that of an encoder whose wheel is not centred; the value is its
+    /// amplitude.
+    ReadingSine(u32),
+    /// An error that is a cosine.
+    ReadingCosine(u32),
     /// Play between a coordinate and its sensor; the value is half its width, unit of the coordinate.
     Backlash,
     /// An input that is cut off at a limit behind the place where it is recorded; the value is its largest size, unit of the input.
@@ -116,8 +123,18 @@ impl TermKind {
     pub const fn is_force(self) -> bool {
         !matches!(
             self,
-            TermKind::Delay | TermKind::InputGain | TermKind::PositionOffset | TermKind::Backlash | TermKind::Limit
-        )
+            TermKind::Delay
+                | TermKind::InputGain
+                | TermKind::PositionOffset
+                | TermKind::Backlash
+                | TermKind::Limit
+        ) && !self.is_of_reading()
+    }
+
+    /// Whether it is an error of a reading over its own value.
+    #[must_use]
+    pub const fn is_of_reading(self) -> bool {
+        matches!(self, TermKind::ReadingSine(_) | TermKind::ReadingCosine(_))
     }
 
     /// Whether a model that predicts forces can have it: what drifts is another force on another record, and what is made of the recorded force
@@ -390,6 +407,15 @@ impl Scales {
                     if even { angle.cos() } else { angle.sin() }
                 })
             }
+            // The acceleration that the error of the reading adds, which no force makes.
+            TermKind::ReadingSine(n) => {
+                let n = f64::from(n);
+                by(&|k| n * (n * q[k]).cos() * a[k] - n * n * (n * q[k]).sin() * v[k] * v[k])
+            }
+            TermKind::ReadingCosine(n) => {
+                let n = f64::from(n);
+                by(&|k| -n * (n * q[k]).sin() * a[k] - n * n * (n * q[k]).cos() * v[k] * v[k])
+            }
             TermKind::Drift => by(&time),
             TermKind::DriftingDamping => by(&|k| time(k) * v[k]),
             TermKind::DriftingFriction => by(&|k| time(k) * sign(v[k], deviation(k))),
@@ -484,6 +510,13 @@ impl Scales {
             }
             for kind in [TermKind::Drift, TermKind::DriftingDamping, TermKind::DriftingFriction] {
                 add(kind);
+            }
+            let is_angle = model.coordinate(c).unit.is_none_or(|unit| unit == "rad");
+            if is_angle && high - low > TURN && coupled(row, c) {
+                for multiple in 1..=2 {
+                    add(TermKind::ReadingSine(multiple));
+                    add(TermKind::ReadingCosine(multiple));
+                }
             }
             if driven {
                 add(TermKind::LoadFriction);

@@ -127,10 +127,8 @@ pub(super) struct Pass<'a> {
     pub(super) views: Vec<View>,
     /// The coordinate whose acceleration leads a row without an input; nothing for other rows, and before the row is linearised.
     pub(super) leading: Vec<Option<usize>>,
-    /// Which accelerations stand in which rows, row by row.
-    pub(super) coupled: Vec<Vec<bool>>,
-    /// The parameter that makes the acceleration of a coordinate in its own row, and no other, coordinate by coordinate.
-    pub(super) own_inertia: Vec<Option<usize>>,
+    /// Mean coefficients of the accelerations: row by row and coordinate by coordinate, one for every parameter.
+    pub(super) coefficients: Vec<Vec<Vec<f64>>>,
     /// Lines of all rows with the terms; none before these are asked for.
     pub(super) lines: Vec<RowLines>,
     /// How the rows feel the motion; nothing before first values are known.
@@ -149,6 +147,22 @@ pub(super) fn without_held(columns: Signals, target: &mut [f64], (estimated, val
 impl Pass<'_> {
     pub(super) fn right(&self) -> usize {
         self.rows.model.dims().parameters + self.terms.len()
+    }
+
+    /// Whether the acceleration of a coordinate stands in a row.
+    pub(super) fn coupled(&self, row: usize, c: usize) -> bool {
+        self.coefficients[row][c].iter().any(|own| *own != 0.0)
+    }
+
+    /// The parameter that makes the acceleration of a coordinate in its own row, and no other.
+    pub(super) fn own_inertia(&self, c: usize) -> Option<usize> {
+        let makes = |row: usize, other: usize, j: usize| self.coefficients[row][other][j] != 0.0;
+        let alone = |j: usize| {
+            let all = self.coefficients.iter().enumerate().flat_map(|(row, own)| (0..own.len()).map(move |o| (row, o)));
+            all.filter(|(row, other)| makes(*row, *other, j)).all(|at| at == (c, c))
+        };
+        let of_row = self.coefficients.get(c)?;
+        self.kept.iter().copied().find(|&j| of_row[c][j] != 0.0 && alone(j))
     }
 
     /// Whether no input acts in a row.

@@ -58,8 +58,7 @@ impl<'a> Pass<'a> {
             scale_directions: 0,
             views: Vec::new(),
             leading: vec![None; dims.rows],
-            coupled: Vec::new(),
-            own_inertia: Vec::new(),
+            coefficients: Vec::new(),
             lines: Vec::new(),
             felt: None,
         };
@@ -86,16 +85,7 @@ impl<'a> Pass<'a> {
         if self.leading.iter().any(Option::is_some) {
             self.scale_free(free)?;
         }
-        let coupled = |own: &Vec<Vec<f64>>| own.iter().map(|own| own.iter().any(|a| *a != 0.0)).collect();
-        self.coupled = coefficients.iter().map(coupled).collect();
-        let makes = |row: usize, c: usize, j: usize| coefficients[row][c][j] != 0.0;
-        let is_own = |c: usize, j: usize| {
-            let others = (0..dims.rows).flat_map(|row| (0..dims.coordinates).map(move |other| (row, other)));
-            makes(c, c, j) && others.filter(|at| *at != (c, c)).all(|(row, other)| !makes(row, other, j))
-        };
-        self.own_inertia = (0..dims.coordinates.min(dims.rows))
-            .map(|c| free.indices.iter().copied().find(|&j| is_own(c, j)))
-            .collect();
+        self.coefficients = coefficients;
         self.felt = Some(felt);
         Ok(())
     }
@@ -107,9 +97,9 @@ impl<'a> Pass<'a> {
     pub(super) fn with_terms(mut self, load: &[usize]) -> Result<Self, EstimateError> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
         let structure = Structure {
-            coupled: &|row, c| self.coupled[row][c],
+            coupled: &|row, c| self.coupled(row, c),
             feels: &feels,
-            has_own_inertia: &|c| self.own_inertia.get(c).is_some_and(Option::is_some),
+            has_own_inertia: &|c| self.own_inertia(c).is_some(),
         };
         self.terms = self.scales.terms(self.rows.model, &structure);
         let look = &self.look;

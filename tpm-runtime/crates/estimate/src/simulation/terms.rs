@@ -103,6 +103,7 @@ impl Library {
         let structure = Structure { coupled: &coupled, feels: &moved, has_own_inertia: &|_| false };
         let mut terms = scales.terms(model, &structure);
         terms.retain(|term| !matches!(term.kind, TermKind::InputGain | TermKind::PositionOffset));
+        terms.retain(|term| !term.kind.is_of_reading() || problem.sensor(term.of).is_some());
         let read = (0..dims.coordinates).filter(|&c| model.coordinate_order(c) > 1 && problem.sensor(c).is_some());
         terms.extend(read.map(|of| Term { kind: TermKind::Backlash, row: None, of, other: None }));
         terms.extend((0..dims.inputs).map(|of| Term { kind: TermKind::Limit, row: None, of, other: None }));
@@ -128,6 +129,11 @@ impl Library {
             TermKind::Delay => Column::Delay(term.of),
             TermKind::Backlash => {
                 Column::Reading(problem.sensor(term.of).unwrap_or(0), direction(&motion.series(term.of, 1)))
+            }
+            TermKind::ReadingSine(n) | TermKind::ReadingCosine(n) => {
+                let of = if matches!(term.kind, TermKind::ReadingSine(_)) { f64::sin } else { f64::cos };
+                let values = motion.series(term.of, 0).into_iter().map(|q| of(f64::from(n) * q)).collect();
+                Column::Reading(problem.sensor(term.of).unwrap_or(0), values)
             }
             TermKind::Limit => Column::Force(along.beyond(term.of, BEYOND)),
             _ => Column::Force(self.scales.columns(*term, &motion)),
