@@ -11,7 +11,7 @@ use tpm_motion::Dynamics;
 use tpm_numerics::differences::white_noise;
 
 /// Most samples that are simulated one by one; of a longer record it is means of stretches, its last periods, or blocks of it.
-const MOST_WHOLE_SAMPLES: usize = 50_000;
+pub(super) const MOST_WHOLE_SAMPLES: usize = 50_000;
 /// Samples of the means of stretches together, unless two periods have more.
 const SAMPLES_OF_MEANS: usize = 12_000;
 /// Most means of stretches, which tell whether the machine changes over the record.

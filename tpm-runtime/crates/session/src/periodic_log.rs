@@ -1,6 +1,6 @@
 //! A log that repeats, identified by its harmonics.
 
-use crate::excerpt::Excerpt;
+use crate::excerpt::{Excerpt, MOST_WHOLE_SAMPLES};
 use crate::found::Found;
 use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, PeriodicReport, UntestedReport, Way};
@@ -10,6 +10,8 @@ use crate::refine::{Conditions, Start, refined};
 use crate::summary;
 use crate::warning::{Data, Warning};
 use num_complex::Complex;
+use std::f64::consts::PI;
+use std::ops::Range;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Label, Model};
 use tpm_estimate::{
@@ -62,18 +64,27 @@ pub(super) fn identify(
     let same = Settings { harmonics: Some(record.harmonics()), ..settings.clone() };
     let other = run(options.reading.hold.other(), &same).ok().map(|(_, estimate)| estimate.residual);
     let hold_residuals = HoldResiduals::of(options.reading.hold, estimate.residual, other);
-    let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
-    let samples = whole.min(log.len() - periodic.from);
     let rates: Vec<usize> = (0..dims.coordinates).filter(|&c| log.rates.get(c).is_some_and(Option::is_some)).collect();
     let channels = log.channels.iter().chain(log.rates.iter().flatten());
-    let used: Vec<&[f64]> = channels.map(|c| &c[periodic.from..periodic.from + samples]).collect();
+    let simulated = simulated(log, periodic, &options.reading);
+    let used: Vec<&[f64]> = channels.map(|c| &c[simulated.clone()]).collect();
+    // The phase of the harmonics is that of the first sample that is simulated.
+    let before = (periodic.from - simulated.start) as f64 / periodic.samples_per_period;
+    let from_there = |lines: Vec<Complex<f64>>| -> Vec<Complex<f64>> {
+        let turn = |(k, line): (usize, Complex<f64>)| line * Complex::from_polar(1.0, -2.0 * PI * k as f64 * before);
+        lines.into_iter().enumerate().map(turn).collect()
+    };
     let start = Start {
         estimate: &estimate,
-        excerpt: Excerpt::of_periods(&used, rates, periodic),
+        excerpt: Excerpt::of_periods(&used, rates, &Periodic { from: simulated.start, ..*periodic }),
         course: Course::Periodic {
             samples_per_period: periodic.samples_per_period,
-            lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
-            input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
+            lines: (0..dims.coordinates)
+                .map(|c| from_there(motion(spectra, c, record.motion_harmonics())))
+                .collect(),
+            input_lines: (0..dims.inputs)
+                .map(|i| from_there(motion(spectra, dims.coordinates + i, spectra.highest())))
+                .collect(),
         },
         steps: (0..dims.coordinates).map(|c| spectra.step(c)).collect(),
         samples: log.len(),
@@ -120,6 +131,16 @@ pub(super) fn identify(
         delays: Vec::new(),
         calibration: Vec::new(),
     })
+}
+
+/// The samples of a record that repeats which are simulated: all of a short one, unless the user said where it begins. A simulation has a state
+/// at its beginning and need not wait until the motion has settled.
+fn simulated(log: &Log, periodic: &Periodic, reading: &RecordSettings) -> Range<usize> {
+    if reading.from_sample.is_none() && log.len() <= MOST_WHOLE_SAMPLES {
+        return 0..log.len();
+    }
+    let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
+    periodic.from..(periodic.from + whole).min(log.len())
 }
 
 /// An untested parameter by its name.
