@@ -9,7 +9,7 @@ use tpm_campaign::RunReport;
 use tpm_estimate::{ParameterReport, Status};
 use tpm_report::{Remedy, cells, combination, digits, number, or_dash};
 use tpm_session::{
-    About, Concern, Identification, LogReport, Meaning, PeriodicReport, Severity, Validation, Warning, Way, closed_loop,
+    About, Concern, Identification, LogReport, Meaning, Severity, Validation, Warning, Way, closed_loop,
 };
 
 /// Gives the name of a remedy in a front end, such as that of a flag; nothing where the front end has no name for it.
@@ -146,8 +146,8 @@ impl Document {
                  combinations that the data do show stand in the table above.",
             )
         }));
-        let untested = result.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
-        blocks.extend(untested.map(|text| Block::Notices { list: vec![remark(text)] }));
+        let limits: Vec<Notice> = result.log.iter().flat_map(LogReport::limits).map(remark).collect();
+        blocks.extend((!limits.is_empty()).then_some(Block::Notices { list: limits }));
         self.section("not-shown", "What the data do not show", blocks);
     }
 

@@ -20,6 +20,8 @@ const ARM: &str = "model Arm {
     J2*(ddot(q1) + ddot(q2)) + g2*cos(q1 + q2) + h2*sin(q1 + q2) + d2*dot(q2)
         + c*(cos(q2)*ddot(q1) + sin(q2)*dot(q1)^2) + s*(sin(q2)*ddot(q1) - cos(q2)*dot(q1)^2) = u2;
 }";
+/// A model of the first joint alone.
+const ONE: &str = "model One { coordinate q1; input u1; parameter J, g; J*ddot(q1) + g*q1 = u1; }";
 const TRUTH: [f64; 10] = [0.9, 0.15, 0.3, 0.02, 20.0, 1.0, 6.0, 0.4, 0.8, 0.5];
 
 fn arm() -> DeclaredModel {
@@ -94,10 +96,26 @@ fn calibrations_that_make_no_sense_are_refused() {
     }
     let two = from_logs(&arm(), [request(&file, &[("q2", 0.1)]), request(&file, &[])]);
     assert!(matches!(two, Err(SessionError::CalibrationOfLogs)));
-    // A single coordinate is not told by the lines of several rows.
-    let one =
-        DeclaredModel::parse("One", "model One { coordinate q1; input u1; parameter J, g; J*ddot(q1) + g*q1 = u1; }")
-            .expect("a model");
-    let error = from_log(&one, request(&file, &[("u1", 0.1)])).expect_err("refused");
-    assert!(matches!(&error, SessionError::Log(LogFault::Calibration { signal, .. }) if signal == "u1"), "{error}");
+    // Of a zero of a single coordinate nothing is told.
+    let one = DeclaredModel::parse("One", ONE).expect("a model");
+    let error = from_log(&one, request(&file, &[("q1", 0.1)])).expect_err("refused");
+    assert!(matches!(&error, SessionError::Log(LogFault::Calibration { signal, .. }) if signal == "q1"), "{error}");
+}
+
+#[test]
+fn the_gain_of_the_only_input_is_said_and_enters_all_deviations_once_it_is_stated() {
+    let file = log(0.0, 1.0);
+    let one = DeclaredModel::parse("One", ONE).expect("a model");
+    let [plain, stated] =
+        [&[][..], &[("u1", 0.1)]].map(|stated| from_log(&one, request(&file, stated)).expect("identifies"));
+    let unseen = |found: &Identification| found.log.as_ref().and_then(|log| log.unseen_gain.clone());
+    assert!(unseen(&stated).is_none(), "{stated}");
+    for (own, other) in plain.parameters.iter().zip(&stated.parameters) {
+        let [value, std, wider] = [own.value, own.std, other.std].map(|own| own.expect("identified"));
+        assert!((wider / (0.1 * value).hypot(std) - 1.0).abs() < 1e-9, "{own:?} {other:?}");
+    }
+    let most = plain.parameters.iter().map(|own| own.value.unwrap_or(0.0).abs() / own.std.unwrap_or(1.0));
+    let most = most.fold(0.0, f64::max);
+    let said = unseen(&plain).map(|own| own.deviations);
+    assert!(if 0.05 * most > 2.0 { said == Some(0.05 * most) } else { said.is_none() }, "{said:?} {most}");
 }

@@ -1,6 +1,6 @@
 //! What is found in a log, whichever way it is used.
 
-use crate::log_report::{HoldResiduals, Way};
+use crate::log_report::{HoldResiduals, UnseenFaultReport, Way};
 use crate::refinement_report::RefinementReport;
 use crate::warning::Warning;
 use tpm_estimate::{CalibrationFault, Estimate, FittedDelay};
@@ -22,4 +22,6 @@ pub(super) struct Found {
     pub(super) delays: Vec<FittedDelay>,
     /// What faults of the sensors' calibration would do; nothing where the way does not tell it.
     pub(super) calibration: Vec<CalibrationFault>,
+    /// What a wrong gain of the only input would do.
+    pub(super) unseen_gain: Option<UnseenFaultReport>,
 }

@@ -221,6 +221,7 @@ fn calibrated(model: &dyn Model<f64>, found: &mut Found, options: &LogOptions) -
                 let moved: Vec<f64> = own.change.iter().map(|change| deviation * change).collect();
                 found.estimate = found.estimate.moving(&moved, &options.estimation);
             }
+            None if own.std.is_none() => found.unseen_gain = lines_log::unseen(model, &own),
             None => faults.extend(lines_log::unseen(model, &own)),
         }
     }
@@ -430,6 +431,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         tells_hold,
         delays,
         calibration: _,
+        unseen_gain,
     } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
         let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
@@ -458,6 +460,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         actuators,
         hold_residuals,
         refinement,
+        unseen_gain,
     };
     let mut all = warnings;
     all.extend(in_vain(&log_report, &estimate, options));

@@ -151,6 +151,7 @@ pub(super) fn identify(
         tells_hold: refined.tells_hold,
         delays: found.delays,
         calibration: found.calibration,
+        unseen_gain: None,
     })
 }
 
@@ -330,12 +331,5 @@ pub(super) fn unseen(model: &dyn Model<f64>, fault: &CalibrationFault) -> Option
         }
         _ => (coordinate(of), Calibration::Zero, model.coordinate(of).unit.map(Into::into)),
     };
-    Some(UnseenFaultReport {
-        signal,
-        quantity,
-        size: found.size,
-        std: fault.std,
-        unit,
-        deviations: found.moves,
-    })
+    Some(UnseenFaultReport { signal, quantity, size: found.size, std: fault.std, unit, deviations: found.moves })
 }

@@ -216,6 +216,9 @@ pub struct LogReport {
     /// What simulating the model sample by sample did; nothing where it was not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementReport>,
+    /// What a wrong gain of the only input does, which no log of it shows; nothing where something that is known tells the scale.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unseen_gain: Option<UnseenFaultReport>,
 }
 
 /// One of several logs that were used together.
@@ -273,6 +276,19 @@ impl PeriodicReport {
 }
 
 impl LogReport {
+    /// What a reader should know of what this log cannot show, whatever the model.
+    #[must_use]
+    pub fn limits(&self) -> Vec<String> {
+        let gain = self.unseen_gain.as_ref().map(|own| {
+            let UnseenFaultReport { signal, size, deviations, .. } = own;
+            format!(
+                "no log of one input shows a wrong gain of {signal}: {} % of it move a parameter by up to {deviations:.0} of its deviations",
+                number(100.0 * size)
+            )
+        });
+        self.periodic().and_then(PeriodicReport::untested_remark).into_iter().chain(gain).collect()
+    }
+
     /// What was found about the part that repeats; nothing where harmonics were not used.
     #[must_use]
     pub const fn periodic(&self) -> Option<&PeriodicReport> {

@@ -79,9 +79,7 @@ pub(super) fn identify(
         excerpt: Excerpt::of_periods(&used, rates, &Periodic { from: simulated.start, ..*periodic }),
         course: Course::Periodic {
             samples_per_period: periodic.samples_per_period,
-            lines: (0..dims.coordinates)
-                .map(|c| from_there(motion(spectra, c, record.motion_harmonics())))
-                .collect(),
+            lines: (0..dims.coordinates).map(|c| from_there(motion(spectra, c, record.motion_harmonics()))).collect(),
             input_lines: (0..dims.inputs)
                 .map(|i| from_there(motion(spectra, dims.coordinates + i, spectra.highest())))
                 .collect(),
@@ -130,6 +128,7 @@ pub(super) fn identify(
         tells_hold: refined.tells_hold,
         delays: Vec::new(),
         calibration: Vec::new(),
+        unseen_gain: None,
     })
 }
 

@@ -71,6 +71,7 @@ pub(super) fn identify(
         tells_hold: false,
         delays: Vec::new(),
         calibration: Vec::new(),
+        unseen_gain: None,
     })
 }
 

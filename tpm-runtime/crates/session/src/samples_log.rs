@@ -100,5 +100,6 @@ fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
         tells_hold: refined.tells_hold,
         delays: Vec::new(),
         calibration: Vec::new(),
+        unseen_gain: None,
     }
 }

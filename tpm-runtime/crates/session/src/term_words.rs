@@ -134,7 +134,8 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
         }
         TermKind::RelativeInertia => {
             let other = own.other.map_or_else(String::new, |other| name(model.coordinate(other)));
-            let meaning = "an inertia between the coordinates, as that of a beam which turns when its ends do not move alike";
+            let meaning =
+                "an inertia between the coordinates, as that of a beam which turns when its ends do not move alike";
             (format!("(ddot({}) - ddot({other}))", q()), meaning.into())
         }
         TermKind::ChainSine { .. } | TermKind::ChainCosine { .. } => {
@@ -144,7 +145,8 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
             let angles: Vec<String> =
                 (own.of..=own.other.unwrap_or(own.of)).map(|c| name(model.coordinate(c))).collect();
             let sum = angles.join(if against { " - " } else { " + " });
-            let meaning = "a force that is a sine of this angle, as gravity of a link, in the rows of all of its joints";
+            let meaning =
+                "a force that is a sine of this angle, as gravity of a link, in the rows of all of its joints";
             (format!("{function}({sum})"), meaning.into())
         }
         TermKind::Limit => (

@@ -1,7 +1,7 @@
 //! A result as people read it.
 
 use crate::identification::{Identification, Source};
-use crate::log_report::{LogReport, PeriodicReport, PoolReport, SensorReport, Way};
+use crate::log_report::{LogReport, PoolReport, SensorReport, Way};
 use crate::refinement_report::{NotRefined, RateReport};
 use crate::warning::Warning;
 use std::fmt::{self, Write as _};
@@ -64,8 +64,7 @@ impl Identification {
         if let Some(prediction) = self.log.as_ref().and_then(LogReport::prediction) {
             text.push_str(&format!("\n{}\n", prediction.text()));
         }
-        let untested = self.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
-        if let Some(remark) = untested {
+        for remark in self.log.iter().flat_map(LogReport::limits) {
             text.push_str(&format!("remark: {remark}\n"));
         }
         text.push_str(&self.warnings_text(spell));

@@ -457,7 +457,8 @@ impl Warning {
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
             Warning::CommonFactor { inputs, .. } => Some(Remedy::Scales { signals: inputs.clone() }),
             Warning::UnseenFaults { faults } => {
-                let of_sensor = |own: &&UnseenFaultReport| matches!(own.quantity, Calibration::Gain | Calibration::Zero);
+                let of_sensor =
+                    |own: &&UnseenFaultReport| matches!(own.quantity, Calibration::Gain | Calibration::Zero);
                 let signals: Vec<String> = faults.iter().filter(of_sensor).map(|own| own.signal.clone()).collect();
                 (!signals.is_empty()).then_some(Remedy::Calibration { signals })
             }

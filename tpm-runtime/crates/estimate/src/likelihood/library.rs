@@ -123,11 +123,7 @@ impl TermKind {
     pub const fn is_force(self) -> bool {
         !matches!(
             self,
-            TermKind::Delay
-                | TermKind::InputGain
-                | TermKind::PositionOffset
-                | TermKind::Backlash
-                | TermKind::Limit
+            TermKind::Delay | TermKind::InputGain | TermKind::PositionOffset | TermKind::Backlash | TermKind::Limit
         ) && !self.is_of_reading()
     }
 
@@ -592,14 +588,17 @@ impl Scales {
             return Vec::new();
         }
         let pairs = (0..coordinates).flat_map(|a| (a + 1..coordinates).map(move |b| (a, b)));
-        let of_angles = pairs.filter(|&(a, b)| {
-            (a..=b).all(is_angle) && (a..=b).map(|c| self.span(c)).fold(0.0, f64::max) > SINE_RANGE
-        });
+        let of_angles = pairs
+            .filter(|&(a, b)| (a..=b).all(is_angle) && (a..=b).map(|c| self.span(c)).fold(0.0, f64::max) > SINE_RANGE);
         let both = of_angles.flat_map(|(a, b)| [false, true].map(|against| (a, b, against)));
         both.filter(|(a, b, against)| !against || b - a == 1)
             .flat_map(|(of, other, against)| {
-                [TermKind::ChainSine { against }, TermKind::ChainCosine { against }]
-                    .map(|kind| Term { kind, row: None, of, other: Some(other) })
+                [TermKind::ChainSine { against }, TermKind::ChainCosine { against }].map(|kind| Term {
+                    kind,
+                    row: None,
+                    of,
+                    other: Some(other),
+                })
             })
             .collect()
     }

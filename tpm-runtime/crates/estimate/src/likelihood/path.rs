@@ -14,8 +14,8 @@ use std::sync::Arc;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
-use tpm_numerics::{root_mean_square, whole};
 use tpm_numerics::spectrum::{Spectrum, rate_deviation};
+use tpm_numerics::{root_mean_square, whole};
 
 /// Points of the grid in one oscillation at the highest frequency at which a motion stands out of its noise: products of a few coordinates
 /// alias nothing into the lines, and a sign jumps to a thirtieth of an oscillation.

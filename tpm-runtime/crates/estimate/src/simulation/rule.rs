@@ -118,6 +118,9 @@ pub struct Simulation {
     pub residual: Vec<f64>,
     /// The force that noise is taken to make in every row, root mean square as a share of the row's force.
     pub force_left: Vec<f64>,
+    /// Whether every coordinate is of first order, as a temperature or a level: what goes on there beside the model is a disturbance, such as
+    /// drafts, which a loop answers; a machine that has terms of its own has them in its forces.
+    pub of_first_order: bool,
     /// What is not explained, as a share: the largest of those residuals beside the motion, and of these forces.
     pub share: f64,
 }
@@ -159,7 +162,7 @@ impl Simulation {
         let large = self.force_left.iter().any(|left| *left > UNEXPLAINED);
         match self.variant {
             _ if self.share > LARGE_RESIDUAL => Outcome::Lacks,
-            Variant::Drift if large => Outcome::Lacks,
+            Variant::Drift if large && !self.of_first_order => Outcome::Lacks,
             _ if self.needs_forces => Outcome::Forces,
             _ => Outcome::Explained,
         }
@@ -504,6 +507,7 @@ impl<'a> Trial<'a> {
         best: usize,
     ) -> Result<Simulation, OutputErrorFault> {
         let (variant, own) = &reached[best];
+        let model = self.problem.machine.model;
         let free = &self.problem.free;
         let parameters = own.state.point.theta.len();
         let mut covariance = DMatrix::zeros(parameters, parameters);
@@ -555,6 +559,7 @@ impl<'a> Trial<'a> {
             values: own.state.point.theta.clone(),
             covariance,
             variant: *variant,
+            of_first_order: (0..model.dims().coordinates).all(|c| model.coordinate_order(c) == 1),
             tried: reached
                 .iter()
                 .map(|(variant, other)| Explained { variant: *variant, above: other.cost - own.cost })
