@@ -89,12 +89,18 @@ pub(super) fn identify(
         refined(machine, start, conditions, settings, &restate)
     };
     let errs = found.lacking.iter().any(|own| own.term.kind.is_of_reading());
+    // Rows of which every one has an input tell the parameters beside the forces that they name, which a simulation of the model would not have.
+    let lacks = dims.coordinates > 1
+        && dims.inputs >= dims.rows
+        && found.lacking.iter().any(|own| own.term.kind.is_force());
     let own = if !settings.fitted_delays.is_empty() || (errs && !asked) {
         // A delay or an error of a reading that is found is a parameter of the lines, which the simulation does not have.
         let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::OfChannel);
         Refined { report: (options.refine != Refine::None).then(why), ..unrefined(&found) }
-    } else if asked || is_simulated(dims) {
+    } else if asked || (is_simulated(dims) && !lacks) {
         simulated()
+    } else if is_simulated(dims) {
+        unrefined(&found)
     } else {
         not_simulated(&found, options.refine)
     };
@@ -168,10 +174,10 @@ pub(super) fn unexplained<'a>(
     of_row.into_iter().chain(terms).chain(scale)
 }
 
-/// Whether a machine is simulated without being asked for. Where every row of several has an input, the lines of the rows tell the
-/// parameters as well; of a row without one they tell ratios alone.
+/// Whether a machine is simulated without being asked for: one of few coordinates, or of a few more where some row has no input, of which the
+/// lines tell ratios alone.
 pub(super) const fn is_simulated(dims: Dims) -> bool {
-    dims.coordinates == 1 || (dims.inputs < dims.rows && dims.coordinates <= MOST_IN_A_CHAIN)
+    dims.coordinates <= MOST_SIMULATED || (dims.inputs < dims.rows && dims.coordinates <= MOST_IN_A_CHAIN)
 }
 
 /// Whether a simulation explains a record, so that it replaces the lines from which it began. Where the model lacks forces the lines are as
