@@ -102,6 +102,8 @@ mod term_words;
 mod text;
 mod tracks;
 mod truth;
+#[cfg(test)]
+mod unseen_tests;
 mod validate;
 mod warning;
 mod whiteness;

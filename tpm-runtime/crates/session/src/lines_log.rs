@@ -90,9 +90,8 @@ pub(super) fn identify(
     };
     let errs = found.lacking.iter().any(|own| own.term.kind.is_of_reading());
     // Rows of which every one has an input tell the parameters beside the forces that they name, which a simulation of the model would not have.
-    let lacks = dims.coordinates > 1
-        && dims.inputs >= dims.rows
-        && found.lacking.iter().any(|own| own.term.kind.is_force());
+    let lacks =
+        dims.coordinates > 1 && dims.inputs >= dims.rows && found.lacking.iter().any(|own| own.term.kind.is_force());
     let own = if !settings.fitted_delays.is_empty() || (errs && !asked) {
         // A delay or an error of a reading that is found is a parameter of the lines, which the simulation does not have.
         let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::OfChannel);

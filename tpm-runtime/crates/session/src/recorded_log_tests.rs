@@ -1,5 +1,6 @@
 //! Logs that are simulated between their stamps: states that nobody measured, also where stamps are uneven or fields blank.
 
+use crate::model::Identifiable as _;
 use crate::{
     DeclaredModel, Identification, LogRequest, RecordedReport, Warning, Way, from_log, from_logs, inspect_for, validate,
 };
@@ -237,6 +238,36 @@ fn the_upper_tank_is_told_from_the_lower_one() {
     let made = run(&model, &truth, &[2.0, 3.0, 0.0, 0.0], even(600, 1.0), |t| 0.072 + 0.024 * steps(t / 40.0));
     let result = from_log(&model, made.log(&[("h2", 0, 5e-3)], Some("u"), 3)).expect("identified");
     assert_right(&result, &truth, 0.1);
+}
+
+/// The upper tank's level may have any scale; a valve that is known tells it, exactly along the products that the log shows.
+#[test]
+fn a_valve_that_is_known_tells_the_scale_of_a_level_that_nobody_reads() {
+    let text = "model Tanks {
+        unmeasured x1 [V]; coordinate x2 [V];
+        input u [V];
+        parameter k1 [V^(1/2)/s], k2 [V^(1/2)/s], k3 [V^(1/2)/s], k4 [1/s];
+        dot(x1) + k1*sqrt(x1) = k4*u;
+        dot(x2) + k3*sqrt(x2) = k2*sqrt(x1);
+    }";
+    let model = DeclaredModel::parse("tanks.tpm", text).expect("a model");
+    let truth = [0.05, 0.05, 0.05, 0.04];
+    let lumped: Vec<f64> = (0..model.evaluated().dims().parameters)
+        .map(|j| match model.evaluated().parameter(j).name {
+            "k1_per_k4" => truth[0] / truth[3],
+            "lumped_1_per_k4" => 1.0 / truth[3],
+            _ => 0.05,
+        })
+        .collect();
+    let made = run(&model, &lumped, &[4.0, 4.0, 0.0, 0.0], even(600, 4.0), |t| 2.75 + 1.25 * steps(t / 60.0));
+    let mut request = made.log(&[("x2", 1, 0.01)], Some("u"), 3);
+    request.estimation.frozen.insert("k1".into(), truth[0]);
+    let result = from_log(&model, request).expect("identified");
+    assert!(result.is_complete() && result.rank == 4, "{result}");
+    for (own, truth) in result.physical.iter().zip(truth) {
+        let (value, std) = (own.value.expect("known"), own.std.expect("known"));
+        assert!((value - truth).abs() <= 4.0 * std && std < 0.1 * truth, "{own:?}\n{result}");
+    }
 }
 
 #[test]
