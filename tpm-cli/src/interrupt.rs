@@ -1,7 +1,18 @@
 //! Signals. Ctrl-C: long work that polls for it stops cleanly, anything else ends at once, and a second Ctrl-C always does. The limit of a
 //! file's size: writing fails, and the program goes on to say so.
 
+use crate::output::progress;
+use cpu_time::ProcessTime;
+use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, Ordering};
+use tpm_runtime::numerics::patience;
+
+thread_local! {
+    /// How much of the processor a search may take, s.
+    static LIMIT: Cell<f64> = const { Cell::new(f64::INFINITY) };
+    static BEGAN: Cell<Option<ProcessTime>> = const { Cell::new(None) };
+    static BUSY: RefCell<Option<progress::Busy>> = const { RefCell::new(None) };
+}
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 static WATCHED: AtomicBool = AtomicBool::new(false);
@@ -34,6 +45,25 @@ fn end_without_memory() {
         2,
         std::sync::Arc::new(AtomicBool::new(true)),
     );
+}
+
+/// Runs a search that ends with what it has when the user asks to stop, or when the program has taken so much of the processor, s; where it goes
+/// on, that is said on a terminal.
+pub(crate) fn patient<T>(seconds: Option<f64>, what: &'static str, work: impl FnOnce() -> T) -> T {
+    LIMIT.set(seconds.unwrap_or(f64::INFINITY));
+    let began = ProcessTime::try_now().ok();
+    BEGAN.set(began);
+    BUSY.set(Some(progress::Busy::new(what)));
+    let result = watched(|_| patience::within(is_over, work));
+    BUSY.take();
+    result
+}
+
+/// Whether a search that runs patiently is to end.
+fn is_over() -> bool {
+    BUSY.with_borrow_mut(|busy| busy.iter_mut().for_each(progress::Busy::show));
+    let spent = BEGAN.get().and_then(|began| began.try_elapsed().ok());
+    requested() || spent.is_some_and(|spent| spent.as_secs_f64() > LIMIT.get())
 }
 
 /// Whether the user has asked to stop.

@@ -71,5 +71,5 @@ pub mod motion {
 /// Matrices of results.
 #[cfg(feature = "std")]
 pub mod numerics {
-    pub use tpm_numerics::Matrix;
+    pub use tpm_numerics::{Matrix, patience};
 }

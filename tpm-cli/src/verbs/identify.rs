@@ -63,6 +63,10 @@ pub(crate) struct Args {
     /// Whether the estimates are refined by simulating the model sample by sample; where that takes no long time when not given.
     #[arg(long, value_parser = refine())]
     refine: Option<Refine>,
+    /// Processor time that a log may take, s: a simulation that has not settled by then is left out, and said so; 30 when neither this nor
+    /// --refine is given. Ctrl-C does so at once.
+    #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "log")]
+    time: Option<f64>,
     #[command(flatten)]
     bounds: BoundArgs,
     #[command(flatten)]
@@ -98,6 +102,17 @@ pub(crate) struct Args {
 
 /// Bytes of a file in which a model is declared, comments before it included.
 const MOST_HEAD_BYTES: u64 = 65536;
+
+/// Processor time that a log may take where nothing is said of it, s.
+const USUAL_TIME: f64 = 30.0;
+
+/// A time that may be spent.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
+        _ => Err("a number of seconds above zero is needed".to_owned()),
+    }
+}
 
 /// What the harmonics of a log count.
 fn weights() -> impl TypedValueParser<Value = Weights> {
@@ -160,10 +175,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 };
             }
             let kept = (args.report.is_some() || args.record.is_some()).then(|| requests.clone());
-            let result = from_logs(&model, requests.clone())?;
+            let limit = args.time.or(args.refine.is_none().then_some(USUAL_TIME));
+            let identify = || from_logs(&model, requests.clone());
+            let result = interrupt::patient(limit, "identifying", identify)?;
             let (model, result) = match &args.complete {
                 Some(path) => {
-                    with_what_it_lacks(model, requests, result, &path.clone().unwrap_or_else(|| beside(&args.file)))?
+                    let path = path.clone().unwrap_or_else(|| beside(&args.file));
+                    let complete = || with_what_it_lacks(model, requests, result, &path);
+                    interrupt::patient(limit, "identifying the completed model", complete)?
                 }
                 None => (model, result),
             };
@@ -190,6 +209,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 if let Some(path) = &args.record {
                     recording::write(path, &shown)?;
                 }
+            }
+            if interrupt::requested() {
+                return Err(Failure::Interrupted);
             }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }

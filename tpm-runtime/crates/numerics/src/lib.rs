@@ -17,6 +17,7 @@ mod gram;
 pub mod independent;
 mod iteration;
 mod matrix;
+pub mod patience;
 mod riccati;
 pub mod singular;
 pub mod spectrum;

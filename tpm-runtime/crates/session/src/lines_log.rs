@@ -115,7 +115,7 @@ pub(super) fn identify(
         let left_out = asked || errs || !is_simulated(dims) || !settings.fitted_delays.is_empty();
         let why = |report: RefinementReport| match report.used {
             true => Some(RefinementReport { used: false, note: Some(NotRefined::Lacks), ..report }),
-            false => Some(report).filter(|_| left_out),
+            false => Some(report).filter(|report| left_out || report.was_ended()),
         };
         let of_hold = |warning: &Warning| matches!(warning, Warning::OtherHold { .. } | Warning::LateByHold { .. });
         let warnings = own.warnings.into_iter().filter(of_hold).collect();

@@ -197,6 +197,11 @@ impl RefinementReport {
         matches!(self.note, Some(NotRefined::Fault(OutputErrorFault::NotConverged { .. })))
     }
 
+    /// Whether whoever waits for the result did not wait for the simulation.
+    pub(super) fn was_ended(&self) -> bool {
+        self.note == Some(NotRefined::Fault(OutputErrorFault::Ended))
+    }
+
     /// A refinement from given values by an excerpt of a record, before anything is known of it.
     pub(super) fn of(values: &[f64], excerpt: &Excerpt<'_>) -> Self {
         RefinementReport {

@@ -17,6 +17,7 @@ use tpm_controller::model::{EvalError, Model};
 use tpm_estimate::{Differentiable, Domain, Estimate, EstimateError, Frozen, OneBand, Refine, Settings, Status};
 use tpm_interpret::{InterpretedDerivatives, Separable};
 use tpm_log::Log;
+use tpm_numerics::patience;
 
 /// Points at which the interval of a single nonlinear parameter is scanned.
 const ON_A_LINE: usize = 24;
@@ -162,6 +163,9 @@ impl Search<'_> {
         let linear = self.model.linear();
         let mut best = begun;
         for _ in 0..MOST_STEPS {
+            if patience::is_over() {
+                break;
+            }
             let Some(found) = self.estimate(&best.point, &self.settings(&best.point)) else { break };
             let z = &best.point[linear..];
             let wanted = clipped(self.model, &found.values);
@@ -295,7 +299,7 @@ impl Problem<'_> {
             };
             round += 1;
             let moving = free.iter().copied().find(|&j| moved(j, STILL));
-            if moving.is_none() || round == MOST_ROUNDS {
+            if moving.is_none() || round == MOST_ROUNDS || patience::is_over() {
                 let unsettled = free.iter().copied().find(|&j| moved(j, UNSETTLED));
                 *point = next;
                 // The rows are linear about the last point but one, from which the values do not differ.

@@ -19,6 +19,9 @@ pub enum OutputErrorFault {
     /// The simulated motion leaves all bounds from one sample to the next.
     #[error("the simulated motion leaves all bounds from one sample to the next")]
     Unbounded,
+    /// Whoever waits for the result did not wait so long.
+    #[error("the time that it was given was over before it had settled")]
+    Ended,
     /// Gauss-Newton steps did not become small.
     #[error("the simulation did not settle on parameters in {steps} steps")]
     NotConverged {

@@ -13,7 +13,7 @@ use tpm_controller::derivatives::RowDerivatives;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::linear;
 use tpm_controller::model::{EvalError, Model};
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{patience, root_mean_square};
 
 /// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.
 const TURNING_VELOCITY: f64 = 0.05;
@@ -301,7 +301,10 @@ impl<'a> Problem<'a> {
         theta: &[f64],
         columns: &[Column],
         values: &[f64],
-    ) -> Result<Chain, EvalError> {
+    ) -> Result<Chain, OutputErrorFault> {
+        if patience::is_over() {
+            return Err(OutputErrorFault::Ended);
+        }
         let dims = self.machine.model.dims();
         let (n, samples) = (self.states.len(), self.samples());
         let switches = self.machine.derivatives.switches();
@@ -348,7 +351,7 @@ impl<'a> Problem<'a> {
                 }
                 self.differentiate((k, &next), trajectory, theta, columns, &mut scratch, (transition, forcing))?;
             }
-            Ok(())
+            Ok::<(), EvalError>(())
         })?;
         for (k, errors) in chain.errors.chunks_exact_mut(outputs).enumerate() {
             for (c, error) in errors.iter_mut().enumerate() {

@@ -8,7 +8,7 @@ use crate::output_error::noise::Noise;
 use crate::output_error::signals::Signals;
 use crate::output_error::smoother::Smoothed;
 use rayon::prelude::*;
-use tpm_numerics::{alarm, root_mean_square};
+use tpm_numerics::{alarm, patience, root_mean_square};
 
 /// Samples on which the search for the noise begins.
 const FIRST_SAMPLES: usize = 4000;
@@ -148,6 +148,9 @@ fn search(evidence: &Evidence<'_>, inputs: &[f64], colours: &[f64]) -> Found {
 fn descend(start: Place, descent: &Descent, of: impl Fn(f64) -> f64 + Sync) -> Place {
     let (mut best, mut width) = (start, descent.first_width);
     for _ in 0..descent.most_steps {
+        if patience::is_over() {
+            break;
+        }
         let (below, above) = rayon::join(|| of(best.0 - width), || of(best.0 + width));
         if below.min(above) < best.1 {
             best = if below < above { (best.0 - width, below) } else { (best.0 + width, above) };

@@ -15,7 +15,7 @@ use crate::verdict::{LARGE_RESIDUAL, ResidualOf};
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
 use tpm_motion::Plant;
-use tpm_numerics::{DMatrix, root_mean_square};
+use tpm_numerics::{DMatrix, patience, root_mean_square};
 
 /// Starts that are tried, the steps that each makes before the best are chosen, how many are kept, and steps until one settles.
 const STARTS: u64 = 24;
@@ -123,6 +123,9 @@ pub enum RecordedFault {
         /// Steps that were made.
         steps: usize,
     },
+    /// Whoever waits for the result did not wait so long.
+    #[error("the time that it was given was over before the simulation had settled on parameters")]
+    Ended,
     /// Settings that do not fit the model.
     #[error(transparent)]
     Estimate(#[from] EstimateError),
@@ -184,7 +187,7 @@ pub fn fit_recorded(
             *helps && (begins.shorter == 1 || parted || left(&best) > LARGE_RESIDUAL)
         };
         match tried.find(may_help) {
-            Some((_, begins)) if !settled => {
+            Some((_, begins)) if !settled && !patience::is_over() => {
                 let other = at(begins);
                 let replaces = match (&other, &best) {
                     (Ok(other), Ok(best)) => other.explains_more_than(best),
@@ -251,7 +254,11 @@ fn fit_beginning(
         return Err(RecordedFault::TooFew { readings: of, unknowns });
     }
     let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
-    let (typical, settled, noise) = work.begun(&noise)?;
+    let begun = work.begun(&noise);
+    if patience::is_over() {
+        return Err(RecordedFault::Ended);
+    }
+    let (typical, settled, noise) = begun?;
     let Grown { blocks, settled, noise, parted } = work.grown(&typical, settled, noise)?;
     let course = work.course(&blocks, &typical);
     let linear =
@@ -555,7 +562,7 @@ impl<'a, 'f> Work<'a, 'f> {
             noise = self.noise(&blocks, &settled.point, &noise);
             theta.clone_from(&settled.point.theta);
             best = Some((length, theta.clone(), noise.clone(), mean_square));
-            if length >= longest.min(READINGS_SETTLED) {
+            if length >= longest.min(READINGS_SETTLED) || patience::is_over() {
                 break false;
             }
             length = (length * GROWTH).min(longest);
@@ -570,6 +577,9 @@ impl<'a, 'f> Work<'a, 'f> {
             let course = self.course(&blocks, typical);
             let steps = settled.steps;
             settled = course.settle(settled.point, &noise, MOST_STEPS).ok_or(RecordedFault::NotSettled { steps })?;
+        }
+        if patience::is_over() {
+            return Err(RecordedFault::Ended);
         }
         if !settled.done {
             return Err(RecordedFault::NotSettled { steps: settled.steps });

@@ -4,7 +4,7 @@ use crate::recorded::flow::{Flow, Linear};
 use crate::recorded::signals::Block;
 use rayon::prelude::*;
 use tpm_motion::PlantError;
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::{DMatrix, DVector, patience};
 
 /// Damping at the beginning, and the factors by which it changes.
 const FIRST_DAMPING: f64 = 1e-2;
@@ -75,6 +75,9 @@ impl Course<'_, '_> {
         let p = self.free.len();
         let mut scales = vec![0.0_f64; p];
         for steps in 0..most {
+            if patience::is_over() {
+                return Some(Settled { point, cost, steps, done: false });
+            }
             // Beside a point from which the motion leaves all bounds there is no way on.
             let Ok(linear) = self.linearised(&point, noise) else {
                 return Some(Settled { point, cost, steps, done: false });

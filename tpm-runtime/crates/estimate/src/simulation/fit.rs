@@ -12,7 +12,7 @@ use crate::simulation::problem::{Column, Point, Problem};
 use crate::simulation::record::Reading;
 use crate::simulation::terms::Library;
 use crate::simulation::triangle::Triangle;
-use tpm_numerics::{Cholesky, DMatrix, alarm, root_mean_square};
+use tpm_numerics::{Cholesky, DMatrix, alarm, patience, root_mean_square};
 
 /// The numbers of the iteration.
 pub(super) struct Params {
@@ -283,6 +283,9 @@ impl Fit<'_> {
         // The lowest place at which the terms that take part stood still, from which all candidates are asked for.
         let mut rest: Option<Reached> = None;
         for pass in 0..PARAMS.passes {
+            if patience::is_over() {
+                return Err(OutputErrorFault::Ended);
+            }
             if far {
                 state.noise.lift(&self.first_noise(), LEAST_LIFTED);
             }

@@ -1,7 +1,7 @@
 //! The noise of a record: of its sensors, and of the forces.
 
 use rayon::prelude::*;
-use tpm_numerics::{Cholesky, DMatrix, DVector};
+use tpm_numerics::{Cholesky, DMatrix, DVector, patience};
 
 /// What is not known in a record.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,6 +178,9 @@ pub(super) fn most_likely(
     let (mut noise, mut least) = (begun.clone(), cost(&begun));
     let mut before: Option<(DVector<f64>, DVector<f64>)> = None;
     for _ in 0..steps {
+        if patience::is_over() {
+            break;
+        }
         let h = SEARCH.difference;
         let moved = |number: &Number, by: f64| noise.with(*number, noise.log(*number) + by);
         let beside: Vec<(f64, f64)> =
