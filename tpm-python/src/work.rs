@@ -4,6 +4,7 @@ use crate::words::Fault;
 use pyo3::prelude::*;
 use std::cell::Cell;
 use std::time::{Duration, Instant};
+use tpm_runtime::numerics::patience;
 use tpm_symbolic::budget::{self, Budget};
 
 /// Time between two looks at what the user wants, each of which takes the interpreter's lock.
@@ -33,7 +34,7 @@ pub(crate) fn detached<T: Send>(
     let done = py.detach(|| {
         STOPPED.set(false);
         let budget = if allow_large { Budget::large() } else { Budget::default() };
-        let done = budget::run(budget.stopped_by(requested), work);
+        let done = budget::run(budget.stopped_by(requested), || patience::within(requested, work));
         if STOPPED.take() { Err(Fault::Interrupted) } else { done.map_err(Fault::from).and_then(|done| done) }
     });
     done.map_err(PyErr::from)

@@ -10,7 +10,6 @@ use crate::simulation::record::{Reading, Record};
 use crate::simulation::terms::{Library, behind_play};
 use crate::simulation::triangle::Triangle;
 use crate::verdict::LARGE_RESIDUAL;
-use std::cell::OnceCell;
 use tpm_numerics::{DMatrix, alarm, root_mean_square};
 
 /// What terms, play or a limit must gain, twice the logarithm of the likelihood: a factor of twenty in evidence.
@@ -204,20 +203,27 @@ impl Simulation {
         let trial = trial;
         let fit = trial.fit(question.hidden);
         let mut reached: Vec<(Variant, Reached)> = Vec::new();
-        // The given start and the regression of the rows along the readings: both may be far from the truth, and the lower optimum counts.
-        let starts = [Some(question.start.to_vec()), trial.regressed()];
-        let settled = starts.into_iter().flatten().map(|theta| {
+        let settled = |theta: Vec<f64>| {
             let mut begun = trial.begun(&fit);
             begun.point.theta = theta;
             fit.settle(begun, How::plain(GUARD))
-        });
-        let model = settled.reduce(lower).unwrap_or(Err(OutputErrorFault::Singular));
+        };
+        let needs = |own: &Reached| trial.needs_forces(&fit, Variant::Model, own);
+        let mut model = settled(question.start.to_vec());
+        let mut needed = model.as_ref().map_or(true, |own| !own.settled || needs(own));
+        // Where forces are needed the given start may have been far from the truth, as the regression of the rows along the readings may be: the
+        // lower optimum counts.
+        if needed && let Some(theta) = trial.regressed() {
+            let other = settled(theta);
+            if is_lower(&other, &model) {
+                model = other;
+                needed = model.as_ref().map_or(true, needs);
+            }
+        }
         let drift = model.as_ref().ok().and_then(|own| fit.settle(trial.drifting(own), How::plain(GUARD)).ok());
         // A model that needs no forces beside its own explains the record: there is nothing more to ask.
         let likelier = |own: &Reached| drift.as_ref().is_some_and(|drift| drift.cost < own.cost - GAIN);
-        let asked = OnceCell::new();
-        let needs_forces = |own: &Reached| *asked.get_or_init(|| trial.needs_forces(&fit, Variant::Model, own));
-        let alone = model.as_ref().is_ok_and(|own| own.settled && !likelier(own) && !needs_forces(own));
+        let alone = model.as_ref().is_ok_and(|own| own.settled && !likelier(own) && !needed);
         reached.extend(drift.map(|own| (Variant::Drift, own)));
         if question.asked != Asked::Nothing && !alone {
             trial.richer(question, &fit, model.as_ref().ok(), &mut reached);
@@ -236,7 +242,7 @@ impl Simulation {
             );
         };
         let needs_forces = match &reached[best] {
-            (Variant::Model, own) => needs_forces(own),
+            (Variant::Model, _) => needed,
             (variant, own) => trial.needs_forces(&fit, *variant, own),
         };
         trial.handed_out(&fit, &reached, best).map(|found| Simulation { rates, needs_forces, ..found })
@@ -266,18 +272,12 @@ fn judged(problem: &Problem<'_>, states: &[f64], offered: &[Reading]) -> Vec<Rat
     offered.iter().map(of).collect()
 }
 
-/// The one of two optima that is lower, a settled one before one that is not.
-fn lower(
-    one: Result<Reached, OutputErrorFault>,
-    other: Result<Reached, OutputErrorFault>,
-) -> Result<Reached, OutputErrorFault> {
+/// Whether one of two optima is lower than the other by more than two searches of the same one differ; a settled one is, beside one that is not.
+fn is_lower(one: &Result<Reached, OutputErrorFault>, other: &Result<Reached, OutputErrorFault>) -> bool {
     match (one, other) {
-        (Ok(one), Ok(other)) => {
-            let better = (other.settled, one.cost) > (one.settled, other.cost);
-            Ok(if better { other } else { one })
-        }
-        (Err(_), Ok(other)) => Ok(other),
-        (one, _) => one,
+        (Ok(one), Ok(other)) if one.settled == other.settled => one.cost < other.cost - GAIN,
+        (Ok(one), Ok(_)) => one.settled,
+        (one, _) => one.is_ok(),
     }
 }
 
