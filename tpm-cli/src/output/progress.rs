@@ -14,6 +14,8 @@ const TICK: Duration = Duration::from_millis(200);
 pub(crate) struct Busy {
     bar: ProgressBar,
     started: Instant,
+    /// Whether it has been shown, be it to nobody.
+    shown: bool,
 }
 
 impl Busy {
@@ -26,12 +28,13 @@ impl Busy {
             bar.set_style(style);
         }
         bar.set_message(what);
-        Self { bar, started: Instant::now() }
+        Self { bar, started: Instant::now(), shown: false }
     }
 
     /// Shows the line if the work has taken long.
     pub(crate) fn show(&mut self) {
-        if self.bar.is_hidden() && self.started.elapsed() > SILENT {
+        if !self.shown && self.started.elapsed() > SILENT {
+            self.shown = true;
             self.bar.set_draw_target(ProgressDrawTarget::stderr());
             self.bar.enable_steady_tick(TICK);
         }

@@ -155,3 +155,16 @@ fn recordings_in_one_file_without_a_gap_are_told_apart() {
     let text = crate::support::printed_in(folder.path(), &["inspect", "joined.csv", &model], 0);
     assert!(text.contains("x jumps by") && text.contains("line 2992"), "{text}");
 }
+
+/// A search that nobody waits for ends: the numbers are those of the lines, and the result says what was left out.
+#[test]
+fn a_simulation_that_takes_too_long_is_left_out_and_said() {
+    let folder = tempfile::tempdir().expect("a folder");
+    sweep(folder.path(), "sweep.csv", TRUTH, 20.0, 0.1);
+    let (code, json, _) = identify(folder.path(), &["--log", "sweep.csv", "--hold", "none", "--time", "1e-6"]);
+    let (plain_code, plain, _) = identify(folder.path(), &["--log", "sweep.csv", "--hold", "none", "--refine", "none"]);
+    assert_eq!((code, parameters(&json)), (plain_code, parameters(&plain)));
+    let note = json["log"]["refinement"]["note"].as_str().unwrap_or_default();
+    assert!(note.contains("the time that it was given was over"), "{note}");
+    fails(&["identify", &model(), "--log", "sweep.csv", "--time", "0"], 2, &["above zero"]);
+}
