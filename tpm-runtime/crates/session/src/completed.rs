@@ -3,7 +3,7 @@
 use crate::completing::completed_text;
 use crate::error::SessionError;
 use crate::identification::Identification;
-use crate::lines_log::is_simulated;
+use crate::lines_log::is_told_by_lines;
 use crate::log::{LogRequest, from_logs};
 use crate::model::{DeclaredModel, Identifiable, ModelFault};
 use tpm_codegen::source::Source;
@@ -25,7 +25,7 @@ pub fn completed(
         (model.declaration()?).ok_or_else(|| ModelFault::NoText { name: model.evaluated().name().to_string() })?;
     let Some(text) = completed_text(&declared, result).map_err(SessionError::Completing)? else { return Ok(None) };
     let whole = DeclaredModel::of_source(Source::new(declared.text().name(), text))?;
-    if !is_simulated(whole.evaluated().dims()) {
+    if is_told_by_lines(whole.evaluated().dims()) {
         requests.iter_mut().for_each(|request| request.estimation.weights = Weights::Equal);
     }
     let found = from_logs(&whole, requests)?;

@@ -16,7 +16,7 @@ use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{
     Arranged, CalibrationFault, Course, Differentiable, Lacking, OfAnyMotion, Outcome, Refine, ResidualOf, Sensor,
-    Stretch, Term, TermKind, TimeRecord, best_arrangement, estimate_any_motion,
+    Stretch, Term, TermKind, TimeRecord, Weights, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_motion::Dynamics;
@@ -89,9 +89,10 @@ pub(super) fn identify(
         refined(machine, start, conditions, settings, &restate)
     };
     let errs = found.lacking.iter().any(|own| own.term.kind.is_of_reading());
-    // Rows of which every one has an input tell the parameters beside the forces that they name, which a simulation of the model would not have.
-    let lacks =
-        dims.coordinates > 1 && dims.inputs >= dims.rows && found.lacking.iter().any(|own| own.term.kind.is_force());
+    // Such rows tell the parameters beside the forces that they name, which a simulation of the model would not have, and what is nearest to
+    // the forces where that is asked for.
+    let lacks = found.lacking.iter().any(|own| own.term.kind.is_force()) || settings.weights == Weights::Equal;
+    let lacks = lacks && is_told_by_lines(dims);
     let own = if !settings.fitted_delays.is_empty() || (errs && !asked) {
         // A delay or an error of a reading that is found is a parameter of the lines, which the simulation does not have.
         let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::OfChannel);
@@ -173,10 +174,15 @@ pub(super) fn unexplained<'a>(
     of_row.into_iter().chain(terms).chain(scale)
 }
 
+/// Whether every row of several has an input, so that the lines of the rows tell all parameters.
+pub(super) const fn is_told_by_lines(dims: Dims) -> bool {
+    dims.coordinates > 1 && dims.inputs >= dims.rows
+}
+
 /// Whether a machine is simulated without being asked for: one of few coordinates, or of a few more where some row has no input, of which the
 /// lines tell ratios alone.
 pub(super) const fn is_simulated(dims: Dims) -> bool {
-    dims.coordinates <= MOST_SIMULATED || (dims.inputs < dims.rows && dims.coordinates <= MOST_IN_A_CHAIN)
+    dims.coordinates <= MOST_SIMULATED || (!is_told_by_lines(dims) && dims.coordinates <= MOST_IN_A_CHAIN)
 }
 
 /// Whether a simulation explains a record, so that it replaces the lines from which it began. Where the model lacks forces the lines are as

@@ -210,6 +210,8 @@ fn chain((from, to): (usize, usize), against: bool, of: fn(f64) -> f64, seen: &d
 pub(crate) struct Structure<'a> {
     /// Whether a row has the acceleration of a coordinate.
     pub(crate) coupled: &'a dyn Fn(usize, usize) -> bool,
+    /// Whether a row depends on the position of a coordinate.
+    pub(crate) by_position: &'a dyn Fn(usize, usize) -> bool,
     /// Whether a row depends on the motion of a coordinate.
     pub(crate) feels: &'a dyn Fn(usize, usize) -> bool,
     /// Whether a parameter makes the acceleration of a coordinate in its own row, and no other.
@@ -476,7 +478,7 @@ impl Scales {
 
     /// The terms that are asked for.
     pub(crate) fn terms(&self, model: &dyn Model<f64>, structure: &Structure<'_>) -> Vec<Term> {
-        let Structure { coupled, feels, has_own_inertia } = structure;
+        let Structure { coupled, feels, has_own_inertia, by_position } = structure;
         let dims = model.dims();
         let mut terms = Vec::new();
         for row in 0..dims.rows {
@@ -573,23 +575,24 @@ impl Scales {
                     }
                 }
             }
-            terms.extend(self.chains(model));
+            terms.extend(self.chains(model, by_position));
         }
         let order = |c: usize| model.coordinate_order(c.min(dims.coordinates.saturating_sub(1)));
         terms.retain(|term| term.kind.is_of_first_order() || order(term.of) != 1);
         terms
     }
 
-    /// Forces of links on chains of few joints: sines of sums of successive angles, and of the difference of two.
-    fn chains(&self, model: &dyn Model<f64>) -> Vec<Term> {
+    /// Forces of links on chains of few joints: sines of sums of successive angles, and of the difference of two. They are asked where the row of
+    /// the last joint does not depend on the position of the first, so that the model has no such force.
+    fn chains(&self, model: &dyn Model<f64>, by_position: &dyn Fn(usize, usize) -> bool) -> Vec<Term> {
         let coordinates = model.dims().coordinates;
         let is_angle = |c: usize| model.coordinate(c).unit.is_none_or(|unit| unit == "rad");
         if coordinates > MOST_PAIRED {
             return Vec::new();
         }
         let pairs = (0..coordinates).flat_map(|a| (a + 1..coordinates).map(move |b| (a, b)));
-        let of_angles = pairs
-            .filter(|&(a, b)| (a..=b).all(is_angle) && (a..=b).map(|c| self.span(c)).fold(0.0, f64::max) > SINE_RANGE);
+        let turns = |a: usize, b: usize| (a..=b).map(|c| self.span(c)).fold(0.0, f64::max) > SINE_RANGE;
+        let of_angles = pairs.filter(|&(a, b)| (a..=b).all(is_angle) && turns(a, b) && !by_position(b, a));
         let both = of_angles.flat_map(|(a, b)| [false, true].map(|against| (a, b, against)));
         both.filter(|(a, b, against)| !against || b - a == 1)
             .flat_map(|(of, other, against)| {

@@ -96,8 +96,15 @@ impl<'a> Pass<'a> {
     /// As of [`all_rows`](Self::all_rows).
     pub(super) fn with_terms(mut self, load: &[usize]) -> Result<Self, EstimateError> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
+        let positions = (0..self.rows.model.dims().coordinates).map(|c| match self.paths.paths.first() {
+            Some(path) => self.rows.by_position(path, &self.theta, c),
+            None => Ok(Vec::new()),
+        });
+        let positions = positions.collect::<Result<Vec<Columns>, EstimateError>>()?;
+        let moves = |(_, values): &(usize, Vec<f64>)| values.iter().any(|value| *value != 0.0);
         let structure = Structure {
             coupled: &|row, c| self.coupled(row, c),
+            by_position: &|row, c| positions[c].iter().any(|own| own.0 == row && moves(own)),
             feels: &feels,
             has_own_inertia: &|c| self.own_inertia(c).is_some(),
         };

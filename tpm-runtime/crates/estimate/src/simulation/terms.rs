@@ -100,7 +100,7 @@ impl Library {
         let coupled = |row: usize, c: usize| felt(row, model.coordinate_order(c) * dims.coordinates + c);
         let moved = |row: usize, c: usize| (0..model.coordinate_order(c)).any(|d| felt(row, d * dims.coordinates + c));
         // A coupling beside the model's own is asked of the lines alone.
-        let structure = Structure { coupled: &coupled, feels: &moved, has_own_inertia: &|_| false };
+        let structure = Structure { coupled: &coupled, by_position: &felt, feels: &moved, has_own_inertia: &|_| false };
         let mut terms = scales.terms(model, &structure);
         terms.retain(|term| !matches!(term.kind, TermKind::InputGain | TermKind::PositionOffset));
         terms.retain(|term| !term.kind.is_of_reading() || problem.sensor(term.of).is_some());
