@@ -16,8 +16,8 @@ use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::named::EstimateReport;
 use tpm_estimate::{
-    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, OutputErrorFault, Refine, ResidualOf,
-    TermKind, gain_of_the_only_input, is_static,
+    Arrangement, Differentiable, Domain, Estimate, EstimateError, LARGE_RESIDUAL, Outcome, OutputErrorFault, Refine,
+    ResidualOf, TermKind, gain_of_the_only_input, is_static,
 };
 use tpm_log::{AsRecorded, ChannelReadings, Log, Periodic, ReadingReport};
 use tpm_motion::{Dynamics, Spectra};
@@ -332,6 +332,18 @@ fn found(
             }
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
+        // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
+        Ok(mut found)
+            if (found.estimate.residual > LARGE_RESIDUAL || (lacks(&found) && !names_what_it_lacks(&found)))
+                && dims.coordinates <= lines_log::MOST_SIMULATED =>
+        {
+            let other = samples_log::identify(model, machine, segments, options)?;
+            let follows = |other: &Found| other.refinement.as_ref().is_some_and(lines_log::follows);
+            if patience::is_over() {
+                found.warnings.push(Warning::NotRefined { reason: NotRefined::Fault(OutputErrorFault::Ended) });
+            }
+            Ok(other.filter(follows).unwrap_or(found))
+        }
         found => found,
     }
 }
@@ -339,6 +351,11 @@ fn found(
 /// Whether a model is told by the terms that it lacks: its values are right beside these, and no other way knows them better.
 fn names_what_it_lacks(found: &Found) -> bool {
     found.warnings.iter().any(|warning| matches!(warning, Warning::MissingTerm { .. }))
+}
+
+/// Whether one likelihood came to nothing but forces that the model lacks, or to much of the motion that nothing explains.
+fn lacks(found: &Found) -> bool {
+    found.refinement.as_ref().is_some_and(|report| report.outcome == Some(Outcome::Lacks))
 }
 
 /// Whether the harmonics of a motion, and its simulation, tell a record. What a simulation does not follow to the noise of the sensors is

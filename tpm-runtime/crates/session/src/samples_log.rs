@@ -7,12 +7,16 @@ use crate::log_fault::LogFault;
 use crate::log_report::{HoldResiduals, SamplesReport, Way};
 use crate::options::LogOptions;
 use crate::record::{BLOCKS, MOST_SAMPLES, differing_rates, nothing, period_not_used, record, stretches};
-use crate::refine::{By, Conditions, Refined, Start, refined};
+use crate::refine::{Conditions, Refined, Start, refined};
 use crate::summary;
-use crate::warning::Data;
+use crate::warning::{Data, Warning};
 use tpm_controller::model::Model;
 use tpm_estimate::{Course, Differentiable, EstimateError, Pace, Sampled, Stretch, estimate_sampled, is_static};
 use tpm_log::Log;
+
+/// Widths of the polynomials along which a simulation may begin, in units of the one that follows the motion: noise asks for more, what
+/// jumps for less.
+const REACHES: [f64; 3] = [1.0, 2.0, 0.5];
 
 /// Identifies a model from the samples of a record one by one; nothing where a model with derivatives is not followed by any simulation.
 ///
@@ -36,21 +40,31 @@ pub(super) fn identify(
         return Ok(Some(as_found(found, own, options)));
     }
     let pace = Pace::of(&record).map_err(fault)?;
-    let found = match estimate_sampled(model, &options.constants, &record, pace.reach, &options.estimation) {
-        Ok(found) => found,
-        Err(EstimateError::NoSignal) => return Ok(None),
-        Err(source) => return Err(fault(source)),
-    };
-    let mut own = simulated(machine, (&all, first.sample_time), (&pace, &found), options);
-    if !own.report.as_ref().is_some_and(|report| report.used) {
-        return Ok(None);
+    let rates = differing_rates(model, &pace.rate_gains).collect::<Vec<Warning>>();
+    let mut best: Option<(Sampled, Refined)> = None;
+    for share in REACHES {
+        let reach = (share * pace.reach as f64).ceil() as usize;
+        let found = match estimate_sampled(model, &options.constants, &record, reach, &options.estimation) {
+            Ok(found) => found,
+            Err(EstimateError::NoSignal) => continue,
+            Err(source) => return Err(fault(source)),
+        };
+        let own = simulated(machine, (&all, first.sample_time), (&pace, &found), options);
+        let left = |own: &Refined| own.estimate.residual;
+        if own.report.as_ref().is_some_and(|report| report.used)
+            && best.as_ref().is_none_or(|(_, other)| left(&own) < left(other))
+        {
+            best = Some((found, own));
+        }
     }
-    let mut warnings = summary::doubts(model, &own.estimate, Data::Log);
-    warnings.extend(differing_rates(model, &pace.rate_gains));
-    warnings.extend(period_not_used(segments, &options.reading));
-    warnings.append(&mut own.warnings);
-    own.warnings = warnings;
-    Ok(Some(as_found(found, own, options)))
+    Ok(best.map(|(found, mut own)| {
+        let mut warnings = summary::doubts(model, &own.estimate, Data::Log);
+        warnings.extend(rates);
+        warnings.extend(period_not_used(segments, &options.reading));
+        warnings.append(&mut own.warnings);
+        own.warnings = warnings;
+        as_found(found, own, options)
+    }))
 }
 
 /// What a simulation makes of an estimate along polynomials.
@@ -71,8 +85,7 @@ fn simulated(
     };
     let settings = &options.estimation;
     let restate = |values, covariance| found.restated(values, covariance, settings);
-    let conditions = Conditions { by: By::Likelihood { forces: true }, ..Conditions::of_log(options) };
-    refined(machine, start, conditions, settings, &restate)
+    refined(machine, start, Conditions::of_log(options), settings, &restate)
 }
 
 fn as_found(found: Sampled, refined: Refined, options: &LogOptions) -> Found {
