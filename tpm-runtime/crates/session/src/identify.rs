@@ -339,7 +339,8 @@ fn found(
         {
             let other = samples_log::identify(model, machine, segments, options)?;
             let follows = |other: &Found| other.refinement.as_ref().is_some_and(lines_log::follows);
-            if patience::is_over() {
+            let said = found.warnings.iter().any(|own| matches!(own, Warning::NotRefined { .. }));
+            if patience::is_over() && !said {
                 found.warnings.push(Warning::NotRefined { reason: NotRefined::Fault(OutputErrorFault::Ended) });
             }
             Ok(other.filter(follows).unwrap_or(found))
