@@ -63,7 +63,7 @@ pub(crate) struct Args {
     /// Whether the estimates are refined by simulating the model sample by sample; where that takes no long time when not given.
     #[arg(long, value_parser = refine())]
     refine: Option<Refine>,
-    /// Processor time that a log may take, s: a simulation that has not settled by then is left out, and said so; 30 when neither this nor
+    /// Processor time that a log may take, s: a simulation that has not settled by then is left out, and said so; 60 when neither this nor
     /// --refine is given. Ctrl-C does so at once.
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "log")]
     time: Option<f64>,
@@ -104,7 +104,7 @@ pub(crate) struct Args {
 const MOST_HEAD_BYTES: u64 = 65536;
 
 /// Processor time that a log may take where nothing is said of it, s.
-const USUAL_TIME: f64 = 30.0;
+const USUAL_TIME: f64 = 60.0;
 
 /// A time that may be spent.
 fn seconds(text: &str) -> Result<f64, String> {
