@@ -3,15 +3,20 @@
 
 use crate::output::progress;
 use cpu_time::ProcessTime;
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
 use tpm_runtime::numerics::patience;
 
 thread_local! {
-    /// How much of the processor a search may take, s.
-    static LIMIT: Cell<f64> = const { Cell::new(f64::INFINITY) };
-    static BEGAN: Cell<Option<ProcessTime>> = const { Cell::new(None) };
-    static BUSY: RefCell<Option<progress::Busy>> = const { RefCell::new(None) };
+    static SEARCH: RefCell<Option<Search>> = const { RefCell::new(None) };
+}
+
+/// A search that runs patiently.
+struct Search {
+    /// How much of the processor it may take, s.
+    limit: f64,
+    began: Option<ProcessTime>,
+    busy: progress::Busy,
 }
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -50,20 +55,21 @@ fn end_without_memory() {
 /// Runs a search that ends with what it has when the user asks to stop, or when the program has taken so much of the processor, s; where it goes
 /// on, that is said on a terminal.
 pub(crate) fn patient<T>(seconds: Option<f64>, what: &'static str, work: impl FnOnce() -> T) -> T {
-    LIMIT.set(seconds.unwrap_or(f64::INFINITY));
-    let began = ProcessTime::try_now().ok();
-    BEGAN.set(began);
-    BUSY.set(Some(progress::Busy::new(what)));
+    let limit = seconds.unwrap_or(f64::INFINITY);
+    SEARCH.set(Some(Search { limit, began: ProcessTime::try_now().ok(), busy: progress::Busy::new(what) }));
     let result = watched(|_| patience::within(is_over, work));
-    BUSY.take();
+    SEARCH.take();
     result
 }
 
-/// Whether a search that runs patiently is to end.
+/// Whether the search that runs patiently is to end.
 fn is_over() -> bool {
-    BUSY.with_borrow_mut(|busy| busy.iter_mut().for_each(progress::Busy::show));
-    let spent = BEGAN.get().and_then(|began| began.try_elapsed().ok());
-    requested() || spent.is_some_and(|spent| spent.as_secs_f64() > LIMIT.get())
+    SEARCH.with_borrow_mut(|search| {
+        let Some(Search { limit, began, busy }) = search else { return false };
+        busy.show();
+        let spent = began.and_then(|began| began.try_elapsed().ok());
+        requested() || spent.is_some_and(|spent| spent.as_secs_f64() > *limit)
+    })
 }
 
 /// Whether the user has asked to stop.

@@ -188,6 +188,12 @@ pub(super) fn identify_from(
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
     let mut found = found(model, machine, segments, options, periodic.as_ref())?;
+    // What was tried in time stays in the report; that more was to be tried is said.
+    let used = found.refinement.as_ref().is_some_and(|report| report.used);
+    let said = found.warnings.iter().any(|own| matches!(own, Warning::NotRefined { .. }));
+    if patience::is_over() && options.refine != Refine::None && !used && !said {
+        found.warnings.push(Warning::NotRefined { reason: NotRefined::Fault(OutputErrorFault::Ended) });
+    }
     // Harmonics and a simulation say nothing of sensors whose calibration is off.
     if matches!(found.way, Way::Harmonics(_)) && dims.coordinates > 1 {
         let repeating = periodic.as_ref().map(|(_, (periodic, _))| periodic);
@@ -333,16 +339,12 @@ fn found(
             Err(LogFault::Estimate { source: EstimateError::NoSignal, path })
         }
         // Lines that explain nothing begin a simulation far from the truth, where regressions along polynomials may begin it near.
-        Ok(mut found)
+        Ok(found)
             if (found.estimate.residual > LARGE_RESIDUAL || (lacks(&found) && !names_what_it_lacks(&found)))
                 && dims.coordinates <= lines_log::MOST_SIMULATED =>
         {
             let other = samples_log::identify(model, machine, segments, options)?;
             let follows = |other: &Found| other.refinement.as_ref().is_some_and(lines_log::follows);
-            let said = found.warnings.iter().any(|own| matches!(own, Warning::NotRefined { .. }));
-            if patience::is_over() && !said {
-                found.warnings.push(Warning::NotRefined { reason: NotRefined::Fault(OutputErrorFault::Ended) });
-            }
             Ok(other.filter(follows).unwrap_or(found))
         }
         found => found,

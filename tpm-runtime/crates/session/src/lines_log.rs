@@ -15,12 +15,11 @@ use crate::term_words::lacking;
 use crate::warning::{Data, Warning};
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{
-    Arranged, CalibrationFault, Course, Differentiable, Lacking, OfAnyMotion, Outcome, OutputErrorFault, Refine,
-    ResidualOf, Sensor, Stretch, Term, TermKind, TimeRecord, Weights, best_arrangement, estimate_any_motion,
+    Arranged, CalibrationFault, Course, Differentiable, Lacking, OfAnyMotion, Outcome, Refine, ResidualOf, Sensor,
+    Stretch, Term, TermKind, TimeRecord, Weights, best_arrangement, estimate_any_motion,
 };
 use tpm_log::{Log, Periodic};
 use tpm_motion::Dynamics;
-use tpm_numerics::patience;
 
 /// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
 pub(super) const MOST_SIMULATED: usize = 2;
@@ -138,10 +137,6 @@ pub(super) fn identify(
         warnings.extend(unexplained(model, &found, &missing));
     }
     warnings.extend(refined.warnings);
-    // What was tried in time stays in the report; that more was to be tried is said.
-    if !replaced && options.refine != Refine::None && patience::is_over() {
-        warnings.push(Warning::NotRefined { reason: NotRefined::Fault(OutputErrorFault::Ended) });
-    }
     warnings.extend(found.delays.iter().filter(|delay| !delay.settled).map(|delay| {
         let parameter = format!("the delay of {}", model.input(delay.input).name);
         Warning::Unsettled { reason: NotRefined::Moving { parameter } }

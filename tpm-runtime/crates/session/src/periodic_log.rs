@@ -66,17 +66,17 @@ pub(super) fn identify(
     let hold_residuals = HoldResiduals::of(options.reading.hold, estimate.residual, other);
     let rates: Vec<usize> = (0..dims.coordinates).filter(|&c| log.rates.get(c).is_some_and(Option::is_some)).collect();
     let channels = log.channels.iter().chain(log.rates.iter().flatten());
-    let simulated = simulated(log, periodic, &options.reading);
-    let used: Vec<&[f64]> = channels.map(|c| &c[simulated.clone()]).collect();
+    let span = simulated(log, periodic, &options.reading);
+    let used: Vec<&[f64]> = channels.map(|c| &c[span.clone()]).collect();
     // The phase of the harmonics is that of the first sample that is simulated.
-    let before = (periodic.from - simulated.start) as f64 / periodic.samples_per_period;
+    let before = (periodic.from - span.start) as f64 / periodic.samples_per_period;
     let from_there = |lines: Vec<Complex<f64>>| -> Vec<Complex<f64>> {
         let turn = |(k, line): (usize, Complex<f64>)| line * Complex::from_polar(1.0, -2.0 * PI * k as f64 * before);
         lines.into_iter().enumerate().map(turn).collect()
     };
     let start = Start {
         estimate: &estimate,
-        excerpt: Excerpt::of_periods(&used, rates, &Periodic { from: simulated.start, ..*periodic }),
+        excerpt: Excerpt::of_periods(&used, rates, &Periodic { from: span.start, ..*periodic }),
         course: Course::Periodic {
             samples_per_period: periodic.samples_per_period,
             lines: (0..dims.coordinates).map(|c| from_there(motion(spectra, c, record.motion_harmonics()))).collect(),

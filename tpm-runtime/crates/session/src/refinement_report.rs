@@ -167,7 +167,7 @@ impl fmt::Display for NotRefined {
                 "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them",
             ),
             NotRefined::NotAsked => f.write_str(
-                "not refined by a simulation: a machine of several coordinates with an input in every row, or of more than four, is simulated where that is asked for",
+                "not refined by a simulation: a machine of more than two coordinates with an input in every row, or of more than four, is simulated where that is asked for",
             ),
             NotRefined::Lacks => f.write_str(
                 "not refined by a simulation: it needs forces that the model lacks, and says no more of the parameters than the lines of the rows beside the terms that they name",

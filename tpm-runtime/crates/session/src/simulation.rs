@@ -9,7 +9,7 @@
 //!   them. Where it leaves the log, it has no fit: the time is told.
 
 use crate::excerpt::{Excerpt, accelerated, at_most};
-use crate::lines_log::MOST_SIMULATED;
+use crate::lines_log::{MOST_SIMULATED, is_told_by_lines};
 use crate::log_fault::LogFault;
 use crate::options::LogOptions;
 use crate::record::{record, stretches};
@@ -207,7 +207,7 @@ pub(super) fn simulate(
     };
     let model = machine.model;
     let dims = model.dims();
-    let is_long = dims.coordinates > MOST_SIMULATED && dims.inputs >= dims.rows;
+    let is_long = dims.coordinates > MOST_SIMULATED && is_told_by_lines(dims);
     if is_long && options.refine != Refine::OutputError {
         return Ok(Err(format!("of {} coordinates, all with an input, only when it is asked for", dims.coordinates)));
     }

@@ -14,6 +14,8 @@ use tpm_controller::harmonics::Hold;
 use tpm_estimate::{Lacking, Refine, TermKind};
 
 const SAMPLE_TIME: f64 = 1e-3;
+const MOTOR: &str = "model Motor { coordinate q [rad]; input u [N*m]; parameter J [kg*m^2], b [N*m*s/rad], fc [N*m];
+    J*ddot(q) + b*dot(q) + fc*sign(dot(q)) = u; }";
 
 /// What the lines of a log name.
 fn named(found: &Identification) -> Vec<Lacking> {
@@ -28,6 +30,15 @@ fn assert_covered(found: &Identification, truth: &[(&str, f64)]) {
         let (value, std) = (own.value.expect("identified"), own.std.expect("identified"));
         assert!((value - truth).abs() < 4.0 * std, "{name}: {value} +- {std} of {truth}\n{found}");
     }
+}
+
+/// Position, rate and acceleration of a sum of sines: frequencies, Hz, sizes and phases.
+fn sines(waves: &[(f64, f64, f64)], t: f64) -> [f64; 3] {
+    waves.iter().fold([0.0; 3], |[q, v, a], (frequency, size, phase)| {
+        let w = 2.0 * PI * frequency;
+        let (s, c) = (w * t + phase).sin_cos();
+        [q + size * s, v + size * w * c, a - size * w * w * s]
+    })
 }
 
 /// A log of one coordinate along a motion, with the reading and the input that belong to an instant.
@@ -104,25 +115,11 @@ fn an_inertia_between_coordinates_that_the_model_lacks_is_named() {
 /// A voltage that has the sign of the speed throughout tells no dead zone from dry friction.
 #[test]
 fn a_dead_zone_that_dry_friction_hides_is_said() {
-    let motor = DeclaredModel::parse(
-        "Motor",
-        "model Motor { coordinate q [rad]; input u [N*m]; parameter J [kg*m^2], b [N*m*s/rad], fc [N*m];
-        J*ddot(q) + b*dot(q) + fc*sign(dot(q)) = u; }",
-    )
-    .expect("a model");
-    let motion = |slow: f64| {
-        move |t: f64| {
-            let w = 2.0 * PI * slow;
-            let waves = [(w, 3.0), (1.7 * w, 2.0)];
-            waves.iter().fold([0.0; 3], |[q, v, a], (w, size)| {
-                let (s, c) = (w * t).sin_cos();
-                [q + size * s, v + size * w * c, a - size * w * w * s]
-            })
-        }
-    };
+    let motor = DeclaredModel::parse("Motor", MOTOR).expect("a model");
+    let motion = |t: f64| sines(&[(0.4, 3.0, 0.0), (0.68, 2.0, 0.0)], t);
     let said = |inertia: f64| {
         let input = move |[_, v, a]: [f64; 3]| inertia * a + 0.05 * v + 0.2 * v.signum();
-        let found = from_log(&motor, log(8000, motion(0.4), |q, _| q, input, [1e-5, 1e-3])).expect("identifies");
+        let found = from_log(&motor, log(8000, motion, |q, _| q, input, [1e-5, 1e-3])).expect("identifies");
         let faults = found.warnings.iter().filter_map(|warning| match warning {
             Warning::UnseenFaults { faults } => Some(faults.clone()),
             _ => None,
@@ -136,12 +133,7 @@ fn a_dead_zone_that_dry_friction_hides_is_said() {
 /// A wheel that is not centred adds an acceleration which no torque makes.
 #[test]
 fn an_encoder_that_errs_once_a_turn_is_told_from_a_light_rotor() {
-    let motor = DeclaredModel::parse(
-        "Motor",
-        "model Motor { coordinate q [rad]; input u [N*m]; parameter J [kg*m^2], b [N*m*s/rad], fc [N*m];
-        J*ddot(q) + b*dot(q) + fc*sign(dot(q)) = u; }",
-    )
-    .expect("a model");
+    let motor = DeclaredModel::parse("Motor", MOTOR).expect("a model");
     let [inertia, b, fc] = [1e-3, 2e-3, 0.03];
     let motion = |t: f64| {
         let w = 2.0 * PI * 0.3;
@@ -177,12 +169,7 @@ fn a_shift_of_time_changes_nothing() {
     let readings: Vec<[f64; 2]> = (0..500)
         .map(|k| {
             let t = 0.01 * f64::from(k);
-            let waves = [(0.6, 1.0, 0.0), (1.7, 0.4, 1.0), (3.1, 0.1, 2.0)];
-            let [q, v, a] = waves.iter().fold([0.0; 3], |[q, v, a], (f, size, phase)| {
-                let w = 2.0 * PI * f;
-                let (s, c) = (w * t + phase).sin_cos();
-                [q + size * s, v + size * w * c, a - size * w * w * s]
-            });
+            let [q, v, a] = sines(&[(0.6, 1.0, 0.0), (1.7, 0.4, 1.0), (3.1, 0.1, 2.0)], t);
             [q + 1e-4 * draw(), 2.0 * a + 3.0 * v + 40.0 * q + 0.02 * draw()]
         })
         .collect();

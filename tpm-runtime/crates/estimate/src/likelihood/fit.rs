@@ -637,15 +637,11 @@ impl<'a> Pass<'a> {
     /// while half of that is left out the inertia that makes up for it hides the other half.
     fn erring(&self, asked: &Asked, split: &Split, variance: &[f64]) -> Vec<Term> {
         let term = |at: usize| self.terms[asked.terms[at] - self.rows.model.dims().parameters];
-        let n = split.target.len();
-        let scaled = DMatrix::from_fn(n, n, |r, c| split.candidates[(r, c)] * variance[c].sqrt());
-        let Some(noise) = Cholesky::new(DMatrix::identity(n, n) + &scaled * scaled.transpose()) else {
-            return Vec::new();
-        };
+        let Some(noise) = split.spread(variance) else { return Vec::new() };
         let coordinates = 0..self.rows.model.dims().coordinates;
         let shown = coordinates.filter_map(|c| {
             let of = |at: &usize| term(*at).kind.is_of_reading() && term(*at).of == c && split.counts[*at];
-            let own: Vec<usize> = (0..n).filter(of).collect();
+            let own: Vec<usize> = (0..asked.terms.len()).filter(of).collect();
             let columns = split.candidates.select_columns(&own);
             let weighted = noise.solve(&columns);
             let right = weighted.tr_mul(&split.target);

@@ -1,6 +1,6 @@
 //! Parameters and candidates of weighted equations that were condensed to a triangle.
 
-use tpm_numerics::{Cholesky, DMatrix, DVector};
+use tpm_numerics::{Cholesky, DMatrix, DVector, Dyn};
 
 /// The triangle of the weighted equations, parameters first and candidates behind them.
 pub(crate) struct Split {
@@ -55,11 +55,16 @@ impl Split {
         }
     }
 
+    /// The covariance of the target where the coefficients of the candidates have these variances, as its factor.
+    pub(crate) fn spread(&self, variance: &[f64]) -> Option<Cholesky<f64, Dyn>> {
+        let n = self.target.len();
+        let scaled = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c].sqrt());
+        Cholesky::new(DMatrix::identity(n, n) + &scaled * scaled.transpose())
+    }
+
     pub(crate) fn solve(&self, variance: &[f64]) -> Option<Solved> {
         let (p, n) = (self.parameters.ncols(), self.target.len());
-        let scaled = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c].sqrt());
-        let whole = DMatrix::identity(n, n) + &scaled * scaled.transpose();
-        let factor = Cholesky::new(whole)?;
+        let factor = self.spread(variance)?;
         // R2 Gamma.
         let through = DMatrix::from_fn(n, n, |r, c| self.candidates[(r, c)] * variance[c]);
         let missing = through.tr_mul(&factor.solve(&self.target));

@@ -96,15 +96,14 @@ impl<'a> Pass<'a> {
     /// As of [`all_rows`](Self::all_rows).
     pub(super) fn with_terms(mut self, load: &[usize]) -> Result<Self, EstimateError> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
-        let positions = (0..self.rows.model.dims().coordinates).map(|c| match self.paths.paths.first() {
-            Some(path) => self.rows.by_position(path, &self.theta, c),
-            None => Ok(Vec::new()),
-        });
-        let positions = positions.collect::<Result<Vec<Columns>, EstimateError>>()?;
+        // Stretch by stretch and coordinate by coordinate; a single coordinate is asked for no offset and for no chain.
+        let coordinates = Some(self.rows.model.dims().coordinates).filter(|own| *own > 1).unwrap_or(0);
+        let along = |path: &Path| (0..coordinates).map(|c| self.rows.by_position(path, &self.theta, c)).collect();
+        let by_position = self.paths.paths.iter().map(along).collect::<Result<Vec<Vec<Columns>>, EstimateError>>()?;
         let moves = |(_, values): &(usize, Vec<f64>)| values.iter().any(|value| *value != 0.0);
         let structure = Structure {
             coupled: &|row, c| self.coupled(row, c),
-            by_position: &|row, c| positions[c].iter().any(|own| own.0 == row && moves(own)),
+            by_position: &|row, c| by_position.iter().any(|own| own[c].iter().any(|own| own.0 == row && moves(own))),
             feels: &feels,
             has_own_inertia: &|c| self.own_inertia(c).is_some(),
         };
@@ -112,17 +111,16 @@ impl<'a> Pass<'a> {
         let look = &self.look;
         self.terms.retain(|term| look.is_fitted(*term) || !look.refused.contains(term));
         let mut from = 0.0;
-        for (path, along) in self.paths.paths.iter().zip(&self.along) {
+        for ((path, along), by_position) in self.paths.paths.iter().zip(&self.along).zip(by_position) {
             let of = |term: &Term| match term.kind {
-                TermKind::InputGain => Ok(along.of_input(term.of, &self.theta)),
-                TermKind::PositionOffset => self.rows.by_position(path, &self.theta, term.of),
+                TermKind::InputGain => along.of_input(term.of, &self.theta),
+                TermKind::PositionOffset => by_position[term.of].clone(),
                 TermKind::LoadFriction if !load.is_empty() => {
-                    Ok(self.scales.load_friction(*term, &OnGrid { path, along, from }, (load, &self.theta)))
+                    self.scales.load_friction(*term, &OnGrid { path, along, from }, (load, &self.theta))
                 }
-                _ => Ok(self.scales.columns(*term, &OnGrid { path, along, from })),
+                _ => self.scales.columns(*term, &OnGrid { path, along, from }),
             };
-            let own = self.terms.iter().map(of).collect::<Result<Vec<Columns>, EstimateError>>()?;
-            self.columns.push(own);
+            self.columns.push(self.terms.iter().map(of).collect());
             from += path.points as f64 * path.apart;
         }
         self.scale_terms();
