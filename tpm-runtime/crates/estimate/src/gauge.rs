@@ -10,7 +10,7 @@ use crate::result::Estimate;
 use crate::scale::Scale;
 use crate::verdict::{Evidence, POOR_DEVIATION, Status};
 use tpm_numerics::singular::largest_one;
-use tpm_numerics::{DMatrix, Matrix, tolerance};
+use tpm_numerics::{Matrix, tolerance};
 
 /// Largest distance of a power from a whole number, as a share of it.
 const NEAR: f64 = 0.02;
@@ -73,14 +73,7 @@ impl Estimate {
 
     /// The estimate in which one of parameters with a common scale is one, and known.
     fn in_gauge(mut self, scale: &Scale, own: usize) -> Self {
-        let p = self.values.len();
-        let size = self.values[own];
-        scale.multiply(&mut self.values, size.recip());
-        let mut map = DMatrix::identity(p, p);
-        for j in scale.members() {
-            map[(j, j)] = size.powf(-scale.powers[j]);
-            map[(j, own)] -= scale.powers[j] * self.values[j] / size;
-        }
+        let mut map = scale.bring(&mut self.values, own, 1.0);
         self.values[own] = 1.0;
         map[(own, own)] = 0.0;
         self.covariance = Matrix::of(&map * self.covariance.dense() * map.transpose());

@@ -407,24 +407,12 @@ impl Weighted {
         Self { rows, right, scales: estimate.scales.iter().filter_map(of).collect() }
     }
 
-    /// Lumped parameters at the factors of the estimate, and what becomes of their derivatives, if these are given: rows are parameters.
-    fn at_its_scales(&self, lumped: &mut [f64], derivatives: Option<&mut DMatrix<f64>>) {
-        let before = lumped.to_vec();
+    /// Brings lumped parameters to the factors of the estimate, and their derivatives, if these are given: rows are parameters.
+    fn at_its_scales(&self, lumped: &mut [f64], mut derivatives: Option<&mut DMatrix<f64>>) {
         for (scale, own, size) in &self.scales {
-            scale.multiply(lumped, size / before[*own]);
-        }
-        let Some(derivatives) = derivatives else { return };
-        for (scale, own, _) in &self.scales {
-            let of_own = derivatives.row(*own) / before[*own];
-            for j in scale.members() {
-                for (entry, relative) in derivatives.row_mut(j).iter_mut().zip(of_own.iter()) {
-                    *entry -= scale.powers[j] * before[j] * relative;
-                }
-            }
-        }
-        for (j, mut row) in derivatives.row_iter_mut().enumerate() {
-            if before[j] != 0.0 {
-                row *= lumped[j] / before[j];
+            let map = scale.bring(lumped, *own, *size);
+            if let Some(derivatives) = &mut derivatives {
+                **derivatives = map * &**derivatives;
             }
         }
     }

@@ -125,8 +125,7 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
         TermKind::PairInertia | TermKind::RelativeInertia => (1, 2, "M".to_owned()),
         TermKind::Sine(n) => (0, 0, numbered("sine", n)),
         TermKind::Cosine(n) => (0, 0, numbered("cosine", n)),
-        TermKind::ChainSine { .. } => (0, 0, "sine".to_owned()),
-        TermKind::ChainCosine { .. } => (0, 0, "cosine".to_owned()),
+        TermKind::Chain { even, .. } => (0, 0, if even { "cosine" } else { "sine" }.to_owned()),
         TermKind::Ripple { even: false, half_waves } => (0, 0, format!("ripple{half_waves}s")),
         TermKind::Ripple { even: true, half_waves } => (0, 0, format!("ripple{half_waves}c")),
         TermKind::Play | TermKind::PairPlay => (0, 0, "play".to_owned()),
@@ -178,7 +177,7 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
                 (other, name(other), format!("ddot({})", name(term.of))),
             ]
         }
-        (TermKind::ChainSine { against } | TermKind::ChainCosine { against }, Some(other)) => (term.of..=other)
+        (TermKind::Chain { against, .. }, Some(other)) => (term.of..=other)
             .map(|c| (c, name(c), if against && c == other { format!("-{expression}") } else { expression.clone() }))
             .collect(),
         (_, Some(other)) => {

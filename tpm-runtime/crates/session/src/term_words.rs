@@ -138,10 +138,8 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
                 "an inertia between the coordinates, as that of a beam which turns when its ends do not move alike";
             (format!("(ddot({}) - ddot({other}))", q()), meaning.into())
         }
-        TermKind::ChainSine { .. } | TermKind::ChainCosine { .. } => {
-            let function = if matches!(own.kind, TermKind::ChainSine { .. }) { "sin" } else { "cos" };
-            let against =
-                matches!(own.kind, TermKind::ChainSine { against: true } | TermKind::ChainCosine { against: true });
+        TermKind::Chain { even, against } => {
+            let function = if even { "cos" } else { "sin" };
             let angles: Vec<String> =
                 (own.of..=own.other.unwrap_or(own.of)).map(|c| name(model.coordinate(c))).collect();
             let sum = angles.join(if against { " - " } else { " + " });
@@ -153,7 +151,7 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
             format!("{0} beyond {1:.4}", name(model.input(own.of)), lacking.value),
             format!("clipping: the input is limited (saturation) at about {:.4}", lacking.value).into(),
         ),
-        TermKind::ReadingSine(multiple) => {
+        TermKind::Reading { multiple, .. } => {
             let often = if multiple == 1 { "once".to_owned() } else { format!("{multiple} times") };
             let unit = model.coordinate(own.of).unit.map_or_else(String::new, |unit| format!(" {unit}"));
             let meaning = format!(

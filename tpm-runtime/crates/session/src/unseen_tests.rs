@@ -79,7 +79,7 @@ fn gravity_of_a_link_that_the_model_lacks_is_named() {
     let found = from_log(&parse(["", "", ""]), LogRequest::new(file.path()).hold(Hold::None)).expect("identifies");
     let names = named(&found);
     let [own] = names.as_slice() else { panic!("{found}") };
-    assert_eq!(own.term.kind, TermKind::ChainCosine { against: false }, "{found}");
+    assert_eq!(own.term.kind, TermKind::Chain { even: true, against: false }, "{found}");
     assert!((own.value - 6.0).abs() < 4.0 * own.std && own.std < 0.06, "{own:?}");
     assert_covered(&found, &[("J1", 0.9), ("J2", 0.15), ("c", 0.3), ("g1", 20.0), ("d1", 0.8), ("d2", 0.5)]);
     // The completed model is the whole one.
@@ -147,7 +147,7 @@ fn an_encoder_that_errs_once_a_turn_is_told_from_a_light_rotor() {
         request.estimation.refine = Refine::None;
         let found = from_log(&motor, request).expect("identifies");
         let names = named(&found);
-        let amplitude = names.iter().find(|own| own.term.kind == TermKind::ReadingSine(1));
+        let amplitude = names.iter().find(|own| own.term.kind == TermKind::Reading { multiple: 1, even: false });
         assert_eq!(amplitude.is_some(), error > 0.0, "{found}");
         if let Some(own) = amplitude {
             assert!((own.value - error).abs() < 0.05 * error, "{own:?}");

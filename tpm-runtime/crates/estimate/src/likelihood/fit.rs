@@ -826,7 +826,7 @@ fn with_amplitudes(lacking: Vec<(f64, Lacking)>) -> Vec<(f64, Lacking)> {
     let mut found: Vec<(f64, Lacking)> = Vec::with_capacity(lacking.len());
     for (shown, own) in lacking {
         let kind = match own.term.kind {
-            TermKind::ReadingCosine(n) => TermKind::ReadingSine(n),
+            TermKind::Reading { multiple, .. } => TermKind::Reading { multiple, even: false },
             kind => kind,
         };
         let term = Term { kind, ..own.term };

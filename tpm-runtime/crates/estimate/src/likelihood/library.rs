@@ -91,12 +91,9 @@ pub enum TermKind {
     RelativeInertia,
     /// A sine of the sum of the angles from one coordinate to another, as gravity of a link on a chain: the derivative of one potential, in the
     /// rows of all of them.
-    ChainSine {
-        /// Whether the two angles are counted against each other.
-        against: bool,
-    },
-    /// A cosine of such a sum.
-    ChainCosine {
+    Chain {
+        /// Whether it is a cosine.
+        even: bool,
         /// Whether the two angles are counted against each other.
         against: bool,
     },
@@ -108,9 +105,12 @@ pub enum TermKind {
     Flexible,
     /// An error of the reading of an angle that is a sine of a multiple of it, as that of an encoder whose wheel is not centred; the value is its
     /// amplitude.
-    ReadingSine(u32),
-    /// An error that is a cosine.
-    ReadingCosine(u32),
+    Reading {
+        /// The multiple.
+        multiple: u32,
+        /// Whether it is a cosine.
+        even: bool,
+    },
     /// Play between a coordinate and its sensor; the value is half its width, unit of the coordinate.
     Backlash,
     /// An input that is cut off at a limit behind the place where it is recorded; the value is its largest size, unit of the input.
@@ -130,7 +130,7 @@ impl TermKind {
     /// Whether it is an error of a reading over its own value.
     #[must_use]
     pub const fn is_of_reading(self) -> bool {
-        matches!(self, TermKind::ReadingSine(_) | TermKind::ReadingCosine(_))
+        matches!(self, TermKind::Reading { .. })
     }
 
     /// Whether a model that predicts forces can have it: what drifts is another force on another record, and what is made of the recorded force
@@ -196,13 +196,13 @@ fn against_each_other((a, b): (usize, usize), values: Vec<f64>) -> Columns {
 }
 
 /// A function of the sum of the angles from one coordinate to another, in the rows of all of them.
-fn chain((from, to): (usize, usize), against: bool, of: fn(f64) -> f64, seen: &dyn Seen) -> Columns {
+fn chain((from, to): (usize, usize), (even, against): (bool, bool), seen: &dyn Seen) -> Columns {
     let sign = |c: usize| if against && c == to { -1.0 } else { 1.0 };
     let mut sum = vec![0.0; seen.points()];
     for c in from..=to {
         sum.iter_mut().zip(seen.series(c, 0)).for_each(|(sum, q)| *sum += sign(c) * q);
     }
-    let values: Vec<f64> = sum.into_iter().map(of).collect();
+    let values: Vec<f64> = sum.into_iter().map(if even { f64::cos } else { f64::sin }).collect();
     (from..=to).map(|c| (c, values.iter().map(|value| sign(c) * value).collect())).collect()
 }
 
@@ -371,8 +371,7 @@ impl Scales {
         let row = term.row.unwrap_or(term.of);
         if let Some(other) = term.other {
             return match term.kind {
-                TermKind::ChainSine { against } => chain((term.of, other), against, f64::sin, seen),
-                TermKind::ChainCosine { against } => chain((term.of, other), against, f64::cos, seen),
+                TermKind::Chain { even, against } => chain((term.of, other), (even, against), seen),
                 kind => self.between(kind, (term.of, other), seen),
             };
         }
@@ -406,13 +405,13 @@ impl Scales {
                 })
             }
             // The acceleration that the error of the reading adds, which no force makes.
-            TermKind::ReadingSine(n) => {
-                let n = f64::from(n);
-                by(&|k| n * (n * q[k]).cos() * a[k] - n * n * (n * q[k]).sin() * v[k] * v[k])
-            }
-            TermKind::ReadingCosine(n) => {
-                let n = f64::from(n);
-                by(&|k| -n * (n * q[k]).sin() * a[k] - n * n * (n * q[k]).cos() * v[k] * v[k])
+            TermKind::Reading { multiple, even } => {
+                let n = f64::from(multiple);
+                by(&|k| {
+                    let (s, c) = (n * q[k]).sin_cos();
+                    let (error, slope) = if even { (c, -s) } else { (s, c) };
+                    n * slope * a[k] - n * n * error * v[k] * v[k]
+                })
             }
             TermKind::Drift => by(&time),
             TermKind::DriftingDamping => by(&|k| time(k) * v[k]),
@@ -512,8 +511,8 @@ impl Scales {
             let is_angle = model.coordinate(c).unit.is_none_or(|unit| unit == "rad");
             if is_angle && high - low > TURN && coupled(row, c) {
                 for multiple in 1..=2 {
-                    add(TermKind::ReadingSine(multiple));
-                    add(TermKind::ReadingCosine(multiple));
+                    add(TermKind::Reading { multiple, even: false });
+                    add(TermKind::Reading { multiple, even: true });
                 }
             }
             if driven {
@@ -596,8 +595,8 @@ impl Scales {
         let both = of_angles.flat_map(|(a, b)| [false, true].map(|against| (a, b, against)));
         both.filter(|(a, b, against)| !against || b - a == 1)
             .flat_map(|(of, other, against)| {
-                [TermKind::ChainSine { against }, TermKind::ChainCosine { against }].map(|kind| Term {
-                    kind,
+                [false, true].map(|even| Term {
+                    kind: TermKind::Chain { even, against },
                     row: None,
                     of,
                     other: Some(other),

@@ -130,9 +130,9 @@ impl Library {
             TermKind::Backlash => {
                 Column::Reading(problem.sensor(term.of).unwrap_or(0), direction(&motion.series(term.of, 1)))
             }
-            TermKind::ReadingSine(n) | TermKind::ReadingCosine(n) => {
-                let of = if matches!(term.kind, TermKind::ReadingSine(_)) { f64::sin } else { f64::cos };
-                let values = motion.series(term.of, 0).into_iter().map(|q| of(f64::from(n) * q)).collect();
+            TermKind::Reading { multiple, even } => {
+                let of = if even { f64::cos } else { f64::sin };
+                let values = motion.series(term.of, 0).into_iter().map(|q| of(f64::from(multiple) * q)).collect();
                 Column::Reading(problem.sensor(term.of).unwrap_or(0), values)
             }
             TermKind::Limit => Column::Force(along.beyond(term.of, BEYOND)),
