@@ -14,7 +14,7 @@ const TICK: Duration = Duration::from_millis(200);
 pub(crate) struct Busy {
     bar: ProgressBar,
     started: Instant,
-    /// Whether it has been shown, be it to nobody.
+    /// Whether the line was asked for already; without a terminal it stays invisible.
     shown: bool,
 }
 

@@ -89,8 +89,8 @@ pub(super) fn identify(
         refined(machine, start, conditions, settings, &restate)
     };
     let errs = found.lacking.iter().any(|own| own.term.kind.is_of_reading());
-    // Such rows tell the parameters beside the forces that they name, which a simulation of the model would not have, and what is nearest to
-    // the forces where that is asked for.
+    // Where every row has an input, the lines tell the parameters beside the forces that they name. A simulation of the model does not have these
+    // forces. Nor does it give the values nearest to the forces, where these are asked for.
     let lacks = found.lacking.iter().any(|own| own.term.kind.is_force()) || settings.weights == Weights::Equal;
     let lacks = lacks && is_told_by_lines(dims);
     let own = if !settings.fitted_delays.is_empty() || (errs && !asked) {

@@ -565,8 +565,8 @@ impl Scales {
                     ] {
                         add(kind);
                     }
-                    // With a coupling of the model's own an inertia would span, together with one that no parameter is, what the
-                    // parameters span.
+                    // Where the model couples the two accelerations itself, a missing coupling is told from the parameters only when
+                    // either coordinate has an inertia of its own among them.
                     if !inertial(a, b) {
                         add(TermKind::PairInertia);
                     } else if has_own_inertia(a) && has_own_inertia(b) {

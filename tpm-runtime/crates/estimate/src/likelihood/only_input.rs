@@ -39,7 +39,7 @@ fn nothing_is_known(rows: Rows<'_>) -> bool {
     let slots = rows.model.dims().motion_len();
     let mut scratch = rows.scratch();
     (0..PROBES).all(|probe| {
-        // No two of these are alike, and none is at a special place.
+        // Arbitrary motions, so that a known term vanishes at none of them by chance.
         let instant: Vec<f64> = (0..slots).map(|slot| (2.4 * (probe * slots + slot + 1) as f64).sin()).collect();
         rows.evaluate(&instant, &mut scratch).is_ok() && scratch.known.iter().all(|known| *known == 0.0)
     })
