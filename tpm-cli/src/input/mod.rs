@@ -6,6 +6,7 @@ pub(crate) mod description;
 pub(crate) mod domain;
 pub(crate) mod experiment;
 pub(crate) mod issue;
+pub(crate) mod limits;
 pub(crate) mod linear;
 pub(crate) mod load;
 pub(crate) mod log;

@@ -3,6 +3,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::issue::IssueArgs;
+use crate::input::limits::LimitArgs;
 use crate::input::log::ColumnArgs;
 use crate::interrupt;
 use crate::output::{file, writable};
@@ -37,6 +38,8 @@ enum Step {
         folder: PathBuf,
         #[command(flatten)]
         simulated: SimulatedArgs,
+        #[command(flatten)]
+        limits: LimitArgs,
     },
     /// Write the samples of the next run: reference with its derivatives, feed-forward; beside them (.json) feedback and
     /// limits.
@@ -108,6 +111,8 @@ struct RunArgs {
     #[command(flatten)]
     simulated: SimulatedArgs,
     #[command(flatten)]
+    limits: LimitArgs,
+    #[command(flatten)]
     bounds: BoundArgs,
     /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
     #[arg(long, value_name = "DIR")]
@@ -130,7 +135,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     match &args.step {
-        Step::Start { file, folder, simulated } => start(file, folder, simulated),
+        Step::Start { file, folder, simulated, limits } => start(file, folder, simulated, limits),
         Step::Next { folder, output } => next(folder, output.as_deref()),
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Run(args) => play(args),
@@ -156,8 +161,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
 }
 
-fn start(file: &Path, folder: &Path, simulated: &SimulatedArgs) -> Outcome {
-    let begun = CampaignFolder::begin(folder, simulated.session(file)?)?;
+fn start(file: &Path, folder: &Path, simulated: &SimulatedArgs, limits: &LimitArgs) -> Outcome {
+    let request = ExperimentRequest { by_limits: limits.request()?, ..simulated.request() };
+    let begun = CampaignFolder::begin(folder, Session::open(model(file)?, file, &request)?)?;
     file::print(&format!(
         "campaign of {} in {}; what to play: tpm campaign next {} -o run.csv\n",
         begun.session().model().prepared().model.name,
@@ -196,7 +202,11 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
 
 fn play(args: &RunArgs) -> Outcome {
     writable(args.output.as_deref(), args.report.as_deref())?;
-    let request = ExperimentRequest { bounds: args.bounds.by_name()?, ..args.simulated.request() };
+    let request = ExperimentRequest {
+        bounds: args.bounds.by_name()?,
+        by_limits: args.limits.request()?,
+        ..args.simulated.request()
+    };
     let session = Session::open(model(&args.file)?, &args.file, &request)?;
     let own = || Path::new(args.file.file_name().unwrap_or_default()).with_extension("campaign");
     let place = args.runs.clone().unwrap_or_else(own);

@@ -7,8 +7,10 @@
 
 mod cut;
 mod harmonics;
+mod information;
 mod lock;
 mod modes;
+mod plan;
 mod procedure;
 mod refinement;
 mod settling;
@@ -19,9 +21,11 @@ mod system_a;
 mod wire;
 
 pub use harmonics::{Lines, RunHarmonics};
+pub use information::{LEAST_NOISE, run_information, sensor_deviations, strayed};
 pub use lock::Lock;
 pub use modes::NearMode;
 pub use modes::near_mode;
+pub use plan::{Advice, Plan, Room, first_stage};
 pub use procedure::{
     Campaign, CampaignError, Contradiction, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
     StageStroke,

@@ -9,7 +9,9 @@
 
 use crate::cut::cut_by_noise;
 use crate::harmonics::RunHarmonics;
+use crate::information::LEAST_NOISE;
 use crate::modes::{NearMode, near_mode};
+use crate::plan::{Advice, Choice, Plan, Scene, Seen, extent, noise_fed_back};
 use crate::refinement::{OneRun, Refinement};
 use crate::settling::settled_from;
 use crate::steady::SteadyRun;
@@ -163,6 +165,8 @@ pub struct Procedure {
     /// Whether a run with a harmonic near a natural mode of the estimated model is played at a lower frequency, down to
     /// three quarters of the stage's. When no lower frequency is free of modes, the stage is played at its own.
     pub avoid_modes: bool,
+    /// Chooses every stage behind the first from what the runs before it showed; without it the stages are played as they are listed.
+    pub plan: Option<Plan>,
 }
 
 /// Everything that a campaign starts from.
@@ -215,13 +219,24 @@ pub enum Outcome {
     SensorLost,
     /// All runs were used, and the estimates followed parameters that drift.
     Followed,
+    /// Every parameter of which a deviation is wanted is known as well as that.
+    GoalReached,
+    /// The time for which the machine may move is used.
+    TimeUsed,
+    /// That time was used before every parameter was known as well as is wanted.
+    TimeShort,
+    /// No motion within the limits shows more of what is wanted.
+    NothingMore,
 }
 
 impl Outcome {
     /// Whether the campaign ended as planned.
     #[must_use]
     pub const fn is_normal(self) -> bool {
-        matches!(self, Outcome::Converged | Outcome::EffortShare | Outcome::Followed)
+        matches!(
+            self,
+            Outcome::Converged | Outcome::EffortShare | Outcome::Followed | Outcome::GoalReached | Outcome::TimeUsed
+        )
     }
 
     /// The ending in words, for a report.
@@ -238,6 +253,10 @@ impl Outcome {
                 "a sensor gave no value in the middle of a run; mend it, and go on from the runs that are finished"
             }
             Outcome::Followed => "all runs were used to follow the parameters",
+            Outcome::GoalReached => "every parameter is known as well as was asked for",
+            Outcome::TimeUsed => "the time for which the machine may move is used",
+            Outcome::TimeShort => "the time was used before every parameter was known as well as was asked for",
+            Outcome::NothingMore => "no motion within the limits shows more of what was asked for",
         }
     }
 }
@@ -415,6 +434,10 @@ pub struct Campaign<'m> {
     pending: Option<Trial>,
     outcome: Option<Outcome>,
     stop: Option<LimitUse>,
+    /// What was seen of the machine that the choice of the next stage needs.
+    seen: Seen,
+    /// Whether the present stage is done with, where stages are chosen.
+    is_done: bool,
 }
 
 impl std::fmt::Debug for Campaign<'_> {
@@ -480,6 +503,8 @@ impl<'m> Campaign<'m> {
             pending: None,
             outcome: None,
             stop: None,
+            seen: Seen::default(),
+            is_done: false,
         };
         campaign.prepare()?;
         if let Some(first) = &campaign.pending {
@@ -595,6 +620,7 @@ impl<'m> Campaign<'m> {
             }
         }
         let mut report = self.report(&trial, record);
+        self.seen.time += record.len() as f64 * trial.control.sample_time;
         // A run that was not completed leads to smaller amplitudes, and after too many of them to the end of the
         // campaign.
         if matches!(record.ending, Ending::SensorLost { .. }) {
@@ -603,7 +629,12 @@ impl<'m> Campaign<'m> {
         }
         if record.ending != Ending::Complete {
             self.aborts += 1;
-            self.scale *= self.setup.procedure.back_off;
+            if self.setup.procedure.plan.is_some() {
+                self.seen.played(extent(&trial, dims.coordinates), false);
+                self.retreat();
+            } else {
+                self.scale *= self.setup.procedure.back_off;
+            }
             self.estimator.take_back();
             if self.aborts > self.setup.procedure.max_aborts {
                 self.outcome = Some(Outcome::Aborted);
@@ -655,6 +686,9 @@ impl<'m> Campaign<'m> {
             let own: Vec<usize> = (0..dims.coordinates + dims.inputs).collect();
             spectra = spectra.select(&own);
         }
+        if self.setup.procedure.plan.is_some() {
+            self.read_noise(&spectra);
+        }
         let hold = self.setup.procedure.hold;
         let own = &channels[..dims.coordinates + dims.inputs];
         let steady = SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra);
@@ -687,7 +721,7 @@ impl<'m> Campaign<'m> {
             // A run that is not pooled leaves the estimates unchanged. This is no convergence, so its stage is played
             // again.
             let pooled = report.contradicts.is_none();
-            let refined = self.refine(&estimate, pooled);
+            let refined = if self.wants_refined(&estimate) { self.refine(&estimate, pooled) } else { None };
             let judged = refined.as_ref().unwrap_or(&estimate);
             let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, &spectra));
             self.current.clone_from(&estimate.values);
@@ -697,6 +731,7 @@ impl<'m> Campaign<'m> {
             self.updates_in_stage += usize::from(pooled);
             self.decide(&trial, record, &report, converged);
         }
+        self.see(&trial, record, &report);
         let highest = self.estimator.harmonics();
         let after = self.current.clone();
         let of = (dims.coordinates, dims.inputs);
@@ -725,6 +760,10 @@ impl<'m> Campaign<'m> {
     /// After an update, repeats the stage, advances to the next one, or ends the campaign.
     fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
         let procedure = &self.setup.procedure;
+        if procedure.plan.is_some() {
+            self.is_done = true;
+            return;
+        }
         let share = report.effort_share.unwrap_or(0.0);
         let is_limited = trial.input_limits.iter().any(|limit| limit.is_finite()) || self.limited().next().is_some();
         if record.saturated > 0 && is_limited || share > 1.0 {
@@ -763,19 +802,134 @@ impl<'m> Campaign<'m> {
             let followed = there && self.setup.estimation.forgets();
             self.outcome = Some(if followed { Outcome::Followed } else { Outcome::RunsUsed });
         }
+        if self.outcome.is_none() && self.is_done {
+            self.choose();
+        }
         if self.outcome.is_none() {
             self.prepare()?;
         }
         Ok(self.reports.last().expect("invariant: a report was just filed"))
     }
 
+    /// Reads the noise of the sensors between the harmonics of a run.
+    fn read_noise(&mut self, spectra: &Spectra) {
+        // One-sided phasors of N samples have 4/N of the variance of a sample.
+        let samples = spectra.periods as f64 * spectra.samples_per_period;
+        let white = |c: usize| {
+            let lines = spectra.noise.iter().skip(1).map(|noise| noise[(c, c)].re);
+            let (sum, count) = lines.fold((0.0, 0), |(sum, count), variance| (sum + variance, count + 1));
+            let read = (sum / f64::from(count.max(1)) * samples / 4.0).sqrt();
+            let least = LEAST_NOISE * spectra.lines[c].iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+            read.max(spectra.steps[c] / 12.0_f64.sqrt()).max(least)
+        };
+        self.seen.noise = (0..self.model.dims().coordinates).map(white).collect();
+    }
+
+    /// Takes in what the choice of the next stage needs of a run that was played to its end.
+    fn see(&mut self, trial: &Trial, record: &Record, report: &RunReport) {
+        if self.setup.procedure.plan.is_none() {
+            return;
+        }
+        let Dims { coordinates, inputs, .. } = self.model.dims();
+        self.seen.tracking.clone_from(&report.tracking_rms);
+        // What the feedback adds is read against the feed-forward of what is known now.
+        let stage = self.setup.procedure.stages[self.stage].clone();
+        let again = self.trial_of(&stage, self.scale).unwrap_or_else(|_| trial.clone());
+        let planned = |i: usize| {
+            again.feed_forward.iter().skip(i).step_by(inputs.max(1)).fold(0.0, |most: f64, u| most.max(u.abs()))
+        };
+        let used = |i: usize| record.inputs[i].iter().fold(0.0, |most: f64, u| most.max(u.abs()));
+        let noise = |i: usize| stage.gain * noise_fed_back(&self.setup, &self.seen.noise, i);
+        self.seen.added = (0..inputs).map(|i| (used(i) - planned(i) - noise(i)).max(0.0)).collect();
+        // An input that was cut by the noise in its feedback is none that the motion needs.
+        let needs = self.planned(&again).ok().flatten().map_or(0.0, |used| used.share);
+        let complete = record.saturated == 0 || needs < self.setup.procedure.effort_share;
+        self.seen.played(extent(trial, coordinates), complete);
+    }
+
+    /// Whether an estimate is to be refined before it is judged. Where stages are chosen that is done when the samples of the runs may show
+    /// what is wanted: refining all runs after every one would take longer than playing them.
+    fn wants_refined(&self, estimate: &Estimate) -> bool {
+        let procedure = &self.setup.procedure;
+        let pooled = self.reports.iter().filter(|report| report.is_pooled()).map(|report| report.stage - 1);
+        let stages: Vec<&Stage> = pooled.chain([self.stage]).map(|at| &procedure.stages[at]).collect();
+        self.refinement.is_some() && self.scene(estimate, |scene| scene.may_be_enough(&stages)).unwrap_or(true)
+    }
+
+    /// After a run that failed, goes on with a smaller one; before the first estimate with a softer loop too, which may be what failed.
+    fn retreat(&mut self) {
+        let procedure = &mut self.setup.procedure;
+        let mut stage = procedure.stages[self.stage].clone();
+        stage.amplitudes.iter_mut().for_each(|size| *size *= procedure.back_off);
+        if self.estimate.is_none() {
+            stage.gain *= procedure.back_off;
+        }
+        procedure.stages.push(stage);
+        self.stage += 1;
+    }
+
+    /// Chooses the next stage, or ends the campaign.
+    fn choose(&mut self) {
+        self.is_done = false;
+        let Some(estimate) = self.refined.as_ref().or(self.estimate.as_ref()) else { return };
+        let Some(choice) = self.scene(estimate, |scene| scene.choose()) else { return };
+        match choice {
+            Choice::Play(stage) => {
+                self.setup.procedure.stages.push(stage);
+                self.stage += 1;
+                self.updates_in_stage = 0;
+                self.scale = 1.0;
+                self.extensions = 0;
+            }
+            Choice::Reached => self.outcome = Some(Outcome::GoalReached),
+            Choice::NoTime => {
+                let wanted =
+                    self.setup.procedure.plan.as_ref().is_some_and(|plan| plan.goals.iter().any(Option::is_some));
+                self.outcome = Some(if wanted { Outcome::TimeShort } else { Outcome::TimeUsed });
+            }
+            Choice::NothingMore => self.outcome = Some(Outcome::NothingMore),
+        }
+    }
+
+    /// Which limit to raise for the parameter that is known least by an estimate of this campaign; nothing where stages are not chosen, and
+    /// where everything is known as well as is wanted.
+    #[must_use]
+    pub fn advice(&self, estimate: &Estimate) -> Option<Advice> {
+        self.scene(estimate, |scene| scene.advice()).flatten()
+    }
+
+    /// Asks the campaign between two runs; nothing where stages are not chosen.
+    fn scene<T>(&self, estimate: &Estimate, ask: impl FnOnce(&Scene<'_>) -> T) -> Option<T> {
+        let procedure = &self.setup.procedure;
+        let plan = procedure.plan.as_ref()?;
+        let theta = self.estimator.play(&self.current);
+        let trial = |stage: &Stage| self.trial_of(stage, 1.0).ok();
+        let share = |trial: &Trial| self.planned(trial).ok().flatten().map_or(0.0, |used| used.share);
+        let scene = Scene {
+            model: self.model,
+            setup: &self.setup,
+            plan,
+            estimate,
+            theta: &theta,
+            seen: &self.seen,
+            last: &procedure.stages[self.stage],
+            trial: &trial,
+            share: &share,
+        };
+        Some(ask(&scene))
+    }
+
     /// The next trial of the present stage at its frequency times `factor`.
     fn trial(&self, factor: f64) -> Result<Trial, CampaignError> {
+        let asked = &self.setup.procedure.stages[self.stage];
+        self.trial_of(&Stage { frequency: factor * asked.frequency, ..asked.clone() }, self.scale)
+    }
+
+    /// The trial of a stage with its amplitudes times `scale`.
+    fn trial_of(&self, stage: &Stage, scale: f64) -> Result<Trial, CampaignError> {
         let procedure = &self.setup.procedure;
-        let asked = &procedure.stages[self.stage];
-        let stage = &Stage { frequency: factor * asked.frequency, ..asked.clone() };
-        let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * self.scale).collect();
-        let trajectory = stage.trajectory(&self.setup.pattern, self.scale);
+        let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * scale).collect();
+        let trajectory = stage.trajectory(&self.setup.pattern, scale);
         let period = 2.0 * std::f64::consts::PI / trajectory.frequency;
         // The margin keeps rounding from adding a period when whole periods fill the measured time exactly.
         let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
@@ -826,11 +980,7 @@ impl<'m> Campaign<'m> {
             return Err(CampaignError::Unreachable { run, limit: Box::new(limit.clone()) });
         }
         let planned = if self.estimate.is_some() {
-            let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
-            let inputs = trial.input_limits.len();
-            let column = |i: usize| trial.feed_forward.iter().skip(i).step_by(inputs).copied().collect();
-            let command = self.command_use(&trial, &(0..inputs).map(column).collect::<Vec<Vec<f64>>>());
-            motor.into_iter().chain(limited).fold(command, most_used)
+            self.planned(&trial).map_err(|source| CampaignError::Trial { run, source })?
         } else {
             None
         };
@@ -846,6 +996,14 @@ impl<'m> Campaign<'m> {
             self.pending = Some(trial);
         }
         Ok(())
+    }
+
+    /// The limit of an input, a motor or an actuator of which the feed-forward of a trial uses the largest share.
+    fn planned(&self, trial: &Trial) -> Result<Option<LimitUse>, TrialError> {
+        let inputs = trial.input_limits.len();
+        let column = |i: usize| trial.feed_forward.iter().skip(i).step_by(inputs).copied().collect();
+        let command = self.command_use(trial, &(0..inputs).map(column).collect::<Vec<Vec<f64>>>());
+        Ok(self.motor_plan(trial)?.into_iter().chain(self.limited_plan(trial)).fold(command, most_used))
     }
 
     /// The input that uses the largest share of its limit. `columns` holds the samples of each input, from the start of

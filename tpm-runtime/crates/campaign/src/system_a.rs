@@ -62,6 +62,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             max_aborts: 3,
             hold: Hold::Zoh,
             avoid_modes: false,
+            plan: None,
         },
         method,
         estimation: Settings { harmonics: Some(12), ..Settings::default() },

@@ -169,6 +169,24 @@ pub enum ExperimentError {
     /// The campaign cannot go on.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
+    /// A campaign is to choose its stages, and a limit of them is missing.
+    #[error("a campaign that chooses its motions needs a limit of {name}: state limits.{limit}.{name} in the experiment, or `{}` among the limits that are given by name", if *.limit == "velocities" { format!("dot({name})") } else { name.clone() })]
+    NeedsLimit {
+        /// The coordinate or input.
+        name: String,
+        /// `positions`, `velocities` or `inputs`.
+        limit: &'static str,
+    },
+    /// A campaign that chooses its stages has another estimator than measured-motion.
+    #[error(
+        "plan: a campaign that chooses its motions needs estimator = \"measured-motion\", whose deviations contain what is not known; leave the estimator out, or list stages and leave [plan] out"
+    )]
+    PlanMethod,
+    /// The limits of the motion leave no room about the place where the pattern rests.
+    #[error(
+        "plan: the pattern without amplitudes rests outside limits.positions, or no amplitude moves a coordinate: state limits around that place, or choose another pattern"
+    )]
+    NoRoom,
     /// The schedule has no stage to design around.
     #[error("schedule.stages is empty: give a stage, around which candidates are tried")]
     NoStage,

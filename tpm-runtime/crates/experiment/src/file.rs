@@ -82,6 +82,23 @@ pub struct Experiment {
     pub limits: LimitsSection,
     /// Amplitudes and frequencies, and when to move on.
     pub schedule: ScheduleSection,
+    /// Lets the campaign choose its stages by itself within the limits, which are then needed; behind the listed stages, or from the first
+    /// one on where none is listed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<PlanSection>,
+}
+
+/// What a campaign that chooses its stages by itself is to reach, and in what time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct PlanSection {
+    /// Time for which the machine may move in all runs together, s.
+    pub time: f64,
+    /// Standard deviation that is wanted of a parameter as a share of its value, by name; the campaign ends when all are reached. Without
+    /// any it uses its time for all parameters together.
+    #[serde(default, skip_serializing_if = "Named::is_empty")]
+    pub until: Named,
 }
 
 /// Where the motors are described.
@@ -428,7 +445,8 @@ pub struct ScheduleSection {
     /// Multiple of the frequency at which a coordinate plays its pattern; one where not given.
     #[serde(default)]
     pub multiples: BTreeMap<String, u32>,
-    /// Stages, growing.
+    /// Stages, growing; none where the campaign is to choose all of them by itself ([plan]).
+    #[serde(default)]
     pub stages: Vec<StageSection>,
     /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error
     /// larger, and with it the information that the error carries (Feng, 3.2.2). The loop must be stable with every

@@ -13,6 +13,7 @@ mod names;
 mod numerical_tests;
 mod other;
 mod overrides;
+mod planned;
 #[cfg(test)]
 mod plant_tests;
 mod prior;
@@ -23,10 +24,11 @@ mod schema_tests;
 pub use error::ExperimentError;
 pub use file::{
     ActuatorSection, ArmSection, ControlSection, DropoutSection, Equations, Experiment, FeedbackSection, LimitsSection,
-    MotorsSection, Named, OtherMachine, PlantModelSection, PlantSection, ScheduleSection, SensorSection,
+    MotorsSection, Named, OtherMachine, PlanSection, PlantModelSection, PlantSection, ScheduleSection, SensorSection,
     StabilitySection, StageSection, StrokeSection,
 };
 pub use overrides::written_value;
+pub use planned::ByLimits;
 pub use prior::prior_values;
 /// Values and tables of an experiment file, with which [`Experiment::set_value`] changes it.
 pub use toml::{Table, Value};

@@ -6,7 +6,7 @@ use crate::file::{ArmSection, DropoutSection, Experiment, OtherMachine, StageSec
 use crate::names::{Names, coordinates, inputs, near, parameters, positive, require};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use tpm_campaign::{Procedure, Setup, Stage, StageStroke};
+use tpm_campaign::{Procedure, Room, Setup, Stage, StageStroke};
 use tpm_controller::control::Gain;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
@@ -499,6 +499,29 @@ impl Experiment {
         for (i, stage) in stages.iter().enumerate() {
             within(model, pattern, stage, i, &position_bounds, [&velocity_bounds, &acceleration_bounds])?;
         }
+        let plan = match &self.plan {
+            None => None,
+            Some(_) => {
+                let room = Room {
+                    positions: position_bounds.clone(),
+                    velocities: velocity_bounds.clone(),
+                    accelerations: acceleration_bounds.clone(),
+                    effort: 1.0,
+                };
+                if stages.is_empty() {
+                    let blank = Stage {
+                        pattern: None,
+                        amplitudes: vec![],
+                        frequency: 1.0,
+                        multiples,
+                        gain: 1.0,
+                        strokes: vec![],
+                    };
+                    stages.push(self.first(model, pattern, &blank, &room)?);
+                }
+                Some(self.planned(model)?)
+            }
+        };
         let of_strokes =
             stages.iter().any(|stage| !stage.strokes.is_empty()) && self.estimator != Method::MeasuredMotion;
         let harmonics = of_strokes.then(|| reach(&stages, pattern));
@@ -535,6 +558,7 @@ impl Experiment {
                 max_aborts: self.limits.max_aborts,
                 hold,
                 avoid_modes: schedule.avoid_modes,
+                plan,
             },
             method: self.estimator,
             estimation: Settings {

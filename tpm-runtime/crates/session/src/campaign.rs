@@ -21,7 +21,7 @@ use tpm_campaign::{Campaign, RunReport, Store};
 use tpm_codegen::identified::Identified;
 use tpm_controller::derivatives::RowDerivatives;
 use tpm_estimate::{Domain, ParameterReport, Refine, Settings, Status};
-use tpm_experiment::{Experiment, ExperimentError, Named, PlantModelSection, Value};
+use tpm_experiment::{ByLimits, Experiment, ExperimentError, Named, PlantModelSection, Value};
 use tpm_interpret::Interpreted;
 use tpm_log::{Log, fingerprint};
 use tpm_motion::{Bench, BenchError, Record, Trial};
@@ -47,6 +47,8 @@ pub struct ExperimentRequest {
     pub pattern: Option<String>,
     /// Least and largest value of a physical parameter behind lumped ones; infinite for none.
     pub bounds: BTreeMap<String, (f64, f64)>,
+    /// Limits within which the campaign chooses its motions by itself; an experiment file is then not needed for a real machine.
+    pub by_limits: Option<ByLimits>,
 }
 
 /// Identifies a model on the simulated machine of an experiment: the whole five-step procedure (Feng, chapter 3).
@@ -102,8 +104,10 @@ impl Session {
         let as_read = request.changes.is_empty() && request.bounds.is_empty();
         let changed = if as_read { "" } else { " with the changes that were asked for" };
         let place = format!("{}{changed}", path.display());
-        let session = Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), motors)
-            .map_err(|fault| fault.in_experiment(Some(&place)))?;
+        let limits = request.by_limits.as_ref();
+        let session =
+            Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), (motors, limits))
+                .map_err(|fault| fault.in_experiment(Some(&place)))?;
         Ok(Session { place: Some(place), ..session })
     }
 
@@ -117,7 +121,16 @@ impl Session {
         pattern: Option<&str>,
         bounds: BTreeMap<String, (f64, f64)>,
     ) -> Result<Self, SessionError> {
-        Self::with_motors(model, experiment, pattern, bounds, None)
+        Self::with_motors(model, experiment, pattern, bounds, (None, None))
+    }
+
+    /// Brings a model and limits together, within which the campaign chooses its motions by itself. The experiment states what else is
+    /// known, such as the sample time ([`Experiment::bare`]), the feedback or a simulated machine.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn by_limits(model: DeclaredModel, experiment: Experiment, limits: &ByLimits) -> Result<Self, SessionError> {
+        Self::with_motors(model, experiment, None, BTreeMap::new(), (None, Some(limits)))
     }
 
     fn with_motors(
@@ -125,7 +138,7 @@ impl Session {
         mut written: Experiment,
         pattern: Option<&str>,
         bounds: BTreeMap<String, (f64, f64)>,
-        motors: Option<(PathBuf, MotorFile)>,
+        (motors, limits): (Option<(PathBuf, MotorFile)>, Option<&ByLimits>),
     ) -> Result<Self, SessionError> {
         if let Some(pattern) = pattern {
             written.pattern = Some(pattern.to_string());
@@ -145,6 +158,11 @@ impl Session {
         }
         let pattern = declared.pattern(experiment.pattern.as_deref())?;
         let machine = Machine::new(declared.prepared(), pattern, &experiment, &bounds)?;
+        if let Some(limits) = limits {
+            for own in [&mut experiment, &mut written] {
+                own.by_limits(machine.plant(), machine.pattern(), limits)?;
+            }
+        }
         if let Some((path, motors)) = motors {
             experiment.check_motors(machine.plant(), &motors).map_err(|fault| at(&path, &fault))?;
         }
@@ -463,12 +481,23 @@ fn read_experiment(
     path: &Path,
     request: &ExperimentRequest,
 ) -> Result<(Experiment, Option<(PathBuf, MotorFile)>), SessionError> {
-    if request.file.is_none() && !path.exists() {
-        return Err(SessionError::NoExperiment { path: path.display().to_string() });
-    }
-    let text = read(path)?;
-    let mut experiment = Experiment::parse(&text)
-        .map_err(|error| SessionError::File { path: path.display().to_string(), message: error.to_string() })?;
+    let alone = request.file.is_none() && !path.exists();
+    let sample_time = request.by_limits.as_ref().and_then(|limits| limits.sample_time);
+    let (text, mut experiment) = match sample_time.filter(|_| alone) {
+        // Everything else follows from the limits.
+        Some(sample_time) => (String::new(), Experiment::bare(sample_time)),
+        None if alone && request.by_limits.is_some() => return Err(SessionError::NoSampleTime),
+        None if alone => return Err(SessionError::NoExperiment { path: path.display().to_string() }),
+        None => {
+            let text = read(path)?;
+            let read = Experiment::parse(&text);
+            let fault = |error: ExperimentError| SessionError::File {
+                path: path.display().to_string(),
+                message: error.to_string(),
+            };
+            (text, read.map_err(fault)?)
+        }
+    };
     for (key, value) in &request.changes {
         experiment.set_value(key, value.clone())?;
     }

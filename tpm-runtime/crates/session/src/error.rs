@@ -211,6 +211,11 @@ pub enum SessionError {
         /// Where it was looked for.
         path: String,
     },
+    /// Limits alone do not say how often the machine is sampled.
+    #[error(
+        "how often the machine is sampled is not known, since there is no experiment beside the model: state the sample time"
+    )]
+    NoSampleTime,
     /// The folder holds no campaign.
     #[error("{path} holds no campaign")]
     NoCampaign {

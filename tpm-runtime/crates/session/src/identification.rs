@@ -8,7 +8,7 @@ use crate::warning::Warning;
 use serde::ser::SerializeSeq as _;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
-use tpm_campaign::{Outcome, RunReport};
+use tpm_campaign::{Advice, Outcome, RunReport};
 use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
 use tpm_controller::harmonics::Hold;
 use tpm_estimate::named::EstimateReport;
@@ -78,6 +78,8 @@ pub struct Identification {
     pub outcome: Option<Outcome>,
     /// The limit that ended the campaign, when one did.
     pub stop: Option<LimitUse>,
+    /// Which limit to raise for the parameter that is known least, where a campaign chose its motions.
+    pub advice: Option<Advice>,
     /// Seed of the experiment; nothing for a log.
     pub seed: Option<u64>,
     /// What the inputs do between samples.
@@ -214,6 +216,8 @@ struct Form<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     stop: Option<&'a LimitUse>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    advice: Option<&'a Advice>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     seed: Option<u64>,
     hold: String,
     harmonics: usize,
@@ -284,6 +288,7 @@ impl Serialize for Identification {
             estimator: self.estimator.name(),
             outcome: self.outcome,
             stop: self.stop.as_ref(),
+            advice: self.advice.as_ref(),
             seed: self.seed,
             hold: self.hold.to_string(),
             harmonics: self.harmonics,

@@ -489,6 +489,7 @@ fn result_of(model: &dyn Model<f64>, used: Used<'_>, options: &LogOptions, found
         frequency_name: Default::default(),
         outcome: None,
         stop: None,
+        advice: None,
         seed: None,
         hold: options.reading.hold,
         harmonics,

@@ -25,6 +25,8 @@ mod agreeing;
 mod arm_log;
 mod between_stamps;
 #[cfg(test)]
+mod by_limits_tests;
+#[cfg(test)]
 mod calibration_tests;
 mod campaign;
 mod compare;

@@ -121,6 +121,7 @@ fn of_estimate(
         frequency_name: setup.pattern.frequency.clone(),
         outcome: campaign.outcome(),
         stop: campaign.stop().cloned(),
+        advice: estimate.filter(|_| campaign.outcome().is_some()).and_then(|estimate| campaign.advice(estimate)),
         seed: Some(seed),
         hold: setup.procedure.hold,
         harmonics: campaign.runs().iter().rev().find_map(|run| run.harmonics).unwrap_or(0),

@@ -54,6 +54,9 @@ impl Identification {
             number(100.0 * self.residual),
             self.residual_of,
         ));
+        if let Some(advice) = &self.advice {
+            text.push_str(&format!("{advice}\n"));
+        }
         for direction in self.unobservable.iter().take(MOST_DIRECTIONS) {
             text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
         }

@@ -1,9 +1,8 @@
 //! Experiment design before any motion: the information that candidate trials would give, and whether they keep within
 //! the limits.
 //!
-//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`information_root`]) for the noise of the
-//! simulated sensors ([`deviations`]). The inputs are known exactly, since a simulated machine records the inputs that
-//! it applies. One function ([`predict`]) predicts candidates and the runs of a study. Candidates are compared by the
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state for the noise of the simulated sensors. One function
+//! ([`run_information`]) predicts candidates and the runs of a study. Candidates are compared by the
 //! determinant of the scaled information matrix (D-optimality). Among candidates of equal rank, those with a harmonic
 //! near a natural mode of the estimated model are placed after the others (Feng, 3.2.1). A candidate that passes a
 //! limit is ranked last, with the sample at which it does.
@@ -12,18 +11,20 @@ use crate::by_name::by_name;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
-use tpm_campaign::{LEAST_PERIODS, NearMode, RunReport, Setup, Stage, near_mode};
+use tpm_campaign::{
+    LEAST_NOISE, LEAST_PERIODS, NearMode, RunReport, Setup, Stage, near_mode, run_information, sensor_deviations,
+    strayed,
+};
 use tpm_controller::harmonics::Hold;
-use tpm_controller::model::{EvalError, Model};
-use tpm_estimate::{RecordNoise, has_jumps, information_root};
+use tpm_controller::model::Model;
 use tpm_experiment::{Experiment, ExperimentError};
-use tpm_motion::trajectory::{HarmonicSeries, Line, ReferencePattern, Trajectory};
+use tpm_motion::trajectory::{HarmonicSeries, ReferencePattern, Trajectory};
 use tpm_motion::{Record, RunEnding, Trial, TrialError, TrialSettings};
 use tpm_numerics::DMatrix;
 use tpm_numerics::fourier::analyse;
 use tpm_numerics::singular::{Singular, unit_columns};
 use tpm_numerics::tolerance;
-use tpm_plant::simulated::{Rig, Sensor, SimulatedRun, simulate};
+use tpm_plant::simulated::{Rig, Sensor, simulate};
 
 /// Factors on the last stage's amplitudes, and on its frequency, from which candidates are formed.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
@@ -34,11 +35,6 @@ const VARIED: usize = 3;
 /// Highest harmonic up to which the derivatives of the motion are computed, as a multiple of the motion's highest
 /// harmonic.
 const REACH: usize = 2;
-/// Number of harmonics of an encoder's error that are summed; those left out hold less than a hundredth of its
-/// variance.
-const REPEATED_HARMONICS: u32 = 100;
-/// Standard deviation that is assumed of a sensor without noise, as a share of the amplitude.
-const LEAST_NOISE: f64 = 1e-6;
 
 /// The predicted standard deviation of one parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -152,7 +148,9 @@ pub fn design(
         // A stage for which no trial can be computed gives no candidate.
         let Ok(trial) = trial(model, pattern, &setup, &stage, settled + LEAST_PERIODS, &theta) else { return Ok(None) };
         let reach = 4 * trial.trajectory.highest_harmonic() as usize;
-        let root = predict(model, &machine, &trial, &trial.trajectory, (settled, periods), reach)?;
+        let stray = strayed(model, &machine, &trial, &trial.trajectory, settled)?;
+        let size = (trial.samples_per_period, periods);
+        let root = run_information(model, &machine, &trial.trajectory, size, &stray, reach)?;
         Ok(root.map(|root| judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share)))
     };
     // Every combination of a factor on the amplitudes, a factor on the frequency, and multiples is predicted.
@@ -175,7 +173,7 @@ pub fn design(
         key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
     });
     let reference = last.trajectory(pattern, 1.0);
-    let noise = deviations(&machine, &reference, periods(&setup, reference.frequency));
+    let noise = sensor_deviations(&machine, &reference, periods(&setup, reference.frequency));
     let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
     Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
 }
@@ -190,92 +188,6 @@ pub(crate) fn estimates(setup: &Setup, bench: &Rig) -> Vec<f64> {
 /// Whole periods in the measured time of a run.
 fn periods(setup: &Setup, frequency: f64) -> usize {
     ((setup.procedure.measure_time * frequency / (2.0 * PI)).ceil() as usize).max(LEAST_PERIODS)
-}
-
-/// Information that a run gives about the machine's parameters: a square root of the information matrix, in rows of
-/// unit variance. `motion` is the motion without noise, computed up to the harmonic `reach`. Of the two numbers of
-/// periods the first is for settling, the second for measuring. `None` where the motion does not determine its own
-/// derivatives.
-fn predict(
-    model: &dyn Model<f64>,
-    machine: &Rig,
-    trial: &Trial,
-    motion: &Trajectory,
-    (settled, measured): (usize, usize),
-    reach: usize,
-) -> Result<Option<DMatrix<f64>>, ExperimentError> {
-    let deviations = deviations(machine, motion, measured);
-    let mut stray = vec![0.0; model.dims().motion_len()];
-    if has_jumps(model, &machine.constants, motion)? {
-        stray = strayed(model, machine, trial, motion, settled)?;
-    }
-    let samples = measured * trial.samples_per_period;
-    let noise = RecordNoise { deviations: &deviations, samples, periods: measured, stray: &stray };
-    Ok(information_root(model, &machine.constants, motion, &machine.parameters, noise, reach)?)
-}
-
-/// Root mean square deviation of the simulated motion, which feedback of the sensors' noise disturbs, from a
-/// trajectory: one value for every slot of a motion, over the periods after settling. Zero for a run that ends before
-/// it has settled.
-fn strayed(
-    model: &dyn Model<f64>,
-    machine: &Rig,
-    trial: &Trial,
-    trajectory: &Trajectory,
-    settled: usize,
-) -> Result<Vec<f64>, EvalError> {
-    let mut run = SimulatedRun::new(model, machine, trial)?;
-    let mut expected = vec![0.0; model.dims().motion_len()];
-    let mut squares = expected.clone();
-    let (mut sample, mut counted) = (0, 0);
-    loop {
-        if sample >= settled * trial.samples_per_period && sample < trial.samples() {
-            trajectory.motion_at(sample, trial.samples_per_period, 0.0, &mut expected);
-            for ((square, actual), expected) in squares.iter_mut().zip(run.motion()).zip(&expected) {
-                *square += (actual - expected).powi(2);
-            }
-            counted += 1;
-        }
-        if run.step()?.is_some() {
-            return Ok(squares.into_iter().map(|square| (square / f64::from(counted.max(1))).sqrt()).collect());
-        }
-        sample += 1;
-    }
-}
-
-/// Standard deviation of the white noise on one sample of every coordinate that has, over these periods, the same
-/// effect as the sensor's noise, jitter and quantisation.
-fn deviations(bench: &Rig, trajectory: &Trajectory, periods: usize) -> Vec<f64> {
-    let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
-    let deviation = sensors.map(|(sensor, series)| {
-        let size = series.lines.iter().map(|line| line.cos.hypot(line.sin)).fold(0.0, f64::max);
-        let rate =
-            |line: &Line| (f64::from(line.harmonic) * trajectory.frequency * line.cos.hypot(line.sin)).powi(2) / 2.0;
-        let late = sensor.jitter * sensor.jitter * series.lines.iter().map(rate).sum::<f64>();
-        let white = sensor.noise * sensor.noise + late;
-        // An error that repeats in every period does not average out over the periods.
-        let repeated = repeated_share(white.sqrt(), sensor.step) * (periods as f64 - 1.0);
-        let variance = white + sensor.step * sensor.step / 12.0 * (1.0 + repeated);
-        variance.sqrt().max(LEAST_NOISE * size).max(f64::MIN_POSITIVE.sqrt())
-    });
-    deviation.collect()
-}
-
-/// Share of the variance of an encoder's error, step^2/12, that repeats whenever the same position is read. White noise
-/// before the encoder, of standard deviation `noise`, makes the rest random.
-///
-/// The mean error at a position is a Fourier series in the position, whose k-th harmonic the noise reduces by the
-/// factor `exp(-2 (pi k noise/step)^2)`. The share is one without noise, and a two-hundred-thousandth where the noise
-/// is half a step.
-fn repeated_share(noise: f64, step: f64) -> f64 {
-    if step <= 0.0 {
-        return 0.0;
-    }
-    if noise <= 0.0 {
-        return 1.0;
-    }
-    let term = |k: u32| (-(2.0 * PI * f64::from(k) * noise / step).powi(2)).exp() / f64::from(k * k);
-    6.0 / (PI * PI) * (1..=REPEATED_HARMONICS).map(term).sum::<f64>()
 }
 
 fn gcd(a: u32, b: u32) -> u32 {
@@ -349,7 +261,9 @@ pub(super) fn bounds(
         }
         let motion = motion(&trial, &record);
         let reach = REACH * motion.highest_harmonic() as usize;
-        let predicted = predict(model, &noisy, &trial, &motion, (settled, run.periods), reach)?;
+        let stray = strayed(model, &noisy, &trial, &motion, settled)?;
+        let predicted =
+            run_information(model, &noisy, &motion, (trial.samples_per_period, run.periods), &stray, reach)?;
         let Some(root) = predicted else { return Ok(None) };
         rows.push(root);
     }
@@ -469,7 +383,7 @@ fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::{design, repeated_share};
+    use super::design;
     use std::f64::consts::PI;
     use tpm_experiment::Experiment;
     use tpm_test_support::models::MassSpringDrag;
@@ -502,29 +416,6 @@ mod tests {
                 let relative = predicted.std.expect("shown") / truth;
                 assert!((relative / bound - 1.0).abs() < 0.05, "{}: {relative:e} {bound:e}", predicted.name);
             }
-        }
-    }
-
-    #[test]
-    fn what_an_encoder_repeats_is_what_noise_before_it_leaves() {
-        assert_eq!(repeated_share(1.0, 0.0), 0.0);
-        assert!((repeated_share(0.0, 0.1) - 1.0).abs() < 1e-12 && (repeated_share(1e-9, 0.1) - 1.0).abs() < 1e-2);
-        // The mean error at a position by a sum over the noise, and its variance over the positions within one step.
-        for noise in [0.1, 0.2, 0.32, 0.5_f64] {
-            let (mut variance, positions) = (0.0, 100);
-            for n in 0..positions {
-                let position = (f64::from(n) + 0.5) / f64::from(positions);
-                let (mut sum, mut weights) = (0.0, 0.0);
-                for z in -5000..=5000 {
-                    let z = 1e-3 * f64::from(z);
-                    let weight = (-0.5 * z * z).exp();
-                    sum += weight * ((position + noise * z).round() - position);
-                    weights += weight;
-                }
-                variance += (sum / weights).powi(2) / f64::from(positions);
-            }
-            let found = repeated_share(noise, 1.0);
-            assert!((12.0 * variance - found).abs() < 1e-3 + 0.02 * found, "{noise}: {variance} {found}");
         }
     }
 
