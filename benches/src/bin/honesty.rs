@@ -1,7 +1,7 @@
 //! How honest identified numbers are: tables in Markdown, from many logs of simulated machines.
 //!
 //! ```text
-//! honesty [correct|spoilt|bound|campaigns|encoders|pendulum ...] [--logs N] [--case WORDS]
+//! honesty [correct|spoilt|bound|campaigns|encoders|pendulum ...] [--logs N] [--case WORDS] [--keep DIR]
 //! ```
 //!
 //! Every group has its own number of logs where none is asked for. Logs are identified one to a core (`RAYON_NUM_THREADS`); the
@@ -10,6 +10,7 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program whose result is its output")]
 
 use clap::{Parser, ValueEnum};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 use tpm_benches::honesty::examine::examine;
@@ -26,6 +27,9 @@ struct Arguments {
     /// Only cases whose name contains these words.
     #[arg(long, value_name = "WORDS", default_value = "")]
     case: String,
+    /// Writes the logs of the groups `correct` and `spoilt` into this folder.
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -49,7 +53,7 @@ fn main() -> ExitCode {
     let groups = if arguments.groups.is_empty() { Group::value_variants() } else { &arguments.groups };
     let (words, logs) = (arguments.case.as_str(), arguments.logs);
     let progress = |name: &str| eprintln!("{name}");
-    let examined = |cases| examine(cases, words, logs, &progress);
+    let examined = |cases| examine(cases, words, logs, arguments.keep.as_deref(), &progress);
     for group in groups {
         let began = Instant::now();
         let report = match group {

@@ -1,11 +1,12 @@
 //! Plays, records and identifies the logs of cases.
 
 use crate::honesty::cases::Case;
-use crate::honesty::identify::{Outcome, identify, parse};
+use crate::honesty::identify::{Outcome, identify, parse, write};
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::error::Error;
+use std::path::Path;
 
 /// A case with what the user is told of each of its logs.
 #[derive(Clone, Debug)]
@@ -17,7 +18,8 @@ pub struct Examined {
 }
 
 /// Examines those of the cases whose name contains the words, each with so many logs, or with its own number. A case has the same noise
-/// whichever others are examined. `progress` gets the name of every case before it begins.
+/// whichever others are examined. `progress` gets the name of every case before it begins. Where a folder to keep them is named, every log is
+/// written there, with the number of its case and its own.
 ///
 /// # Errors
 /// Any error of the file system, and the faults of a model.
@@ -25,6 +27,7 @@ pub fn examine(
     cases: Vec<Case>,
     words: &str,
     logs: Option<u32>,
+    keep: Option<&Path>,
     progress: &dyn Fn(&str),
 ) -> Result<Vec<Examined>, Box<dyn Error>> {
     let mut examined = Vec::new();
@@ -38,6 +41,9 @@ pub fn examine(
             // The rig draws from the first stream of the seed.
             rng.set_stream(1);
             (case.spoil)(&mut recording, &mut rng);
+            if let Some(folder) = keep {
+                write(&folder.join(format!("case-{number}-log-{log}.csv")), &recording)?;
+            }
             identify(&model, &recording, case.hold)
         };
         let outcomes = (0..logs.unwrap_or(case.logs)).into_par_iter().map(one).collect::<Result<Vec<Outcome>, _>>()?;

@@ -144,6 +144,14 @@ pub fn write_csv(path: &Path, names: &[&str], columns: &[&[f64]]) -> std::io::Re
     std::fs::write(path, text)
 }
 
+/// Writes a recording as CSV.
+///
+/// # Errors
+/// Any error of the file system.
+pub fn write(path: &Path, recording: &Recording) -> std::io::Result<()> {
+    write_csv(path, &["t_s", "x", "u"], &[&recording.time, &recording.position, &recording.input])
+}
+
 /// Identifies a model from a recording, by way of a file.
 ///
 /// # Errors
@@ -151,7 +159,7 @@ pub fn write_csv(path: &Path, names: &[&str], columns: &[&[f64]]) -> std::io::Re
 pub fn identify(model: &DeclaredModel, recording: &Recording, hold: Hold) -> std::io::Result<Outcome> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("log.csv");
-    write_csv(&path, &["t_s", "x", "u"], &[&recording.time, &recording.position, &recording.input])?;
+    write(&path, recording)?;
     Ok(identify_file(model, &path, hold))
 }
 

@@ -33,11 +33,9 @@ use tpm_report::number;
 /// Most that a run reaches and moves faster than the runs before it.
 const GROWTH: f64 = 2.5;
 /// Share of the room that the first run uses, and of the permitted velocity that it reaches.
-const FIRST: (f64, f64) = (0.12, 0.1);
+const FIRST: (f64, f64) = (0.15, 0.15);
 /// Share of a limit of the motion that a reference uses at most.
 const USED: f64 = 0.9;
-/// Root mean square tracking errors that are kept free at both ends of a coordinate.
-const KEPT_FREE: f64 = 4.0;
 /// Standard deviations of the predicted input that must still lie below the permitted share of its limit: once in 740 runs it does not.
 const INPUT_DEVIATIONS: f64 = 3.0;
 /// Share of a failed run's size and speed above which a stage counts as containing it.
@@ -70,6 +68,8 @@ const WORTH: f64 = 0.1;
 const RAISED: f64 = 1.5;
 /// Factor between neighbouring gains that are tried, and their number, until the loop is stable with the estimates and quiet.
 const GAINS: (f64, i32) = (0.7, 20);
+/// Largest factor on the gains for a machine that does not follow.
+const STIFFEST: f64 = 10.0;
 /// Share of an input's limit that the feedback of the sensors' noise may use.
 const QUIET: f64 = 0.15;
 /// Standard deviations of that noise that count as its largest: once in 16,000 samples it is larger.
@@ -136,7 +136,7 @@ pub(crate) struct Seen {
     pub(crate) noise: Vec<f64>,
     /// What the feedback adds to the feed-forward of every input beside the noise of the sensors, at most.
     pub(crate) added: Vec<f64>,
-    /// Root mean square tracking error of every coordinate in the last run.
+    /// Tracking error that is to be expected of every coordinate, at most.
     pub(crate) tracking: Vec<f64>,
     /// The largest extent of complete runs by coordinate.
     reached: Vec<Extent>,
@@ -279,6 +279,26 @@ pub fn first_stage(pattern: &ReferencePattern, stage: &Stage, room: &Room, sampl
     first.frequency.is_finite().then_some(first)
 }
 
+/// A stage after one that the machine did not follow: [`GROWTH`] times as large, as far as the limits allow, or else with stiffer gains;
+/// nothing where these are as stiff as may be. Its frequency is lowered where the speed would pass its limit.
+pub(crate) fn larger(setup: &Setup, stage: &Stage, coordinates: usize) -> Option<Stage> {
+    let room = Room::of(setup, coordinates);
+    let most = largest(&setup.pattern, stage, &narrowed(&room.positions, &[]))?;
+    let bounded =
+        stage.amplitudes.iter().zip(&most).map(|(own, most)| (GROWTH * own.abs()).min(most.abs()).copysign(*own));
+    let mut next = Stage { amplitudes: bounded.collect(), ..stage.clone() };
+    let grew = next.amplitudes.iter().zip(&stage.amplitudes).any(|(now, before)| now.abs() > FURTHER * before.abs());
+    if !grew {
+        next.gain *= GROWTH;
+        return (next.gain <= STIFFEST).then_some(next);
+    }
+    for (c, extent) in prescribed(&setup.pattern, &next).iter().enumerate() {
+        let Some(extent) = extent.filter(|extent| extent.velocity > USED * room.velocities[c]) else { continue };
+        next.frequency *= USED * room.velocities[c] / extent.velocity;
+    }
+    Some(next)
+}
+
 /// The frequency at which the highest harmonic of a stage has as few samples as a candidate may.
 fn fastest(pattern: &ReferencePattern, stage: &Stage, sample_time: f64) -> f64 {
     let highest = f64::from(stage.trajectory(pattern, 1.0).highest_harmonic().max(1));
@@ -288,7 +308,7 @@ fn fastest(pattern: &ReferencePattern, stage: &Stage, sample_time: f64) -> f64 {
 /// The positions that a reference may use: a share of the room, and free of the tracking error.
 fn narrowed(positions: &[(f64, f64)], tracking: &[f64]) -> Vec<(f64, f64)> {
     let narrow = |(c, &(low, high)): (usize, &(f64, f64))| {
-        let free = (1.0 - USED) / 2.0 * (high - low) + KEPT_FREE * tracking.get(c).copied().unwrap_or(0.0);
+        let free = (1.0 - USED) / 2.0 * (high - low) + tracking.get(c).copied().unwrap_or(0.0);
         if free.is_finite() { (low + free, high - free) } else { (low, high) }
     };
     positions.iter().enumerate().map(narrow).collect()

@@ -11,12 +11,13 @@ use crate::cut::cut_by_noise;
 use crate::harmonics::RunHarmonics;
 use crate::information::LEAST_NOISE;
 use crate::modes::{NearMode, near_mode};
-use crate::plan::{Advice, Choice, Plan, Scene, Seen, extent, noise_fed_back};
+use crate::plan::{Advice, Choice, Plan, Scene, Seen, extent, larger, noise_fed_back};
 use crate::refinement::{OneRun, Refinement};
 use crate::settling::settled_from;
 use crate::steady::SteadyRun;
 use num_complex::Complex;
 use serde::Serialize;
+use tpm_controller::control::Gain;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{Dims, Model};
 use tpm_estimate::{Alone, Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
@@ -26,8 +27,8 @@ use tpm_motion::{
     Ending, Loop, Record, RecordError, RunEnding, Spectra, SpectrumError, Trial, TrialError, TrialSettings,
     correct_actuators, held,
 };
-use tpm_numerics::alarm;
 use tpm_numerics::fourier::analyse;
+use tpm_numerics::{alarm, root_mean_square};
 use tpm_plant::actuator::{Demand, LimitUse, Limited, Mounted, requirements, strongest};
 
 /// Fewest whole periods that a run measures. The estimate of the noise between the harmonics needs several periods.
@@ -40,6 +41,10 @@ const MOTOR_REACH: usize = 4;
 /// Factors on the frequency of a stage, tried in this order where a harmonic of the stage lies near a natural mode. All
 /// are below one, since a slower run keeps every limit that the stage keeps.
 const DETOUR_FACTORS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
+/// Largest tracking error, in root mean squares of it.
+const PEAK: f64 = 4.0;
+/// Tracking error, as a share of the motion, above which a machine hardly moved.
+const HELD: f64 = 0.5;
 /// Most times that the settling time of a trial is doubled.
 const MOST_EXTENSIONS: usize = 3;
 
@@ -654,6 +659,10 @@ impl<'m> Campaign<'m> {
             return Err(CampaignError::Mismatch { what: "samples of a rate", needed: trial.samples(), given: short });
         }
         let samples = trial.samples_per_period;
+        if self.setup.procedure.plan.is_some() && !self.followed(&trial, record) && self.enlarge() {
+            report.ending = RunEnding::Unfollowed;
+            return self.finish(report);
+        }
         // The measurement begins at the period at which the motion has settled.
         let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
             .filter(|from| from + LEAST_PERIODS <= trial.periods);
@@ -831,7 +840,6 @@ impl<'m> Campaign<'m> {
             return;
         }
         let Dims { coordinates, inputs, .. } = self.model.dims();
-        self.seen.tracking.clone_from(&report.tracking_rms);
         // What the feedback adds is read against the feed-forward of what is known now.
         let stage = self.setup.procedure.stages[self.stage].clone();
         let again = self.trial_of(&stage, self.scale).unwrap_or_else(|_| trial.clone());
@@ -841,6 +849,14 @@ impl<'m> Campaign<'m> {
         let used = |i: usize| record.inputs[i].iter().fold(0.0, |most: f64, u| most.max(u.abs()));
         let noise = |i: usize| stage.gain * noise_fed_back(&self.setup, &self.seen.noise, i);
         self.seen.added = (0..inputs).map(|i| (used(i) - planned(i) - noise(i)).max(0.0)).collect();
+        // The next run has the feed-forward of what is known now: the feedback must make up for what it added beside that.
+        let paths = &trial.control.gains;
+        let error = |c: usize| {
+            let of = |path: &Gain<f64>| self.seen.added[path.input] / path.proportional.abs();
+            let own = paths.iter().filter(|path| path.coordinate == c && path.proportional != 0.0);
+            own.map(of).fold(PEAK * report.tracking_rms[c], f64::min)
+        };
+        self.seen.tracking = (0..coordinates).map(error).collect();
         // An input that was cut by the noise in its feedback is none that the motion needs.
         let needs = self.planned(&again).ok().flatten().map_or(0.0, |used| used.share);
         let complete = record.saturated == 0 || needs < self.setup.procedure.effort_share;
@@ -854,6 +870,31 @@ impl<'m> Campaign<'m> {
         let pooled = self.reports.iter().filter(|report| report.is_pooled()).map(|report| report.stage - 1);
         let stages: Vec<&Stage> = pooled.chain([self.stage]).map(|at| &procedure.stages[at]).collect();
         self.refinement.is_some() && self.scene(estimate, |scene| scene.may_be_enough(&stages)).unwrap_or(true)
+    }
+
+    /// Whether every coordinate that is fed back moved as it was to, by more than half.
+    fn followed(&self, trial: &Trial, record: &Record) -> bool {
+        let (samples, width) = (trial.samples_per_period, self.model.dims().motion_len());
+        let last = trial.samples() - samples;
+        // A load that pulls to one side is a constant error, which does not keep the machine from moving.
+        let varying = |values: Vec<f64>| {
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            root_mean_square(values.into_iter().map(|value| value - mean))
+        };
+        trial.control.gains.iter().map(|path| path.coordinate).filter(|c| !trial.open.contains(c)).all(|c| {
+            let asked: Vec<f64> = trial.reference.iter().skip(c).step_by(width).copied().collect();
+            let errors = record.coordinates[c][last..].iter().zip(&asked).map(|(q, asked)| q - asked).collect();
+            varying(errors) <= HELD * varying(asked)
+        })
+    }
+
+    /// Goes on with a larger run, and within the largest one with a stiffer loop; says no where neither is left.
+    fn enlarge(&mut self) -> bool {
+        let stage = larger(&self.setup, &self.setup.procedure.stages[self.stage], self.model.dims().coordinates);
+        let Some(stage) = stage else { return false };
+        self.setup.procedure.stages.push(stage);
+        self.stage += 1;
+        true
     }
 
     /// After a run that failed, goes on with a smaller one; before the first estimate with a softer loop too, which may be what failed.

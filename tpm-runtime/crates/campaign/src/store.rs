@@ -430,7 +430,7 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
     let last = run.samples.saturating_sub(1);
     let lost = || channels.iter().position(|channel| channel.last().is_some_and(|value: &f64| value.is_nan()));
     let ending = match (run.ending, run.passed) {
-        (RunEnding::Complete | RunEnding::Unsettled, _) => Ending::Complete,
+        (RunEnding::Complete | RunEnding::Unsettled | RunEnding::Unfollowed, _) => Ending::Complete,
         (RunEnding::TrackingBound, Some((coordinate, error))) => {
             Ending::TrackingBound { coordinate, sample: last, error }
         }

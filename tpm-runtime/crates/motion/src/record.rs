@@ -118,6 +118,8 @@ pub enum RunEnding {
     Diverged,
     /// All samples were played, but the motion had not settled.
     Unsettled,
+    /// All samples were played, but the machine hardly moved as it was to.
+    Unfollowed,
 }
 
 impl std::fmt::Display for RunEnding {
@@ -131,6 +133,7 @@ impl std::fmt::Display for RunEnding {
             RunEnding::SensorLost => "sensor lost",
             RunEnding::Diverged => "diverged",
             RunEnding::Unsettled => "unsettled",
+            RunEnding::Unfollowed => "not followed",
         })
     }
 }

@@ -114,6 +114,8 @@ impl Warning {
             Warning::SeveralMinima { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
             Warning::TakenAsKnown { parameter, .. } => (Remark, Estimation, Concern::one(parameter)),
             Warning::LongSimulation(_) => (Remark, Estimation, Nothing),
+            // What the values before the simulation leave was to be explained by it.
+            Warning::NotRefined { reason } if reason.is_cut() => (Distrust, Estimation, Nothing),
             Warning::NotRefined { .. } => (Remark, Estimation, Nothing),
             // The values hold, and are not what was asked for.
             Warning::AskedInVain { .. } => (Distrust, Estimation, Nothing),

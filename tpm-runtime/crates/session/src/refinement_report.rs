@@ -158,6 +158,14 @@ pub enum NotRefined {
     },
 }
 
+impl NotRefined {
+    /// Whether the simulation was begun, and its time was over.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        *self == NotRefined::Fault(OutputErrorFault::Ended)
+    }
+}
+
 impl fmt::Display for NotRefined {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -199,7 +207,7 @@ impl RefinementReport {
 
     /// Whether whoever waits for the result did not wait for the simulation.
     pub(super) fn was_ended(&self) -> bool {
-        self.note == Some(NotRefined::Fault(OutputErrorFault::Ended))
+        self.note.as_ref().is_some_and(NotRefined::is_cut)
     }
 
     /// A refinement from given values by an excerpt of a record, before anything is known of it.

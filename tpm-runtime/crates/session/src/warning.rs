@@ -454,6 +454,7 @@ impl Warning {
             Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation(_) => Some(Remedy::Simulation),
+            Warning::NotRefined { reason } if reason.is_cut() => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
             Warning::CommonFactor { inputs, .. } => Some(Remedy::Scales { signals: inputs.clone() }),
             Warning::UnseenFaults { faults } => {
@@ -663,6 +664,10 @@ impl fmt::Display for Warning {
                 (RunEnding::Unsettled, true) => {
                     write!(f, "run {run}: the motion had not settled; it was played again for longer")
                 }
+                (RunEnding::Unfollowed, _) => write!(
+                    f,
+                    "run {run}: the machine hardly moved as it was to (friction or a load holds it); the next run is larger"
+                ),
                 (RunEnding::Unsettled, false) => write!(f, "run {run}: the motion had not settled"),
                 (RunEnding::SensorLost, _) => write!(f, "run {run}: a sensor gave no value; the run is not used"),
                 (ending, true) => write!(f, "run {run}: aborted ({ending}), amplitudes reduced"),
