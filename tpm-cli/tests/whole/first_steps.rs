@@ -151,6 +151,10 @@ fn the_command_line_tells_of_itself() {
     // A flag has one meaning: rows of the same flag that ask for different values are listed here with the reason why they are one.
     let same = [
         ("`--against`", "what is found is held against it: another transfer function, or an earlier result"),
+        (
+            "`--limit`",
+            "what may not be passed: by the only input of an excitation, or by coordinates, rates and inputs by name",
+        ),
         ("`--to`", "the form in which something is written: a log, or a model"),
         ("`--output`", "where results go: a file, or a folder for several files"),
     ];

@@ -260,3 +260,32 @@ impl ScheduleSection {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::ByLimits;
+    use crate::Experiment;
+    use tpm_controller::harmonics::Hold;
+    use tpm_test_support::models::MassSpringDrag;
+    use tpm_test_support::rest_to_rest_3;
+
+    #[test]
+    fn gains_from_limits_are_stable_for_every_inertia_that_suits_the_drive() {
+        let (room, speed, force, sample_time) = (0.3, 1.2, 60.0, 1e-3);
+        let limits = [("x", room), ("dot(x)", speed), ("u", force)];
+        let limits = limits.map(|(name, size)| (name.to_string(), (-size, size))).into();
+        let asked = ByLimits { limits, time: 60.0, ..ByLimits::default() };
+        // From three samples to full speed to the whole room; beyond it, a mass that hardly moves is damped less.
+        let (least, most) = (3.0 * force * sample_time / speed, force * room / speed.powi(2));
+        for n in 0..=20 {
+            let mass = least * (most / least).powf(f64::from(n) / 20.0);
+            let mut experiment = Experiment::bare(sample_time);
+            experiment.by_limits(&MassSpringDrag, &rest_to_rest_3(), &asked).expect("limits");
+            experiment.prior.insert("m".into(), mass);
+            let setup = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::Zoh).expect("a setup");
+            let found = experiment.check_stability(&MassSpringDrag, &setup).expect("stable");
+            let damped = found.poles.iter().all(|(re, im)| *re < 0.0 && re.abs() >= 0.3 * re.hypot(*im));
+            assert!(damped, "{mass} kg: {:?}", found.poles);
+        }
+    }
+}
