@@ -63,8 +63,8 @@ pub(crate) struct Args {
     /// Whether the estimates are refined by simulating the model sample by sample; where that takes no long time when not given.
     #[arg(long, value_parser = refine())]
     refine: Option<Refine>,
-    /// Processor time that a log may take, s: a simulation that has not settled by then is left out, and said so; 60 when neither this nor
-    /// --refine is given. Ctrl-C does so at once.
+    /// Processor time that a log may take, s: a simulation that has not settled by then is left out, and said so, with exit code 1; 60 when
+    /// neither this nor --refine is given. Ctrl-C does so at once.
     #[arg(long, value_name = "SECONDS", value_parser = seconds, requires = "log")]
     time: Option<f64>,
     #[command(flatten)]
