@@ -8,7 +8,7 @@ use tpm_controller::model::{EvalError, Model};
 use tpm_estimate::{EstimateError, RecordNoise, has_jumps, information_root};
 use tpm_motion::Trial;
 use tpm_motion::trajectory::{Line, Trajectory};
-use tpm_numerics::DMatrix;
+use tpm_numerics::Matrix;
 use tpm_plant::simulated::{Rig, SimulatedRun};
 
 /// Number of harmonics of an encoder's error that are summed; those left out hold less than a hundredth of its
@@ -30,10 +30,10 @@ pub fn run_information(
     (samples, measured): (usize, usize),
     stray: &[f64],
     reach: usize,
-) -> Result<Option<DMatrix<f64>>, EstimateError> {
+) -> Result<Option<Matrix>, EstimateError> {
     let deviations = sensor_deviations(machine, motion, measured);
     let noise = RecordNoise { deviations: &deviations, samples: measured * samples, periods: measured, stray };
-    information_root(model, &machine.constants, motion, &machine.parameters, noise, reach)
+    Ok(information_root(model, &machine.constants, motion, &machine.parameters, noise, reach)?.map(Matrix::of))
 }
 
 /// Root mean square deviation of the simulated motion, which feedback of the sensors' noise disturbs, from a

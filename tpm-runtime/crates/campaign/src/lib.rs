@@ -14,6 +14,7 @@ mod plan;
 mod procedure;
 mod refinement;
 mod settling;
+mod setup;
 mod steady;
 mod store;
 #[cfg(test)]
@@ -25,13 +26,11 @@ pub use information::{LEAST_NOISE, run_information, sensor_deviations, strayed};
 pub use lock::Lock;
 pub use modes::NearMode;
 pub use modes::near_mode;
-pub use plan::{Advice, Plan, Room, first_stage};
-pub use procedure::{
-    Campaign, CampaignError, Contradiction, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
-    StageStroke,
-};
+pub use plan::{Advice, Room, first_stage};
+pub use procedure::{Campaign, CampaignError, Contradiction, Outcome, RunParameter, RunReport};
 pub use refinement::Refinement;
 pub use settling::settled_from;
+pub use setup::{LEAST_PERIODS, Plan, Procedure, Setup, Stage, StageStroke};
 pub use steady::SteadyRun;
 pub use store::{LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
 pub use store::{read_json, write_json};

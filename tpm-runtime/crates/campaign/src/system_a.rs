@@ -1,6 +1,7 @@
 //! System A, Feng, Eqn 3.24 with m = 2, k1 = 40, k2 = 1.5, identified from estimates of zero and from wrong ones.
 
-use crate::procedure::{Campaign, Outcome, Procedure, Setup, Stage};
+use crate::procedure::{Campaign, Outcome};
+use crate::setup::{Procedure, Setup, Stage};
 use std::f64::consts::PI;
 use tpm_controller::control::Gain;
 use tpm_controller::harmonics::Hold;

@@ -445,7 +445,7 @@ pub struct ScheduleSection {
     /// Multiple of the frequency at which a coordinate plays its pattern; one where not given.
     #[serde(default)]
     pub multiples: BTreeMap<String, u32>,
-    /// Stages, growing; none where the campaign is to choose all of them by itself ([plan]).
+    /// Stages, growing; none where the campaign is to choose all of them by itself (`plan`).
     #[serde(default)]
     pub stages: Vec<StageSection>,
     /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error

@@ -103,12 +103,14 @@ impl Session {
         let (experiment, motors) = read_experiment(&path, request)?;
         let as_read = request.changes.is_empty() && request.bounds.is_empty();
         let changed = if as_read { "" } else { " with the changes that were asked for" };
-        let place = format!("{}{changed}", path.display());
+        // Where limits stand for a file there is none to name.
+        let is_read = request.file.is_some() || path.exists();
+        let place = is_read.then(|| format!("{}{changed}", path.display()));
         let limits = request.by_limits.as_ref();
         let session =
             Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), (motors, limits))
-                .map_err(|fault| fault.in_experiment(Some(&place)))?;
-        Ok(Session { place: Some(place), ..session })
+                .map_err(|fault| fault.in_experiment(place.as_deref()))?;
+        Ok(Session { place, ..session })
     }
 
     /// Brings a model and an experiment together; `pattern` names the pattern to play where the experiment's is not meant.
@@ -134,7 +136,7 @@ impl Session {
     }
 
     fn with_motors(
-        declared: DeclaredModel,
+        mut declared: DeclaredModel,
         mut written: Experiment,
         pattern: Option<&str>,
         bounds: BTreeMap<String, (f64, f64)>,
@@ -142,6 +144,10 @@ impl Session {
     ) -> Result<Self, SessionError> {
         if let Some(pattern) = pattern {
             written.pattern = Some(pattern.to_string());
+        }
+        if let Some(limits) = limits {
+            let middle = |name: &str| limits.limits.get(name).map_or(0.0, |(low, high)| (low + high) / 2.0);
+            declared = declared.with_pattern(middle)?;
         }
         for NonlinearParameter { name, interval, .. } in declared.nonlinear() {
             if let Some(&value) = written.constants.get(&name)

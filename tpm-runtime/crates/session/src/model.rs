@@ -109,6 +109,49 @@ impl DeclaredModel {
         Ok(Self { source, parsed, prepared, evaluated })
     }
 
+    /// The model with a pattern where it declares none: every coordinate at rest at both ends of a way about the middle that is stated of
+    /// it, or about zero (Feng, Eqn 2.21), with an amplitude of its own and one frequency.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`] where the text cannot be read with it.
+    pub(super) fn with_pattern(self, middle: impl Fn(&str) -> f64) -> Result<Self, ModelFault> {
+        let model = &self.prepared.model;
+        let text = self.source.text();
+        // The last brace that is not in a comment ends the model.
+        let is_code = |at: &usize| !text[text[..*at].rfind('\n').map_or(0, |start| start + 1)..*at].contains("//");
+        let end = text.rmatch_indices('}').map(|(at, _)| at).find(is_code);
+        let (true, Some(end)) = (model.patterns.is_empty(), end) else { return Ok(self) };
+        // A name that the text does not have anywhere, so that nothing of it is hidden.
+        let free = |name: String| {
+            let mut name = name;
+            while text.contains(&name) {
+                name.push('_');
+            }
+            name
+        };
+        let frequency = free("w_pattern".into());
+        let (mut amplitudes, mut motions, mut middles) = (Vec::new(), String::new(), String::new());
+        for coordinate in model.coordinates.iter().filter(|own| !own.unmeasured) {
+            let (name, amplitude) = (&coordinate.name, free(format!("way_{}", coordinate.name)));
+            let unit = coordinate.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
+            let (about, value) = (free(format!("middle_{name}")), middle(name));
+            let about = if value == 0.0 {
+                String::new()
+            } else {
+                middles.push_str(&format!("    constant {about} = {value}{unit};\n"));
+                format!("{about} + ")
+            };
+            motions.push_str(&format!("        {name} = {about}rest_to_rest({amplitude}, {frequency}, 3);\n"));
+            amplitudes.push(format!("{amplitude}{unit}"));
+        }
+        let pattern = format!(
+            "\n{middles}    pattern {{\n        amplitude {};\n        frequency {frequency} [rad/s];\n{motions}    }}\n",
+            amplitudes.join(", ")
+        );
+        let text = format!("{}{pattern}{}", &text[..end], &text[end..]);
+        Self::of_source(Source::new(self.source.name(), &text))
+    }
+
     /// Names of its eliminated coordinates.
     pub(super) fn eliminated(&self) -> Vec<String> {
         let model = &self.prepared.model;

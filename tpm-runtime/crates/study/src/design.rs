@@ -151,7 +151,7 @@ pub fn design(
         let stray = strayed(model, &machine, &trial, &trial.trajectory, settled)?;
         let size = (trial.samples_per_period, periods);
         let root = run_information(model, &machine, &trial.trajectory, size, &stray, reach)?;
-        Ok(root.map(|root| judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share)))
+        Ok(root.map(|root| judge(model, pattern, &stage, &trial, &theta, root.dense(), setup.procedure.effort_share)))
     };
     // Every combination of a factor on the amplitudes, a factor on the frequency, and multiples is predicted.
     let mut asked: Vec<(f64, f64, &Vec<u32>)> = Vec::new();
@@ -265,7 +265,7 @@ pub(super) fn bounds(
         let predicted =
             run_information(model, &noisy, &motion, (trial.samples_per_period, run.periods), &stray, reach)?;
         let Some(root) = predicted else { return Ok(None) };
-        rows.push(root);
+        rows.push(root.dense().clone());
     }
     let Some(first) = rows.first() else { return Ok(None) };
     let mut whole = DMatrix::zeros(rows.iter().map(DMatrix::nrows).sum(), first.ncols());

@@ -1,5 +1,6 @@
 //! What to tell whoever states the limits: which of them, were it larger, would show more.
 
+use crate::plan::known::Known;
 use crate::plan::room::Room;
 use crate::plan::{Candidate, MULTIPLES, Scene, WORTH};
 use serde::Serialize;
@@ -75,10 +76,10 @@ impl Scene<'_> {
         tried.push((Some(inputs), Room { effort: RAISED, ..own }));
         let all: Vec<(Option<String>, Vec<Candidate>)> =
             tried.into_iter().map(|(limit, room)| (limit, self.candidates(&room, false))).collect();
-        let every: Vec<&Candidate> = all.iter().flat_map(|(_, list)| list).collect();
-        let known = self.known_of(&free, &every);
+        let roots = all.iter().flat_map(|(_, list)| list).map(|one| &one.root);
+        let known = Known::by_estimate(self.estimate, &free, roots);
         let least = |list: &[Candidate]| {
-            list.iter().map(|one| known.deviation(at, Some(one), 1.0)).fold(f64::INFINITY, f64::min)
+            list.iter().map(|one| known.deviation_with(at, &one.root, 1.0)).fold(f64::INFINITY, f64::min)
         };
         let now = least(&all.first()?.1);
         let best = all[1..].iter().map(|(limit, list)| (limit, least(list))).min_by(|a, b| a.1.total_cmp(&b.1));

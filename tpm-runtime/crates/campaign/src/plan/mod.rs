@@ -27,15 +27,15 @@ pub use room::{Room, first_stage};
 
 use crate::information::{run_information, strayed};
 use crate::modes::near_mode;
-use crate::procedure::{LEAST_PERIODS, Setup, Stage};
-use known::{Known, NOTHING, covariance};
+use crate::setup::{LEAST_PERIODS, Plan, Setup, Stage};
+use known::{Known, covariance};
 use room::{FURTHER, GROWTH, USED, fastest, largest, narrowed, prescribed, scaled};
 use tpm_controller::model::Model;
 use tpm_estimate::Estimate;
 use tpm_motion::smoothing::Smoothing;
 use tpm_motion::trajectory::ReferencePattern;
 use tpm_motion::{Trial, Velocity, demand};
-use tpm_numerics::{DMatrix, DVector};
+use tpm_numerics::DMatrix;
 use tpm_plant::simulated::{Actuator, Rig, Sensor};
 use tpm_plant::stability::{StabilityDomain, check};
 
@@ -64,19 +64,10 @@ const QUIET: f64 = 0.15;
 /// Standard deviations of that noise that count as its largest: once in 16,000 samples it is larger.
 const NOISE_PEAK: f64 = 4.0;
 
-/// How a campaign chooses its stages by itself.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
-    /// Time for which the machine may move, s.
-    pub time: f64,
-    /// Standard deviation that is wanted of each parameter, as a share of its value; nothing where none is, and past the end of the list.
-    pub goals: Vec<Option<f64>>,
-}
-
 /// What is chosen.
 pub(crate) enum Choice {
     /// The stage to play.
-    Play(Stage),
+    Play(Box<Stage>),
     /// Every parameter is known as well as is wanted.
     Reached,
     /// No run within the limits fits into the time that is left.
@@ -131,8 +122,8 @@ impl Scene<'_> {
         if candidates.iter().any(|candidate| !candidate.near_mode) {
             candidates.retain(|candidate| !candidate.near_mode);
         }
-        let known = self.known(&free, &candidates);
-        let gains: Vec<f64> = candidates.iter().map(|one| known.gain(self, one, 1.0) / one.duration).collect();
+        let known = Known::by_estimate(self.estimate, &free, candidates.iter().map(|one| &one.root));
+        let gains: Vec<f64> = candidates.iter().map(|one| self.worth(&known, one) / one.duration).collect();
         let most = gains.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let good = (0..gains.len()).filter(|&i| gains[i] >= AS_GOOD * most);
         let other = |i: usize| self.newness(&candidates[i].stage);
@@ -142,7 +133,7 @@ impl Scene<'_> {
         if !may_grow && self.has_nothing_left(&known, &chosen, left) {
             return Choice::NothingMore;
         }
-        Choice::Play(chosen.stage)
+        Choice::Play(Box::new(chosen.stage))
     }
 
     /// How far a stage is from those that were played: what the model lacks shows itself where motions differ.
@@ -190,13 +181,10 @@ impl Scene<'_> {
         let plain = Stage { strokes: Vec::new(), gain: self.gain(), ..self.last.clone() };
         let stray = self.stray();
         let mut found = self.of_multiples(&plain, (room, &positions), &stray, (gated, 1));
-        let moved = prescribed(pattern, &plain).iter().flatten().filter(|extent| extent.reach() > 0.0).count();
-        if (2..=MULTIPLES.len()).contains(&moved) {
-            for multiples in combined(pattern, self.model.dims().coordinates) {
-                if multiples != plain.multiples {
-                    let stage = Stage { multiples, ..plain.clone() };
-                    found.extend(self.of_multiples(&stage, (room, &positions), &stray, (gated, COARSE)));
-                }
+        for multiples in varied(pattern, &plain) {
+            if multiples != plain.multiples {
+                let stage = Stage { multiples, ..plain.clone() };
+                found.extend(self.of_multiples(&stage, (room, &positions), &stray, (gated, COARSE)));
             }
         }
         found
@@ -273,7 +261,7 @@ impl Scene<'_> {
         let reach = 4 * trial.trajectory.highest_harmonic() as usize;
         let size = (trial.samples_per_period, measured);
         let root = run_information(self.model, &self.rig(), &trial.trajectory, size, stray, reach).ok()??;
-        let root = root.select_columns(&self.free());
+        let root = root.dense().select_columns(&self.free());
         root.iter().all(|value| value.is_finite()).then_some(root)
     }
 
@@ -282,17 +270,12 @@ impl Scene<'_> {
         let Some(unmet) = self.unmet().filter(|unmet| !unmet.is_empty()) else { return false };
         let free = self.free();
         let stray = self.stray();
-        let mut information = DMatrix::zeros(free.len(), free.len());
-        for root in stages.iter().filter_map(|stage| self.root(&(self.trial)(stage)?, &stray)) {
-            information += root.transpose() * root;
-        }
-        let scale = information.diagonal().map(|own| if own > 0.0 { own.sqrt() } else { 1.0 });
-        let scaled = DMatrix::from_fn(free.len(), free.len(), |r, c| information[(r, c)] / (scale[r] * scale[c]));
-        let known = Known { information: scaled + DMatrix::identity(free.len(), free.len()) * NOTHING, scale };
+        let roots = stages.iter().filter_map(|stage| self.root(&(self.trial)(stage)?, &stray));
+        let known = Known::by_runs(free.len(), roots);
         unmet.into_iter().all(|j| {
             let Some(at) = free.iter().position(|&own| own == j) else { return true };
             let wanted = self.plan.goals[j].unwrap_or(f64::INFINITY) * self.estimate.values[j].abs();
-            known.deviation(at, None, 0.0) <= wanted
+            known.deviation(at) <= wanted
         })
     }
 
@@ -355,31 +338,17 @@ impl Scene<'_> {
         largest
     }
 
-    /// What is known, in units in which the most that a candidate shows of every parameter is one.
-    fn known(&self, free: &[usize], candidates: &[Candidate]) -> Known {
-        self.known_of(free, &candidates.iter().collect::<Vec<_>>())
-    }
-
-    fn known_of(&self, free: &[usize], candidates: &[&Candidate]) -> Known {
-        let covariance = covariance(self.estimate, free);
-        let mut scale = DVector::from_element(free.len(), 0.0);
-        for candidate in candidates {
-            for (most, column) in scale.iter_mut().zip(candidate.root.column_iter()) {
-                *most = f64::max(*most, column.norm());
-            }
-        }
-        scale.iter_mut().filter(|own| **own == 0.0).for_each(|own| *own = 1.0);
-        // Information is the inverse of the covariance over the directions that are shown; the others have none.
-        let scaled = DMatrix::from_fn(free.len(), free.len(), |r, c| covariance[(r, c)] * scale[r] * scale[c]);
-        let eigen = scaled.symmetric_eigen();
-        let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
-        let mut information = DMatrix::from_diagonal_element(free.len(), free.len(), NOTHING);
-        for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            if *value > f64::EPSILON * free.len() as f64 * largest {
-                information += direction * direction.transpose() / *value;
-            }
-        }
-        Known { information, scale }
+    /// What a run of a candidate is worth: how much nearer wanted deviations come, or else how much the determinant grows.
+    fn worth(&self, known: &Known, candidate: &Candidate) -> f64 {
+        let Some(unmet) = self.unmet() else { return known.gain(&candidate.root) };
+        let free = self.free();
+        let nearer = |j: &usize| {
+            let Some(at) = free.iter().position(|own| own == j) else { return 0.0 };
+            let goal = self.plan.goals[*j].unwrap_or(1.0) * self.estimate.values[*j].abs();
+            let missed = |std: f64| (std / goal.max(f64::MIN_POSITIVE)).ln().max(0.0);
+            missed(known.deviation(at)) - missed(known.deviation_with(at, &candidate.root, 1.0))
+        };
+        unmet.iter().map(nearer).sum()
     }
 
     /// Whether all the time that is left, spent on a stage, would not make a wanted deviation noticeably smaller.
@@ -387,7 +356,7 @@ impl Scene<'_> {
         let free = self.free();
         let Some(unmet) = self.unmet() else { return false };
         unmet.iter().filter_map(|j| free.iter().position(|own| own == j)).all(|at| {
-            known.deviation(at, Some(stage), left / stage.duration) > (1.0 - WORTH) * known.deviation(at, None, 0.0)
+            known.deviation_with(at, &stage.root, left / stage.duration) > (1.0 - WORTH) * known.deviation(at)
         })
     }
 
@@ -440,11 +409,30 @@ pub(crate) fn noise_fed_back(setup: &Setup, noise: &[f64], input: usize) -> f64 
     NOISE_PEAK * variance.sqrt()
 }
 
-/// Multiples of the frequency of every coordinate, without those that have a common divisor.
-fn combined(pattern: &ReferencePattern, coordinates: usize) -> Vec<Vec<u32>> {
+/// Multiples of the frequency by coordinate that are tried: where two or three coordinates move, all without a common divisor; where more
+/// do, a few by which no two neighbours move alike.
+fn varied(pattern: &ReferencePattern, stage: &Stage) -> Vec<Vec<u32>> {
+    let moves: Vec<bool> =
+        prescribed(pattern, stage).iter().map(|own| own.is_some_and(|own| own.reach() > 0.0)).collect();
+    let moved = moves.iter().filter(|moves| **moves).count();
+    if moved < 2 {
+        return Vec::new();
+    }
+    if moved > MULTIPLES.len() {
+        let by = |of: &dyn Fn(u32) -> u32| {
+            let mut number = 0;
+            let mut next = |moves: &bool| {
+                number += u32::from(*moves);
+                if *moves { of(number - 1) } else { 1 }
+            };
+            moves.iter().map(&mut next).collect::<Vec<u32>>()
+        };
+        let count = moved as u32;
+        return vec![by(&|n| n + 1), by(&|n| count - n), by(&|n| 1 + n % 3), by(&|n| 1 + (2 * n) % 5)];
+    }
     let mut found: Vec<Vec<u32>> = vec![vec![]];
-    for c in 0..coordinates {
-        let of: &[u32] = if pattern.coordinates[c].is_empty() { &[1] } else { &MULTIPLES };
+    for moves in &moves {
+        let of: &[u32] = if *moves { &MULTIPLES } else { &[1] };
         found = found.iter().flat_map(|list| of.iter().map(|m| [list.clone(), vec![*m]].concat())).collect();
     }
     let gcd = |mut a: u32, mut b: u32| {
@@ -453,6 +441,7 @@ fn combined(pattern: &ReferencePattern, coordinates: usize) -> Vec<Vec<u32>> {
         }
         a
     };
-    found.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
+    let of_moved = |list: &Vec<u32>| list.iter().zip(&moves).filter(|(_, moves)| **moves).map(|(m, _)| *m).reduce(gcd);
+    found.retain(|list| of_moved(list) == Some(1));
     found
 }

@@ -1,6 +1,6 @@
 //! How far and how fast stages go, and how far they may.
 
-use crate::procedure::{Setup, Stage};
+use crate::setup::{Setup, Stage};
 use tpm_motion::Trial;
 use tpm_motion::trajectory::ReferencePattern;
 
