@@ -37,6 +37,8 @@ const MOTOR_REACH: usize = 4;
 /// Factors on the frequency of a stage, tried in this order where a harmonic of the stage lies near a natural mode. All
 /// are below one, since a slower run keeps every limit that the stage keeps.
 const DETOUR_FACTORS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
+/// Factor on the gains after a failed run before anything is known of the machine.
+const SOFTER: f64 = 0.25;
 /// Largest tracking error, in root mean squares of it.
 const PEAK: f64 = 4.0;
 /// Tracking error, as a share of the motion, above which a machine hardly moved.
@@ -743,7 +745,7 @@ impl<'m> Campaign<'m> {
         let mut stage = procedure.stages[self.stage].clone();
         stage.amplitudes.iter_mut().for_each(|size| *size *= procedure.back_off);
         if self.estimate.is_none() {
-            stage.gain *= procedure.back_off;
+            stage.gain *= SOFTER;
         }
         procedure.stages.push(stage);
         self.stage += 1;

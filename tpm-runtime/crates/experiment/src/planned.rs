@@ -4,7 +4,7 @@ use crate::error::ExperimentError;
 use crate::file::{ControlSection, Experiment, FeedbackSection, Named, PlanSection, ScheduleSection};
 use crate::names::{Names, coordinates, inputs, parameters, positive, require};
 use std::collections::BTreeMap;
-use tpm_campaign::{Plan, Room, Stage, first_stage};
+use tpm_campaign::{LEAST_PERIODS, Plan, Room, Stage, first_stage};
 use tpm_controller::model::Model;
 use tpm_estimate::Method;
 use tpm_motion::HoldCompensation;
@@ -14,6 +14,11 @@ use tpm_motion::trajectory::ReferencePattern;
 const MEASURED: (f64, f64) = (0.1, 20.0);
 /// Most runs of a campaign that its time ends.
 const MOST_RUNS: usize = 400;
+/// Share of the time that the first run may take, and the factor by which it is faster at most where it would take more.
+const FIRST_RUN: f64 = 0.2;
+const FASTER: f64 = 3.0;
+/// Failed runs in succession after which such a campaign ends: each softens the loop or shortens the way.
+const MOST_ABORTS: usize = 8;
 /// Samples in the time constant of the filter that forms rates.
 const RATE_SAMPLES: f64 = 2.0;
 /// Tracking error at which a run is broken off, as a share of half the room of its coordinate.
@@ -134,6 +139,7 @@ impl Experiment {
         self.schedule = ScheduleSection { multiples: self.schedule.multiples.clone(), ..ScheduleSection::for_plan() };
         self.schedule.measure_time = (MEASURED.0 * asked.time).min(MEASURED.1);
         self.plan = Some(PlanSection { time: asked.time, until });
+        self.limits.max_aborts = self.limits.max_aborts.max(MOST_ABORTS);
         self.need_limits(model, pattern)?;
         if self.control.feedback.is_empty() {
             self.feed_back(model, pattern)?;
@@ -238,7 +244,13 @@ impl Experiment {
         room: &Room,
     ) -> Result<Stage, ExperimentError> {
         self.need_limits(model, pattern)?;
-        first_stage(pattern, blank, room, self.control.sample_time).ok_or(ExperimentError::NoRoom)
+        let mut first = first_stage(pattern, blank, room, self.control.sample_time).ok_or(ExperimentError::NoRoom)?;
+        // Where little time is left for others it is faster, but not by much.
+        let time = self.plan.as_ref().map_or(f64::INFINITY, |plan| plan.time);
+        let periods = (self.schedule.settle_periods + LEAST_PERIODS) as f64;
+        let quick = 2.0 * std::f64::consts::PI * periods / (FIRST_RUN * time);
+        first.frequency = first.frequency.max(quick.min(FASTER * first.frequency));
+        Ok(first)
     }
 }
 
