@@ -467,12 +467,12 @@ impl<'m> Campaign<'m> {
             }
         }
         let mut report = self.report(&trial, record);
-        self.seen.time += record.len() as f64 * trial.control.sample_time;
+        let moved = record.len() as f64 * trial.control.sample_time;
         // A run that was not completed leads to smaller amplitudes, and after too many of them to the end of the
         // campaign.
         if matches!(record.ending, Ending::SensorLost { .. }) {
             self.outcome = Some(Outcome::SensorLost);
-            return self.finish(report);
+            return self.finish(report, moved);
         }
         if record.ending != Ending::Complete {
             self.aborts += 1;
@@ -486,7 +486,7 @@ impl<'m> Campaign<'m> {
             if self.aborts > self.setup.procedure.max_aborts {
                 self.outcome = Some(Outcome::Aborted);
             }
-            return self.finish(report);
+            return self.finish(report, moved);
         }
         if record.len() < trial.samples() {
             // A complete record must hold every sample of the trial, and finite values only.
@@ -503,7 +503,7 @@ impl<'m> Campaign<'m> {
         let samples = trial.samples_per_period;
         if self.setup.procedure.plan.is_some() && !self.followed(&trial, record) && self.enlarge() {
             report.ending = RunEnding::Unfollowed;
-            return self.finish(report);
+            return self.finish(report, moved);
         }
         // The measurement begins at the period at which the motion has settled.
         let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
@@ -514,7 +514,7 @@ impl<'m> Campaign<'m> {
             if self.extensions > MOST_EXTENSIONS {
                 self.outcome = Some(Outcome::NotSettled);
             }
-            return self.finish(report);
+            return self.finish(report, moved);
         };
         let run = self.reports.len() + 1;
         // Harmonics of all channels over the settled periods, corrected for the known dynamics of the actuators.
@@ -587,7 +587,7 @@ impl<'m> Campaign<'m> {
         let after = self.current.clone();
         let of = (dims.coordinates, dims.inputs);
         self.harmonics.push(RunHarmonics::of(self.reports.len(), &trial, &spectra, of, highest, after));
-        self.finish(report)
+        self.finish(report, moved)
     }
 
     /// Marks in the report of every run whether it contradicts the pooled runs. Returns the mark of the last run, whose
@@ -640,8 +640,9 @@ impl<'m> Campaign<'m> {
         }
     }
 
-    /// Files the report and computes the next trial.
-    fn finish(&mut self, mut report: RunReport) -> Result<&RunReport, CampaignError> {
+    /// Files the report of a run in which the machine moved for so long, s, and computes the next trial.
+    fn finish(&mut self, mut report: RunReport, moved: f64) -> Result<&RunReport, CampaignError> {
+        self.seen.time += moved;
         report.parameters = self.run_parameters();
         report.rank = self.estimate.as_ref().map(|e| e.rank);
         report.condition = self.estimate.as_ref().map(|e| e.condition).filter(|c| c.is_finite());
