@@ -9,7 +9,7 @@ use tpm_runtime::log::unit_of;
 /// Options of a campaign that chooses its motions.
 #[derive(clap::Args)]
 pub(crate) struct LimitArgs {
-    /// Let the campaign choose its motions within limits: a coordinate by name, its rate as dot(NAME), its acceleration as ddot(NAME), an
+    /// Let the campaign choose its motions within limits: a coordinate by name, its rate as dot(NAME) or dNAME, its acceleration as ddot(NAME), an
     /// input. Several with commas between them. An experiment beside the model still states what it states; none is needed.
     #[arg(long, value_name = "NAME=VALUE|LOW:HIGH", value_delimiter = ',', value_parser = limit, requires = "time")]
     limit: Vec<(String, (f64, f64))>,

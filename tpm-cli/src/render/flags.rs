@@ -99,6 +99,7 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
             names.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
         }
         Remedy::Experiment => "--experiment FILE".to_owned(),
+        Remedy::SampleTime => "--sample-time 1ms".to_owned(),
         Remedy::BeginCampaign { folder } => format!("`tpm campaign start MODEL {folder}` begins one"),
         _ => return None,
     })

@@ -102,7 +102,16 @@ impl Experiment {
         available.extend(signals("ddot"));
         available.extend(inputs.names.clone());
         let all = Names { kind: "coordinate, rate or input", names: available };
+        let count = coordinates.names.len();
         for (name, &(low, high)) in &asked.limits {
+            // `dx` and `ddx` are said for `dot(x)` and `ddot(x)` where no signal has such a name.
+            let rate = |d: &str, order: &str| {
+                let of = name.strip_prefix(d).filter(|of| coordinates.names.iter().any(|known| known == of))?;
+                Some(format!("{order}({of})"))
+            };
+            let known = all.names.contains(name);
+            let meant = if known { None } else { rate("dd", "ddot").or_else(|| rate("d", "dot")) };
+            let name = &meant.unwrap_or_else(|| name.clone());
             let at = all.index("limits", name)?;
             let key = || format!("limits: {name}");
             require(
@@ -111,7 +120,6 @@ impl Experiment {
                 low,
                 "the least value must be below the largest",
             )?;
-            let count = coordinates.names.len();
             if at < count {
                 self.limits.positions.insert(name.clone(), [low, high]);
                 continue;

@@ -92,6 +92,8 @@ pub enum Remedy {
         /// The folder.
         folder: String,
     },
+    /// State how often the machine is sampled.
+    SampleTime,
     /// Give a value to a constant of the model that is known at run time only.
     Constants {
         /// The constants without a value.

@@ -17,7 +17,7 @@ const SPEED: f64 = 1.2;
 const FORCE: f64 = 60.0;
 
 fn limits(time: f64) -> ByLimits {
-    let all = [("x", ROOM), ("dot(x)", SPEED), ("u", FORCE)];
+    let all = [("x", ROOM), ("dx", SPEED), ("u", FORCE)];
     let limits = all.map(|(name, size)| (name.to_string(), (-size, size))).into();
     ByLimits { limits, time, ..ByLimits::default() }
 }
@@ -138,7 +138,7 @@ fn what_is_missing_of_the_limits_is_named() {
         other => panic!("{other:?}"),
     };
     let mut missing = limits(60.0);
-    missing.limits.remove("dot(x)");
+    missing.limits.remove("dx");
     let fault = refused(missing);
     assert!(matches!(&fault, ExperimentError::NeedsLimit { name, limit: "velocities" } if name == "x"), "{fault}");
     assert!(fault.to_string().contains("dot(x)"), "{fault}");

@@ -273,6 +273,7 @@ impl SessionError {
             SessionError::Record { source: RecordError::TooShort { .. }, .. } => Some(Remedy::Stopped),
             SessionError::ParameterAsConstant { name } => Some(Remedy::HoldParameter { parameter: name.clone() }),
             SessionError::NoExperiment { .. } => Some(Remedy::Experiment),
+            SessionError::NoSampleTime => Some(Remedy::SampleTime),
             SessionError::NoCampaign { path } => Some(Remedy::BeginCampaign { folder: path.clone() }),
             SessionError::Constants { names } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,
