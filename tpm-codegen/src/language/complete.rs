@@ -6,7 +6,7 @@
 use crate::diagnostic::Diagnostics;
 use crate::language::ast::mechanism::InertiaDeclaration;
 use crate::language::ast::{Equation, Item, ModelDeclaration, Role};
-use crate::language::{format, parse};
+use crate::language::{end_of_statements, format, parse};
 use crate::source::{Source, Span};
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -194,7 +194,7 @@ fn place_of_statements(source: &Source, model: &ModelDeclaration) -> usize {
         Item::Pattern(pattern) => Some(pattern.keyword.range().start),
         _ => None,
     });
-    pattern.or_else(|| source.text().rfind('}')).unwrap_or(source.text().len())
+    pattern.unwrap_or_else(|| end_of_statements(source))
 }
 
 /// A number with six digits.

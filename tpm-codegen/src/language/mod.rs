@@ -56,6 +56,15 @@ pub fn parse(source: &Source) -> Result<ast::ModelDeclaration, Diagnostics> {
     }
 }
 
+/// Where the last statement of a model ends: before the brace that closes it, whatever comments follow; at the end of the text where it has no
+/// such brace.
+#[must_use]
+pub fn end_of_statements(source: &Source) -> usize {
+    let tokens = lex::lex(source, &mut Diagnostics::new());
+    let closing = tokens.iter().rfind(|token| token.kind == token::TokenKind::CloseBrace);
+    closing.map_or(source.text().len(), |token| token.span.range().start)
+}
+
 /// A parsed and lowered model, with the places of its terms in the text.
 #[derive(Clone, Debug)]
 pub struct Parsed {

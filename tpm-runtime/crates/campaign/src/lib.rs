@@ -26,7 +26,7 @@ pub use information::{LEAST_NOISE, run_information, sensor_deviations, strayed};
 pub use lock::Lock;
 pub use modes::NearMode;
 pub use modes::near_mode;
-pub use plan::{Advice, Room, first_stage};
+pub use plan::{Advice, Room, combined_multiples, first_stage};
 pub use procedure::{Campaign, CampaignError, Contradiction, Outcome, RunParameter, RunReport};
 pub use refinement::Refinement;
 pub use settling::settled_from;

@@ -4,7 +4,7 @@ use crate::error::ExperimentError;
 use crate::file::{ControlSection, Experiment, FeedbackSection, Named, PlanSection, ScheduleSection};
 use crate::names::{Names, coordinates, inputs, parameters, positive, require};
 use std::collections::BTreeMap;
-use tpm_campaign::{LEAST_PERIODS, Plan, Room, Stage, first_stage};
+use tpm_campaign::{Plan, Room, Stage, first_stage};
 use tpm_controller::model::Model;
 use tpm_estimate::Method;
 use tpm_motion::HoldCompensation;
@@ -14,9 +14,6 @@ use tpm_motion::trajectory::ReferencePattern;
 const MEASURED: (f64, f64) = (0.1, 20.0);
 /// Most runs of a campaign that its time ends.
 const MOST_RUNS: usize = 400;
-/// Share of the time that the first run may take, and the factor by which it is faster at most where it would take more.
-const FIRST_RUN: f64 = 0.2;
-const FASTER: f64 = 3.0;
 /// Failed runs in succession after which such a campaign ends: each softens the loop or shortens the way.
 const MOST_ABORTS: usize = 8;
 /// Samples in the time constant of the filter that forms rates.
@@ -226,10 +223,8 @@ impl Experiment {
     }
 
     /// What a campaign that chooses its stages is to reach.
-    pub(super) fn planned(&self, model: &dyn Model<f64>) -> Result<Plan, ExperimentError> {
-        let Some(PlanSection { time, until }) = &self.plan else {
-            return Ok(Plan { time: f64::INFINITY, goals: vec![] });
-        };
+    pub(super) fn planned(&self, model: &dyn Model<f64>, plan: &PlanSection) -> Result<Plan, ExperimentError> {
+        let PlanSection { time, until } = plan;
         positive("plan.time", *time)?;
         if self.estimator != Method::MeasuredMotion {
             return Err(ExperimentError::PlanMethod);
@@ -248,17 +243,12 @@ impl Experiment {
         &self,
         model: &dyn Model<f64>,
         pattern: &ReferencePattern,
-        blank: &Stage,
-        room: &Room,
+        (blank, room): (&Stage, &Room),
+        plan: &PlanSection,
     ) -> Result<Stage, ExperimentError> {
         self.need_limits(model, pattern)?;
-        let mut first = first_stage(pattern, blank, room, self.control.sample_time).ok_or(ExperimentError::NoRoom)?;
-        // Where little time is left for others it is faster, but not by much.
-        let time = self.plan.as_ref().map_or(f64::INFINITY, |plan| plan.time);
-        let periods = (self.schedule.settle_periods + LEAST_PERIODS) as f64;
-        let quick = 2.0 * std::f64::consts::PI * periods / (FIRST_RUN * time);
-        first.frequency = first.frequency.max(quick.min(FASTER * first.frequency));
-        Ok(first)
+        let pace = (self.schedule.settle_periods, plan.time);
+        first_stage(pattern, blank, room, self.control.sample_time, pace).ok_or(ExperimentError::NoRoom)
     }
 }
 

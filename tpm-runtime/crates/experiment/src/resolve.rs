@@ -501,7 +501,7 @@ impl Experiment {
         }
         let plan = match &self.plan {
             None => None,
-            Some(_) => {
+            Some(plan) => {
                 let room = Room {
                     positions: position_bounds.clone(),
                     velocities: velocity_bounds.clone(),
@@ -517,9 +517,9 @@ impl Experiment {
                         gain: 1.0,
                         strokes: vec![],
                     };
-                    stages.push(self.first(model, pattern, &blank, &room)?);
+                    stages.push(self.first(model, pattern, (&blank, &room), plan)?);
                 }
-                Some(self.planned(model)?)
+                Some(self.planned(model, plan)?)
             }
         };
         let of_strokes =

@@ -139,7 +139,7 @@ pub use meaning::{About, Concern, Meaning, Severity};
 pub use method_report::{
     MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,
 };
-pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
+pub use model::{DeclaredModel, FreeNames, Identifiable, ModelFault, other_kind};
 pub use options::LogOptions;
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use prediction::{Completed, LeftOfForces, Prediction};

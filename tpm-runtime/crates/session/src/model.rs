@@ -1,8 +1,9 @@
 //! A model that is read at run time, from its file or from the text that a compiled model carries.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::path::Path;
-use tpm_codegen::language::AtTerm;
+use tpm_codegen::language::{AtTerm, end_of_statements};
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, diagnostic, parse_model};
 use tpm_controller::model::Model;
@@ -109,6 +110,15 @@ impl DeclaredModel {
         Ok(Self { source, parsed, prepared, evaluated })
     }
 
+    /// The model with further statements behind its own; `name` stands in messages.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`].
+    pub fn with_statements(&self, name: &str, statements: &str) -> Result<Self, ModelFault> {
+        let (before, after) = self.source.text().split_at(end_of_statements(&self.source));
+        Self::parse(name, &format!("{before}{statements}{after}"))
+    }
+
     /// The model with a pattern where it declares none: every coordinate at rest at both ends of a way about the middle that is stated of
     /// it, or about zero (Feng, Eqn 2.21), with an amplitude of its own and one frequency.
     ///
@@ -116,30 +126,22 @@ impl DeclaredModel {
     /// [`ModelFault::Text`] where the text cannot be read with it.
     pub(super) fn with_pattern(self, middle: impl Fn(&str) -> f64) -> Result<Self, ModelFault> {
         let model = &self.prepared.model;
-        let text = self.source.text();
-        // The last brace that is not in a comment ends the model.
-        let is_code = |at: &usize| !text[text[..*at].rfind('\n').map_or(0, |start| start + 1)..*at].contains("//");
-        let end = text.rmatch_indices('}').map(|(at, _)| at).find(is_code);
-        let (true, Some(end)) = (model.patterns.is_empty(), end) else { return Ok(self) };
-        // A name that the text does not have anywhere, so that nothing of it is hidden.
-        let free = |name: String| {
-            let mut name = name;
-            while text.contains(&name) {
-                name.push('_');
-            }
-            name
-        };
-        let frequency = free("w_pattern".into());
+        if !model.patterns.is_empty() {
+            return Ok(self);
+        }
+        let mut names = FreeNames::of(&self);
+        let frequency = names.free("w_pattern");
         let (mut amplitudes, mut motions, mut middles) = (Vec::new(), String::new(), String::new());
         for coordinate in model.coordinates.iter().filter(|own| !own.unmeasured) {
-            let (name, amplitude) = (&coordinate.name, free(format!("way_{}", coordinate.name)));
+            let (name, amplitude) = (&coordinate.name, names.free(&format!("way_{}", coordinate.name)));
             let unit = coordinate.unit.as_ref().map(|unit| format!(" [{unit}]")).unwrap_or_default();
-            let (about, value) = (free(format!("middle_{name}")), middle(name));
+            let value = middle(name);
             let about = if value == 0.0 {
                 String::new()
             } else {
-                middles.push_str(&format!("    constant {about} = {value}{unit};\n"));
-                format!("{about} + ")
+                let own = names.free(&format!("middle_{name}"));
+                middles.push_str(&format!("    constant {own} = {value}{unit};\n"));
+                format!("{own} + ")
             };
             motions.push_str(&format!("        {name} = {about}rest_to_rest({amplitude}, {frequency}, 3);\n"));
             amplitudes.push(format!("{amplitude}{unit}"));
@@ -148,8 +150,7 @@ impl DeclaredModel {
             "\n{middles}    pattern {{\n        amplitude {};\n        frequency {frequency} [rad/s];\n{motions}    }}\n",
             amplitudes.join(", ")
         );
-        let text = format!("{}{pattern}{}", &text[..end], &text[end..]);
-        Self::of_source(Source::new(self.source.name(), &text))
+        self.with_statements(self.source.name(), &pattern)
     }
 
     /// Names of its eliminated coordinates.
@@ -281,6 +282,31 @@ impl DeclaredModel {
         self.parsed
             .pattern(name, "leave the name out")
             .map_err(|fault| ModelFault::Text { diagnostics: diagnostic::render(&self.source, &fault) })
+    }
+}
+
+/// Names that a model does not use yet.
+#[derive(Clone, Debug)]
+pub struct FreeNames(BTreeSet<String>);
+
+impl FreeNames {
+    /// Those of a model.
+    #[must_use]
+    pub fn of(declared: &DeclaredModel) -> Self {
+        let model = &declared.prepared.model;
+        let quantities = model.symbols_where(|_| true).map(|symbol| model.quantity(symbol).name.to_string());
+        let coordinates = model.coordinates.iter().map(|coordinate| coordinate.name.to_string());
+        let patterns = model.patterns.iter().filter_map(|pattern| pattern.name.as_ref().map(ToString::to_string));
+        Self(quantities.chain(coordinates).chain(patterns).collect())
+    }
+
+    /// This name, with a number where it is taken; it is taken from then on.
+    pub fn free(&mut self, wanted: &str) -> String {
+        let numbered = (2..).map(|number| format!("{wanted}{number}"));
+        let free = std::iter::once(wanted.to_string()).chain(numbered).find(|name| !self.0.contains(name));
+        let free = free.unwrap_or_default();
+        self.0.insert(free.clone());
+        free
     }
 }
 

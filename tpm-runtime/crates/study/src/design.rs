@@ -8,12 +8,13 @@
 //! limit is ranked last, with the sample at which it does.
 
 use crate::by_name::by_name;
+use num_integer::gcd;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
 use tpm_campaign::{
-    LEAST_NOISE, LEAST_PERIODS, NearMode, RunReport, Setup, Stage, near_mode, run_information, sensor_deviations,
-    strayed,
+    LEAST_NOISE, LEAST_PERIODS, NearMode, RunReport, Setup, Stage, combined_multiples, near_mode, run_information,
+    sensor_deviations, strayed,
 };
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
@@ -28,10 +29,6 @@ use tpm_plant::simulated::{Rig, Sensor, simulate};
 
 /// Factors on the last stage's amplitudes, and on its frequency, from which candidates are formed.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
-/// Multiples of the frequency from which candidates are formed for every coordinate when several coordinates move.
-const MULTIPLES: [u32; 3] = [1, 2, 3];
-/// Most coordinates for which multiples of the frequency are tried.
-const VARIED: usize = 3;
 /// Highest harmonic up to which the derivatives of the motion are computed, as a multiple of the motion's highest
 /// harmonic.
 const REACH: usize = 2;
@@ -117,24 +114,15 @@ pub fn design(
 ) -> Result<Design, ExperimentError> {
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let bench = experiment.bench(model)?;
-    let dims = model.dims();
     let theta = estimates(&setup, &bench);
     let last = setup.procedure.stages.last().ok_or(ExperimentError::NoStage)?;
     let pattern = last.pattern(pattern);
-    let moved = pattern.coordinates.len() - pattern.open().len();
-    let varied = moved > 1 && moved <= VARIED;
+    let moves: Vec<bool> = pattern.coordinates.iter().map(|parts| !parts.is_empty()).collect();
     // Combinations of multiples of the frequency, without those that have a common divisor.
-    let mut multiples = vec![last.multiples.clone()];
-    if varied {
-        multiples = vec![vec![]];
-        for c in 0..dims.coordinates {
-            let of: &[u32] = if pattern.coordinates[c].is_empty() { &[1] } else { &MULTIPLES };
-            multiples = multiples
-                .into_iter()
-                .flat_map(|list: Vec<u32>| of.iter().map(move |m| [list.clone(), vec![*m]].concat()))
-                .collect();
-        }
-        multiples.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
+    let mut multiples = combined_multiples(&moves);
+    multiples.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
+    if multiples.is_empty() {
+        multiples.push(last.multiples.clone());
     }
     let fastest = f64::from(last.multiples.iter().copied().max().unwrap_or(1)) * last.frequency;
     let machine = Rig { parameters: theta.clone(), constants: setup.constants.clone(), ..bench };
@@ -188,10 +176,6 @@ pub(crate) fn estimates(setup: &Setup, bench: &Rig) -> Vec<f64> {
 /// Whole periods in the measured time of a run.
 fn periods(setup: &Setup, frequency: f64) -> usize {
     ((setup.procedure.measure_time * frequency / (2.0 * PI)).ceil() as usize).max(LEAST_PERIODS)
-}
-
-fn gcd(a: u32, b: u32) -> u32 {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// Rank, condition and covariance of the parameters from equations whose residuals have unit variance.

@@ -5,6 +5,7 @@
 //! harmonics are all multiples of m makes m strokes during one of the fundamental. The inputs are sampled in the middle
 //! of equal intervals. The corners of all laws lie at the edges of these intervals, so that a jump is never sampled.
 
+use num_integer::gcd;
 use serde::Serialize;
 use std::f64::consts::PI;
 use tpm_motion::TrialError;
@@ -123,10 +124,6 @@ struct Stroke<'t> {
     multiple: u32,
     start: f64,
     travel: f64,
-}
-
-fn gcd(a: u32, b: u32) -> u32 {
-    if b == 0 { a } else { gcd(b, a % b) }
 }
 
 /// Compares the strokes of a pattern from the phase 0 to the phase `end` (rad) with the laws, forth and back. `derivatives` is

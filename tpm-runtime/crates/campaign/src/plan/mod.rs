@@ -29,10 +29,11 @@ use crate::information::{run_information, strayed};
 use crate::modes::near_mode;
 use crate::setup::{LEAST_PERIODS, Plan, Setup, Stage};
 use known::{Known, covariance};
-use room::{FURTHER, GROWTH, USED, fastest, largest, narrowed, prescribed, scaled};
+use num_integer::gcd;
+use room::{FURTHER, GROWTH, USED, fastest, largest, narrowed, prescribed};
+use tpm_controller::control::Differentiator;
 use tpm_controller::model::Model;
 use tpm_estimate::Estimate;
-use tpm_motion::smoothing::Smoothing;
 use tpm_motion::trajectory::ReferencePattern;
 use tpm_motion::{Trial, Velocity, demand};
 use tpm_numerics::DMatrix;
@@ -88,6 +89,21 @@ struct Candidate {
     root: DMatrix<f64>,
 }
 
+/// What all candidates of one choice share.
+struct Shared<'a> {
+    room: &'a Room,
+    /// Positions that references may use.
+    positions: Vec<(f64, f64)>,
+    /// Whether runs only grow from what was played.
+    gated: bool,
+    /// How far the machine goes from its reference ([`strayed`]).
+    stray: Vec<f64>,
+    /// Parameters one deviation away from the estimates, direction by direction of their covariance.
+    aside: Vec<Vec<f64>>,
+    /// What the feedback adds to every input, at most.
+    added: Vec<f64>,
+}
+
 /// A campaign between two runs.
 pub(crate) struct Scene<'a> {
     pub(crate) model: &'a dyn Model<f64>,
@@ -129,7 +145,7 @@ impl Scene<'_> {
         let other = |i: usize| self.newness(&candidates[i].stage);
         let Some(best) = good.max_by(|&a, &b| other(a).total_cmp(&other(b))) else { return Choice::NoTime };
         let chosen = candidates.swap_remove(best);
-        let may_grow = !self.seen.is_near(&scaled(&chosen.extent, FURTHER));
+        let may_grow = !self.seen.is_near(&chosen.extent, FURTHER);
         if !may_grow && self.has_nothing_left(&known, &chosen, left) {
             return Choice::NothingMore;
         }
@@ -177,32 +193,34 @@ impl Scene<'_> {
     /// The stages that keep the limits, and were not found to fail; `gated` where they grow from what was played.
     fn candidates(&self, room: &Room, gated: bool) -> Vec<Candidate> {
         let pattern = &self.setup.pattern;
-        let positions = narrowed(&room.positions, &self.seen.tracking);
         let plain = Stage { strokes: Vec::new(), gain: self.gain(), ..self.last.clone() };
-        let stray = self.stray();
-        let mut found = self.of_multiples(&plain, (room, &positions), &stray, (gated, 1));
+        let noise = |i: usize| plain.gain * noise_fed_back(self.setup, &self.seen.noise, i);
+        let shared = Shared {
+            room,
+            positions: narrowed(&room.positions, &self.seen.tracking),
+            gated,
+            stray: self.stray(),
+            aside: self.aside(),
+            added: self.seen.added.iter().enumerate().map(|(i, added)| added + noise(i)).collect(),
+        };
+        let mut found = self.of_multiples(&plain, &shared, 1);
         for multiples in varied(pattern, &plain) {
             if multiples != plain.multiples {
                 let stage = Stage { multiples, ..plain.clone() };
-                found.extend(self.of_multiples(&stage, (room, &positions), &stray, (gated, COARSE)));
+                found.extend(self.of_multiples(&stage, &shared, COARSE));
             }
         }
         found
     }
 
     /// Amplitudes and frequencies of candidates with the multiples of a stage, every `step`-th of both.
-    fn of_multiples(
-        &self,
-        stage: &Stage,
-        (room, positions): (&Room, &[(f64, f64)]),
-        stray: &[f64],
-        (gated, step): (bool, usize),
-    ) -> Vec<Candidate> {
+    fn of_multiples(&self, stage: &Stage, shared: &Shared<'_>, step: usize) -> Vec<Candidate> {
+        let room = shared.room;
         let pattern = &self.setup.pattern;
         let sample_time = self.setup.control.sample_time;
         let mut found = Vec::new();
         let whole = Stage { frequency: 1.0, ..stage.clone() };
-        let Some(most) = largest(pattern, &whole, positions) else { return found };
+        let Some(most) = largest(pattern, &whole, &shared.positions) else { return found };
         for share in SHARES.into_iter().step_by(step) {
             let amplitudes: Vec<f64> = most.iter().map(|size| share * size).collect();
             let sized = Stage { amplitudes, ..whole.clone() };
@@ -211,7 +229,7 @@ impl Scene<'_> {
                 let Some(extent) = extent.filter(|extent| extent.velocity > 0.0) else { continue };
                 let mut speed = USED * room.velocities[c];
                 let mut bend = USED * room.accelerations[c];
-                if let Some(reached) = self.seen.reached.get(c).filter(|_| gated) {
+                if let Some(reached) = self.seen.reached.get(c).filter(|_| shared.gated) {
                     speed = speed.min(GROWTH * reached.velocity);
                     bend = bend.min(GROWTH * GROWTH * reached.acceleration);
                 }
@@ -219,14 +237,15 @@ impl Scene<'_> {
             }
             for n in (0..SPEEDS.1).step_by(step) {
                 let stage = Stage { frequency: top * SPEEDS.0.powi(n as i32), ..sized.clone() };
-                found.extend(self.candidate(stage, room, stray, gated));
+                found.extend(self.candidate(stage, shared));
             }
         }
         found
     }
 
     /// A stage with what it would show, where it keeps the limits.
-    fn candidate(&self, stage: Stage, room: &Room, stray: &[f64], gated: bool) -> Option<Candidate> {
+    fn candidate(&self, stage: Stage, shared: &Shared<'_>) -> Option<Candidate> {
+        let room = shared.room;
         let period = 2.0 * std::f64::consts::PI / stage.frequency;
         let least = (self.setup.procedure.settle_periods + LEAST_PERIODS) as f64 * period;
         if least > LONGEST * self.setup.procedure.measure_time {
@@ -242,13 +261,13 @@ impl Scene<'_> {
                 && own.velocity < room.velocities[c]
                 && own.acceleration < room.accelerations[c]
         });
-        if !keeps || gated && (!self.seen.is_near(&extent) || self.seen.has_failed(&extent)) {
+        if !keeps || shared.gated && (!self.seen.is_near(&extent, 1.0) || self.seen.has_failed(&extent)) {
             return None;
         }
-        if (self.share)(&trial) + self.spread(&trial, stage.gain) >= self.setup.procedure.effort_share * room.effort {
+        if (self.share)(&trial) + self.spread(&trial, shared) >= self.setup.procedure.effort_share * room.effort {
             return None;
         }
-        let root = self.root(&trial, stray)?;
+        let root = self.root(&trial, &shared.stray)?;
         let duration = trial.samples() as f64 * trial.control.sample_time;
         let near_mode = near_mode(self.model, &trial).is_some();
         Some(Candidate { stage, extent, duration, near_mode, root })
@@ -301,41 +320,42 @@ impl Scene<'_> {
         (self.trial)(self.last).and_then(of).unwrap_or_else(|| vec![0.0; self.model.dims().motion_len()])
     }
 
-    /// Share of its limit by which an input may be larger than its feed-forward: by the deviations of the estimates, and by what the
-    /// feedback adds.
-    fn spread(&self, trial: &Trial, gain: f64) -> f64 {
-        let dims = self.model.dims();
-        let width = dims.motion_len();
-        let step = (trial.samples_per_period / LOOKED_AT).max(1);
-        let motions: Vec<f64> = trial.reference.chunks_exact(width).step_by(step).flatten().copied().collect();
-        let of = |theta: &[f64]| demand(self.model, &motions, theta, &trial.constants).ok();
-        let Some(own) = of(self.theta) else { return f64::INFINITY };
+    /// Parameters one standard deviation away from the estimates, direction by direction of their covariance.
+    fn aside(&self) -> Vec<Vec<f64>> {
         let free = self.free();
-        let covariance = covariance(self.estimate, &free);
-        let mut variance = vec![0.0; own.len()];
-        let eigen = covariance.symmetric_eigen();
-        for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-            if *value <= 0.0 {
-                continue;
-            }
+        let eigen = covariance(self.estimate, &free).symmetric_eigen();
+        let directions = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter());
+        let moved = directions.filter(|(value, _)| **value > 0.0).map(|(value, direction)| {
             let mut theta = self.theta.to_vec();
             for (&j, part) in free.iter().zip(direction.iter()) {
                 theta[j] += value.sqrt() * part;
             }
-            let Some(moved) = of(&theta) else { continue };
+            theta
+        });
+        moved.collect()
+    }
+
+    /// Share of its limit by which an input may be larger than its feed-forward: by the deviations of the estimates, and by what the
+    /// feedback adds.
+    fn spread(&self, trial: &Trial, shared: &Shared<'_>) -> f64 {
+        let dims = self.model.dims();
+        let step = (trial.samples_per_period / LOOKED_AT).max(1);
+        let motions: Vec<f64> =
+            trial.reference.chunks_exact(dims.motion_len()).step_by(step).flatten().copied().collect();
+        let of = |theta: &[f64]| demand(self.model, &motions, theta, &trial.constants).ok();
+        let Some(own) = of(self.theta) else { return f64::INFINITY };
+        let mut variance = vec![0.0; own.len()];
+        for moved in shared.aside.iter().filter_map(|theta| of(theta)) {
             for (sum, (now, before)) in variance.iter_mut().zip(moved.iter().zip(&own)) {
                 *sum += (now - before).powi(2);
             }
         }
-        let mut largest = 0.0_f64;
-        for (at, variance) in variance.iter().enumerate() {
+        let shares = variance.iter().enumerate().map(|(at, variance)| {
             let i = at % dims.inputs.max(1);
             let limit = trial.input_limits.get(i).copied().unwrap_or(f64::INFINITY);
-            let added =
-                self.seen.added.get(i).copied().unwrap_or(0.0) + gain * noise_fed_back(self.setup, &self.seen.noise, i);
-            largest = largest.max((INPUT_DEVIATIONS * variance.sqrt() + added) / limit);
-        }
-        largest
+            (INPUT_DEVIATIONS * variance.sqrt() + shared.added.get(i).copied().unwrap_or(0.0)) / limit
+        });
+        shares.fold(0.0, f64::max)
     }
 
     /// What a run of a candidate is worth: how much nearer wanted deviations come, or else how much the determinant grows.
@@ -382,19 +402,18 @@ impl Scene<'_> {
 /// The largest input that the feedback makes of the noise of the sensors, with the gains of the setup.
 ///
 /// A rate is the difference quotient of readings behind the low pass `(1 - a)/(1 - a z^-1)`, `a = e^(-T/tau)`. Of white noise with the
-/// deviation s it has the deviation `s (1 - a)/T sqrt(2/(1 + a))`.
+/// deviation s it has the deviation `s (1 - a)/T sqrt(2/(1 + a))`. Where a polynomial is fitted, it is the length of the slope's weights.
 pub(crate) fn noise_fed_back(setup: &Setup, noise: &[f64], input: usize) -> f64 {
     let control = &setup.control;
     let per_sample = 1.0 / control.sample_time;
     let of_rate = match control.velocity {
         Velocity::Filtered(tau) => {
-            let a = if tau > 0.0 { (-control.sample_time / tau).exp() } else { 0.0 };
+            let a = Differentiator::new(control.sample_time, tau).pole();
             per_sample * (1.0 - a) * (2.0 / (1.0 + a)).sqrt()
         }
-        // The slope of a line through n readings; that of a polynomial at its end grows with the square of its degree.
-        Velocity::Fitted(Smoothing { samples, degree }) => {
-            let n = samples as f64;
-            per_sample * (degree * degree) as f64 * (12.0 / (n * (n * n - 1.0))).sqrt()
+        Velocity::Fitted(smoothing) => {
+            let (_, slope) = smoothing.weights(control.sample_time);
+            slope.iter().map(|weight| weight * weight).sum::<f64>().sqrt()
         }
         // A sensor of its own, whose noise is not that of the position.
         Velocity::Measured => 0.0,
@@ -415,9 +434,6 @@ fn varied(pattern: &ReferencePattern, stage: &Stage) -> Vec<Vec<u32>> {
     let moves: Vec<bool> =
         prescribed(pattern, stage).iter().map(|own| own.is_some_and(|own| own.reach() > 0.0)).collect();
     let moved = moves.iter().filter(|moves| **moves).count();
-    if moved < 2 {
-        return Vec::new();
-    }
     if moved > MULTIPLES.len() {
         let by = |of: &dyn Fn(u32) -> u32| {
             let mut number = 0;
@@ -430,18 +446,21 @@ fn varied(pattern: &ReferencePattern, stage: &Stage) -> Vec<Vec<u32>> {
         let count = moved as u32;
         return vec![by(&|n| n + 1), by(&|n| count - n), by(&|n| 1 + n % 3), by(&|n| 1 + (2 * n) % 5)];
     }
-    let mut found: Vec<Vec<u32>> = vec![vec![]];
-    for moves in &moves {
-        let of: &[u32] = if *moves { &MULTIPLES } else { &[1] };
-        found = found.iter().flat_map(|list| of.iter().map(|m| [list.clone(), vec![*m]].concat())).collect();
-    }
-    let gcd = |mut a: u32, mut b: u32| {
-        while b != 0 {
-            (a, b) = (b, a % b);
-        }
-        a
-    };
     let of_moved = |list: &Vec<u32>| list.iter().zip(&moves).filter(|(_, moves)| **moves).map(|(m, _)| *m).reduce(gcd);
+    let mut found = combined_multiples(&moves);
     found.retain(|list| of_moved(list) == Some(1));
     found
+}
+
+/// All combinations of the first multiples of the frequency where two or three coordinates move; none otherwise. A coordinate that does not
+/// move has one.
+#[must_use]
+pub fn combined_multiples(moves: &[bool]) -> Vec<Vec<u32>> {
+    if !(2..=MULTIPLES.len()).contains(&moves.iter().filter(|moves| **moves).count()) {
+        return Vec::new();
+    }
+    moves.iter().fold(vec![vec![]], |lists, moves| {
+        let of: &[u32] = if *moves { &MULTIPLES } else { &[1] };
+        lists.iter().flat_map(|list: &Vec<u32>| of.iter().map(|m| [list.clone(), vec![*m]].concat())).collect()
+    })
 }

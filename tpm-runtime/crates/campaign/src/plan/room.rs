@@ -1,6 +1,6 @@
 //! How far and how fast stages go, and how far they may.
 
-use crate::setup::{Setup, Stage};
+use crate::setup::{LEAST_PERIODS, Setup, Stage};
 use tpm_motion::Trial;
 use tpm_motion::trajectory::ReferencePattern;
 
@@ -8,6 +8,9 @@ use tpm_motion::trajectory::ReferencePattern;
 pub(super) const GROWTH: f64 = 2.5;
 /// Share of the room that the first run uses, and of the permitted velocity that it reaches.
 const FIRST: (f64, f64) = (0.15, 0.15);
+/// Share of the time of a campaign that its first run may take, and the factor by which it is faster at most where it would take more.
+const FIRST_RUN: f64 = 0.2;
+const FASTER: f64 = 3.0;
 /// Share of a limit of the motion that a reference uses at most.
 pub(super) const USED: f64 = 0.9;
 /// Share of a failed run's size and speed above which a stage counts as containing it.
@@ -102,9 +105,9 @@ impl Seen {
         }
     }
 
-    /// Whether a stage goes at most [`GROWTH`] times as far as what was played.
-    pub(super) fn is_near(&self, extent: &[Extent]) -> bool {
-        let grows = |now: f64, before: f64, most: f64| before > 0.0 && now > (1.0 + ROUNDED) * most * before;
+    /// Whether a stage goes, `times` as far and fast as it does, at most [`GROWTH`] times as far as what was played.
+    pub(super) fn is_near(&self, extent: &[Extent], times: f64) -> bool {
+        let grows = |now: f64, before: f64, most: f64| before > 0.0 && times * now > (1.0 + ROUNDED) * most * before;
         self.reached.iter().zip(extent).all(|(before, now)| {
             !grows(now.reach(), before.reach(), GROWTH)
                 && !grows(now.velocity, before.velocity, GROWTH)
@@ -199,23 +202,32 @@ pub(super) fn largest(pattern: &ReferencePattern, stage: &Stage, positions: &[(f
     Some(amplitudes)
 }
 
-/// The first stage: so small and slow that its speed and its size are a small share of the limits.
+/// The first stage: so small and slow that its speed and its size are a small share of the limits. Where it would take more than a share of
+/// the campaign's time (s) with its settling periods it is faster, but not by much.
 ///
 /// Nothing where a prescribed coordinate rests outside its limits, or has none.
 #[must_use]
-pub fn first_stage(pattern: &ReferencePattern, stage: &Stage, room: &Room, sample_time: f64) -> Option<Stage> {
-    let positions = narrowed(&room.positions, &[]);
+pub fn first_stage(
+    pattern: &ReferencePattern,
+    stage: &Stage,
+    room: &Room,
+    sample_time: f64,
+    (settle_periods, time): (usize, f64),
+) -> Option<Stage> {
     let mut first = Stage { frequency: 1.0, ..stage.clone() };
-    first.amplitudes = largest(pattern, &first, &positions)?.into_iter().map(|size| FIRST.0 * size).collect();
-    let of_speed =
-        |speed: f64, extent: &Extent| if extent.velocity > 0.0 { speed / extent.velocity } else { f64::INFINITY };
-    let slowest =
-        prescribed(pattern, &first).iter().zip(&room.velocities).fold(f64::INFINITY, |least, (own, speed)| {
-            own.as_ref().map_or(least, |extent| least.min(of_speed(FIRST.1 * speed, extent)))
-        });
-    let finest = fastest(pattern, &first, sample_time);
-    first.frequency = slowest.min(finest);
+    first.amplitudes =
+        largest(pattern, &first, &narrowed(&room.positions, &[]))?.into_iter().map(|size| FIRST.0 * size).collect();
+    let own = within_speed(pattern, &first, &room.velocities, FIRST.1).min(fastest(pattern, &first, sample_time));
+    let quick = 2.0 * std::f64::consts::PI * (settle_periods + LEAST_PERIODS) as f64 / (FIRST_RUN * time);
+    first.frequency = own.max(quick.min(FASTER * own));
     first.frequency.is_finite().then_some(first)
+}
+
+/// The frequency at which a stage reaches a share of the permitted velocities.
+fn within_speed(pattern: &ReferencePattern, stage: &Stage, velocities: &[f64], share: f64) -> f64 {
+    let moved = prescribed(pattern, &Stage { frequency: 1.0, ..stage.clone() });
+    let moving = moved.iter().zip(velocities).filter_map(|(own, most)| Some((own.as_ref()?.velocity, most)));
+    moving.filter(|(own, _)| *own > 0.0).map(|(own, most)| share * most / own).fold(f64::INFINITY, f64::min)
 }
 
 /// A stage after one that the machine did not follow: [`GROWTH`] times as large, as far as the limits allow, or else with stiffer gains;
@@ -231,10 +243,7 @@ pub(crate) fn larger(setup: &Setup, stage: &Stage, coordinates: usize) -> Option
         next.gain *= GROWTH;
         return (next.gain <= STIFFEST).then_some(next);
     }
-    for (c, extent) in prescribed(&setup.pattern, &next).iter().enumerate() {
-        let Some(extent) = extent.filter(|extent| extent.velocity > USED * room.velocities[c]) else { continue };
-        next.frequency *= USED * room.velocities[c] / extent.velocity;
-    }
+    next.frequency = next.frequency.min(within_speed(&setup.pattern, &next, &room.velocities, USED));
     Some(next)
 }
 
@@ -251,18 +260,4 @@ pub(super) fn narrowed(positions: &[(f64, f64)], tracking: &[f64]) -> Vec<(f64, 
         if free.is_finite() { (low + free, high - free) } else { (low, high) }
     };
     positions.iter().enumerate().map(narrow).collect()
-}
-
-/// Extents times a factor, about their middle.
-pub(super) fn scaled(extents: &[Extent], factor: f64) -> Vec<Extent> {
-    let of = |own: &Extent| {
-        let (middle, half) = ((own.low + own.high) / 2.0, factor * own.reach() / 2.0);
-        Extent {
-            low: middle - half,
-            high: middle + half,
-            velocity: factor * own.velocity,
-            acceleration: factor * own.acceleration,
-        }
-    };
-    extents.iter().map(of).collect()
 }

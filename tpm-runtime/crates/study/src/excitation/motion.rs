@@ -6,7 +6,7 @@ use super::problem::Problem;
 use super::search::{Found, Searched};
 use super::settings::ExcitationSettings;
 use serde::Serialize;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use tpm_controller::model::{EvalError, Model as _};
 use tpm_experiment::{Experiment, ExperimentError, StageSection};
@@ -14,7 +14,7 @@ use tpm_interpret::Interpreted;
 use tpm_motion::trajectory::{Line, Trajectory};
 use tpm_numerics::{DMatrix, singular, tolerance};
 use tpm_plot::{Axis, Curve, Figure, Panel, Trace};
-use tpm_session::{DeclaredModel, ModelFault, Session};
+use tpm_session::{FreeNames, ModelFault, Session};
 
 /// Name of the pattern that is written.
 const PATTERN: &str = "excitation";
@@ -202,28 +202,6 @@ fn used(
     Ok(all)
 }
 
-/// Names that a model does not use yet.
-struct Names(BTreeSet<String>);
-
-impl Names {
-    fn of(declared: &DeclaredModel) -> Self {
-        let model = &declared.prepared().model;
-        let quantities = model.symbols_where(|_| true).map(|symbol| model.quantity(symbol).name.to_string());
-        let coordinates = model.coordinates.iter().map(|coordinate| coordinate.name.to_string());
-        let patterns = model.patterns.iter().filter_map(|pattern| pattern.name.as_ref().map(ToString::to_string));
-        Self(quantities.chain(coordinates).chain(patterns).collect())
-    }
-
-    /// This name, with a number where it is taken.
-    fn fresh(&mut self, wanted: &str) -> String {
-        let numbered = (2..).map(|number| format!("{wanted}{number}"));
-        let free = std::iter::once(wanted.to_string()).chain(numbered).find(|name| !self.0.contains(name));
-        let free = free.unwrap_or_default();
-        self.0.insert(free.clone());
-        free
-    }
-}
-
 /// The files from which a motion is played.
 #[derive(Clone, Debug)]
 pub struct Files {
@@ -258,19 +236,19 @@ impl Excitation {
     pub fn files(&self, session: &Session, motion: &Trajectory) -> Result<Files, FilesError> {
         let (declared, machine) = (session.model(), session.machine());
         let plant = machine.plant();
-        let mut names = Names::of(declared);
-        let (pattern, frequency) = (names.fresh(PATTERN), names.fresh("w"));
+        let mut names = FreeNames::of(declared);
+        let (pattern, frequency) = (names.free(PATTERN), names.free("w"));
         let (mut constants, mut lines) = (String::new(), String::new());
         // Amplitudes of one, a unit each, so that the coefficients have the coordinate's unit.
         let mut amplitudes: BTreeMap<Option<String>, String> = BTreeMap::new();
         for (c, series) in motion.coordinates.iter().enumerate() {
             let label = plant.coordinate(c);
             let (name, unit) = (label.name, label.unit.map(ToString::to_string));
-            let size = amplitudes.entry(unit.clone()).or_insert_with(|| names.fresh("size"));
+            let size = amplitudes.entry(unit.clone()).or_insert_with(|| names.free("size"));
             let terms: String = series.lines.iter().map(|line| term(line, &frequency)).collect();
             let centre = match &unit {
                 Some(unit) if unit != "rad" => {
-                    let own = names.fresh(&format!("centre_of_{name}"));
+                    let own = names.free(&format!("centre_of_{name}"));
                     let _ = writeln!(constants, "    constant {own} = {} [{unit}];", series.mean);
                     own
                 }
@@ -290,10 +268,7 @@ impl Excitation {
             "\n{constants}    pattern {pattern} {{\n        amplitude {};\n        frequency {frequency} [rad/s];\n{lines}    }}\n",
             declared_amplitudes.join(", ")
         );
-        let source = declared.text().text();
-        let end = source.rfind('}').unwrap_or(source.len());
-        let model = format!("{}{text}{}", &source[..end], &source[end..]);
-        DeclaredModel::parse("the model with the motion", &model)?;
+        let model = declared.with_statements("the model with the motion", &text)?.text().text().to_string();
         let sizes = amplitudes.values().map(|name| (name.clone(), 1.0));
         let values = sizes.chain([(frequency.clone(), motion.frequency)]).collect();
         let mut experiment: Experiment = session.experiment().clone();
