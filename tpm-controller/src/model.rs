@@ -304,6 +304,27 @@ pub trait Model<T: Real>: Send + Sync {
         self.known(motion, constants, workspace, known)
     }
 
+    /// Phi and the known terms at many instants, whose motions stand one behind the other: `take` is given the number of an instant and both.
+    /// The workspace is as long as that of [`regressor`](Model::regressor); `phi` and `known` hold one instant.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
+    fn rows_along(
+        &self,
+        motions: &[T],
+        constants: &[T],
+        workspace: &mut [T],
+        (phi, known): (&mut [T], &mut [T]),
+        take: &mut dyn FnMut(usize, &[T], &[T]),
+    ) -> Result<(), EvalError> {
+        for (instant, motion) in motions.chunks(self.dims().motion_len().max(1)).enumerate() {
+            self.regressor(motion, constants, workspace, phi)?;
+            self.known(motion, constants, workspace, known)?;
+            take(instant, phi, known);
+        }
+        Ok(())
+    }
+
     /// The derivative of the rows with respect to the parameters at given values; it equals the regressor where the
     /// rows are linear in all of them. Rows x parameters, row-major, into `out`; the workspace is as long as that of
     /// [`regressor`](Model::regressor).

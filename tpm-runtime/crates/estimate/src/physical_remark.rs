@@ -1,6 +1,7 @@
 //! What the map from lumped to physical parameters shows.
 
 use std::fmt;
+use tpm_report::listed;
 
 /// What there is to say of physical parameters that were found behind lumped ones.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,7 +54,7 @@ impl fmt::Display for PhysicalRemark {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             PhysicalRemark::NotDetermined { parameters } => {
-                write!(f, "the lumped parameters do not determine {}", parameters.join(", "))
+                write!(f, "the lumped parameters do not determine {}", listed(parameters))
             }
             PhysicalRemark::AtBound { parameter, value } => write!(
                 f,
@@ -61,7 +62,7 @@ impl fmt::Display for PhysicalRemark {
             ),
             PhysicalRemark::PoorlyDetermined { parameters } => {
                 let are = if parameters.len() == 1 { "is" } else { "are" };
-                write!(f, "{} {are} poorly determined", parameters.join(", "))
+                write!(f, "{} {are} poorly determined", listed(parameters))
             }
             PhysicalRemark::NotConverged => f.write_str("the search for the physical parameters did not converge"),
             PhysicalRemark::Nowhere => {

@@ -33,6 +33,29 @@ impl Rows<'_> {
         self.sides(instant, scratch)
     }
 
+    /// The rows at motions that stand one behind the other: `take` is given the number of a motion, and its rows.
+    pub(crate) fn each(
+        self,
+        motions: &[f64],
+        scratch: &mut Scratch,
+        mut take: impl FnMut(usize, &Scratch),
+    ) -> Result<(), EvalError> {
+        let slots = self.model.dims().motion_len();
+        let mut failed = None;
+        let mut at = self.scratch();
+        let Scratch { work, regressor, known, .. } = scratch;
+        self.model.rows_along(motions, self.constants, work, (regressor, known), &mut |i, phi, known| {
+            at.regressor.copy_from_slice(phi);
+            at.known.copy_from_slice(known);
+            let instant = &motions[i * slots..(i + 1) * slots];
+            match self.model.input_map(instant, self.constants, &mut at.work, &mut at.map) {
+                Ok(()) => take(i, &at),
+                Err(error) => failed = Some(error),
+            }
+        })?;
+        failed.map_or(Ok(()), Err)
+    }
+
     /// The rows under inputs that may stand in them otherwise than alone.
     pub(crate) fn evaluate_under(
         self,

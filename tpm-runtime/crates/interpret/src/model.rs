@@ -1,7 +1,7 @@
 //! Numerical evaluation of a model's rows and forward dynamics.
 
 use crate::leaves::{Leaves, require_motion};
-use crate::program::Program;
+use crate::program::{LANES, Program};
 use tpm_controller::linear;
 use tpm_controller::model::{
     Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
@@ -219,6 +219,34 @@ impl Model<f64> for Interpreted {
         for (program, out) in [(&self.regressor, phi), (&self.known, known)] {
             require_len(Buffer::Output, out.len(), program.output_len())?;
             program.run(&[motion, constants, own], scratch, out);
+        }
+        Ok(())
+    }
+
+    fn rows_along(
+        &self,
+        motions: &[f64],
+        constants: &[f64],
+        _: &mut [f64],
+        (phi, known): (&mut [f64], &mut [f64]),
+        take: &mut dyn FnMut(usize, &[f64], &[f64]),
+    ) -> Result<(), EvalError> {
+        self.require_no_inputs()?;
+        let slots = self.dims.motion_len();
+        require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
+        require_len(Buffer::Output, phi.len(), self.regressor.output_len())?;
+        require_len(Buffer::Output, known.len(), self.known.output_len())?;
+        require_len(Buffer::Motion, motions.len() % slots.max(1), 0)?;
+        let (mut regressor, mut sides) = (Vec::new(), Vec::new());
+        for (group, instants) in motions.chunks(slots.max(1) * LANES).enumerate() {
+            let count = instants.len() / slots.max(1);
+            self.regressor.run_lanes(instants, slots, constants, &mut regressor);
+            self.known.run_lanes(instants, slots, constants, &mut sides);
+            for lane in 0..count {
+                self.regressor.results(&regressor, lane, phi);
+                self.known.results(&sides, lane, known);
+                take(group * LANES + lane, phi, known);
+            }
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! A plan of the exact algebra, executed in double precision, forward, backward for gradients, or on intervals.
 
 use crate::interval::Interval;
+use core::ops::{Add, Div, Mul, Neg, Sub};
 use tpm_controller::{Hyperbolic, Real};
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational;
@@ -183,20 +184,131 @@ impl Program {
             workspace[at..at + part.len()].copy_from_slice(part);
             at += part.len();
         }
+        self.execute(at, workspace);
+        for (result, &slot) in out.iter_mut().zip(&self.outputs) {
+            *result = workspace[slot];
+        }
+    }
+
+    /// Executes the steps at up to [`LANES`] instants at once, which spreads the cost of reading a step over them. The leaves are the motions,
+    /// of so many slots each, and the constants; of fewer instants the last one fills the other lanes.
+    pub(super) fn run_lanes(&self, motions: &[f64], slots: usize, constants: &[f64], workspace: &mut Vec<Lanes>) {
+        if self.is_fixed() {
+            return;
+        }
+        let last = (motions.len() / slots.max(1)).saturating_sub(1);
+        let motion = (0..slots).map(|slot| Lanes(core::array::from_fn(|lane| motions[lane.min(last) * slots + slot])));
+        let leaves = motion.chain(constants.iter().map(|&value| Lanes([value; LANES])));
+        workspace.clear();
+        workspace.extend(self.constants.iter().map(|&value| Lanes([value; LANES])).chain(leaves));
+        let first = workspace.len();
+        workspace.resize(self.workspace_len, Lanes([0.0; LANES]));
+        self.execute(first, workspace);
+    }
+
+    /// The results of a lane.
+    pub(super) fn results(&self, workspace: &[Lanes], lane: usize, out: &mut [f64]) {
+        match &self.fixed {
+            Some(fixed) => out.copy_from_slice(fixed),
+            None => out.iter_mut().zip(&self.outputs).for_each(|(out, &slot)| *out = workspace[slot].0[lane]),
+        }
+    }
+
+    /// Executes the steps, whose results stand from `first` on.
+    fn execute<V: Value>(&self, first: usize, workspace: &mut [V]) {
         for (i, step) in self.steps.iter().enumerate() {
-            workspace[at + i] = match *step {
+            workspace[first + i] = match *step {
                 Step::Add(a, b) => workspace[a] + workspace[b],
                 Step::Sub(a, b) => workspace[a] - workspace[b],
                 Step::Mul(a, b) => workspace[a] * workspace[b],
                 Step::Div(a, b) => workspace[a] / workspace[b],
                 Step::Neg(a) => -workspace[a],
-                Step::Function(function, a) => apply(function, workspace[a]),
-                Step::Atan2(y, x) => Real::atan2(workspace[y], workspace[x]),
+                Step::Function(function, a) => workspace[a].of(function),
+                Step::Atan2(y, x) => workspace[y].atan2(workspace[x]),
             };
         }
-        for (result, &slot) in out.iter_mut().zip(&self.outputs) {
-            *result = workspace[slot];
-        }
+    }
+}
+
+/// How many instants are evaluated at once.
+pub(super) const LANES: usize = 8;
+
+/// The values of as many instants.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lanes([f64; LANES]);
+
+/// What steps compute with.
+trait Value:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+{
+    fn of(self, function: Function) -> Self;
+    fn atan2(self, x: Self) -> Self;
+}
+
+impl Value for f64 {
+    fn of(self, function: Function) -> Self {
+        apply(function, self)
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        Real::atan2(self, x)
+    }
+}
+
+impl Lanes {
+    #[inline(always)]
+    fn with(self, other: Self, of: impl Fn(f64, f64) -> f64) -> Self {
+        Lanes(core::array::from_fn(|lane| of(self.0[lane], other.0[lane])))
+    }
+}
+
+impl Value for Lanes {
+    fn of(self, function: Function) -> Self {
+        Lanes(self.0.map(|x| apply(function, x)))
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        self.with(x, Real::atan2)
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+    #[inline]
+    fn add(self, other: Self) -> Self {
+        self.with(other, |a, b| a + b)
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+    #[inline]
+    fn sub(self, other: Self) -> Self {
+        self.with(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+    #[inline]
+    fn mul(self, other: Self) -> Self {
+        self.with(other, |a, b| a * b)
+    }
+}
+
+impl Div for Lanes {
+    type Output = Self;
+    #[inline]
+    fn div(self, other: Self) -> Self {
+        self.with(other, |a, b| a / b)
+    }
+}
+
+impl Neg for Lanes {
+    type Output = Self;
+    #[inline]
+    fn neg(self) -> Self {
+        Lanes(self.0.map(|x| -x))
     }
 }
 

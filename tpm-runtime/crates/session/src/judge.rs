@@ -54,7 +54,9 @@ fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
         return Some("not everything was identified: the campaign is not finished".to_string());
     }
     if !result.is_explained() {
-        return Some(no_result(result.residual, result.residual_of));
+        let by_rows = result.log.as_ref().and_then(|log| log.prediction()?.by_rows());
+        let whole = no_result(result.residual, result.residual_of);
+        return Some(by_rows.map_or(whole.clone(), |by_rows| format!("{whole}: {by_rows}")));
     }
     if let Some(unexplained) = result.warnings.iter().find(|warning| warning.is_distrust()) {
         return Some(unexplained.to_string());

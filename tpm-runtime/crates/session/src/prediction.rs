@@ -5,8 +5,11 @@ use crate::term_words::lacking;
 use serde::Serialize;
 use tpm_codegen::language::complete::AddedForce;
 use tpm_controller::model::Model;
-use tpm_estimate::{AddedTerm, Lacking, Nearest, OfAnyMotion, TermKind};
+use tpm_estimate::{AddedTerm, LARGE_RESIDUAL, Lacking, Nearest, OfAnyMotion, TermKind};
 use tpm_report::{Align, TextTable};
+
+/// Share of a row's force on parts held out above which nothing of it is predicted.
+const NOTHING: f64 = 0.7;
 
 /// What a model leaves of the forces of a log, row by row, behind the low passes of the rows.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -77,6 +80,36 @@ impl Prediction {
         });
         let rows = (0..model.dims().rows).map(|row| model.row(row).name.to_string()).collect();
         Some(Self { rows, left: nearby.left.clone(), stated, completed })
+    }
+
+    /// Which forces the model predicts and of which it predicts nothing, on parts of the log that were held out; nothing where it does neither.
+    pub(super) fn by_rows(&self) -> Option<String> {
+        let held_out = &self.completed.as_ref().map_or(&self.stated, |own| &own.forces).held_out;
+        let of = |least: f64, most: f64| -> Vec<(&String, f64)> {
+            let rows = self.rows.iter().zip(held_out).map(|(row, left)| (row, *left));
+            rows.filter(|(_, left)| (least..most).contains(left)).collect()
+        };
+        let (told, in_part) = (of(0.0, LARGE_RESIDUAL), of(LARGE_RESIDUAL, NOTHING));
+        let nothing = of(NOTHING, f64::INFINITY);
+        if nothing.is_empty() || nothing.len() == self.rows.len() {
+            return None;
+        }
+        let listed = |rows: &[(&String, f64)]| {
+            let row = |(row, left): &(&String, f64)| format!("{row} ({:.0} % left)", 100.0 * left);
+            rows.iter().map(row).collect::<Vec<_>>().join(", ")
+        };
+        let mut said = Vec::new();
+        if !told.is_empty() {
+            said.push(format!("it predicts {}", listed(&told)));
+        }
+        if !in_part.is_empty() {
+            said.push(format!("in part {}", listed(&in_part)));
+        }
+        said.push(format!(
+            "nothing of {}, which are in another unit, no forces of these joints, or lost in their noise",
+            listed(&nothing)
+        ));
+        Some(said.join("; "))
     }
 
     /// What is left of every row as a table.

@@ -8,10 +8,11 @@ use std::fmt::{self, Write as _};
 use tpm_estimate::{CombinationReport, ParameterReport, Status, WrittenCombination};
 use tpm_log::Assumption;
 use tpm_plant::stability::LoopStability;
-use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash, plus_minus};
+use tpm_report::{Align, Remedy, TextTable, beside, cells, combination, listed, number, or_dash, plus_minus};
 
-/// Terms that a model lacks and directions that are not shown, of which each has a line.
+/// Terms that a model lacks, poorly determined parameters, and directions that are not shown, of which each has a line.
 const MOST_TERMS: usize = 3;
+const MOST_POOR: usize = 2;
 const MOST_DIRECTIONS: usize = 4;
 
 impl fmt::Display for Identification {
@@ -78,16 +79,18 @@ impl Identification {
     #[must_use]
     pub fn warnings_text(&self, spell: &dyn Fn(&Remedy) -> Option<String>) -> String {
         let mut text = String::new();
-        let (mut terms, mut lone) = (0, Vec::new());
+        let (mut terms, mut lone, mut poor) = (0, Vec::new(), Vec::new());
         for warning in &self.warnings {
             match warning {
                 Warning::MissingTerm { .. } => terms += 1,
                 Warning::LoneReadings { coordinate, count, .. } => lone.push(format!("{coordinate} ({count})")),
+                Warning::PoorlyDetermined { parameter, .. } => poor.push(parameter.clone()),
                 _ => {}
             }
             let is_more = match warning {
                 Warning::MissingTerm { .. } => terms > MOST_TERMS,
                 Warning::LoneReadings { .. } => lone.len() > 1,
+                Warning::PoorlyDetermined { .. } => poor.len() > MOST_POOR,
                 _ => false,
             };
             if is_more {
@@ -107,6 +110,10 @@ impl Identification {
         }
         if lone.len() > 1 {
             text.push_str(&format!("warning: and likewise single readings of {}\n", lone[1..].join(", ")));
+        }
+        if poor.len() > MOST_POOR {
+            let more = listed(&poor[MOST_POOR..]);
+            text.push_str(&format!("warning: and likewise poorly determined, as the table says: {more}\n"));
         }
         text
     }

@@ -41,12 +41,14 @@ pub enum Arrangement {
 }
 
 impl Arrangement {
-    /// All arrangements of the columns of a model. A sign of the only coordinate or input is one of the parameters.
-    fn all(model: &dyn Model<f64>) -> Vec<Self> {
+    /// All arrangements of the columns of a model; `acts` says in which rows an input acts. A coordinate is exchanged for an input of its own
+    /// row: both stand beside each other in a log. A sign of the only coordinate or input is one of the parameters.
+    fn all(model: &dyn Model<f64>, acts: &dyn Fn(usize, usize) -> bool) -> Vec<Self> {
         let dims = model.dims();
         let (coordinates, inputs) = (dims.coordinates, dims.inputs);
         let pairs = |n: usize| (0..n).flat_map(move |a| (0..a).map(move |b| (b, a)));
-        let crossed = (0..coordinates).flat_map(|c| (0..inputs).map(move |i| (c, i)));
+        let own = |(c, i): &(usize, usize)| coordinates != dims.rows || acts(*c, *i);
+        let crossed = (0..coordinates).flat_map(|c| (0..inputs).map(move |i| (c, i))).filter(own);
         let mut all: Vec<Self> = crossed.map(|(c, i)| Arrangement::CoordinateAndInput(c, i)).collect();
         all.extend(pairs(coordinates).map(|(a, b)| Arrangement::Coordinates(a, b)));
         all.extend(pairs(inputs).map(|(a, b)| Arrangement::Inputs(a, b)));
@@ -119,7 +121,13 @@ pub fn best_arrangement(
         let left = left.ok().flatten()?;
         left.is_finite().then_some(Arranged { arrangement: *arrangement, left, as_recorded })
     };
-    Ok(Arrangement::all(model).par_iter().filter_map(of).min_by(|a, b| a.left.total_cmp(&b.left)))
+    let sides = paths
+        .paths
+        .first()
+        .map(|path| rows.along(&path.excerpt(0..path.points, path.points.div_ceil(INSTANTS))))
+        .transpose()?;
+    let acts = |row: usize, i: usize| sides.as_ref().is_none_or(|along| along.place(row, Entry::Force(i)).is_some());
+    Ok(Arrangement::all(model, &acts).par_iter().filter_map(of).min_by(|a, b| a.left.total_cmp(&b.left)))
 }
 
 /// A record with the columns of a coordinate and of an input exchanged.

@@ -234,12 +234,13 @@ pub fn estimate_any_motion(
     let mut look = Look::first(model, settings);
     // Every round but the last refuses one gain at least.
     let found = loop {
-        let refused = look.refused.len();
-        let result = applied(rows, known, &mut look, (&free, settings))?;
-        if look.refused.len() == refused {
-            break result;
+        match applied(rows, known, &mut look, (&free, settings))? {
+            Ok(result) => break result,
+            Err(refused) => {
+                look.refused.extend(refused);
+                look = Look { refused: look.refused, ..Look::first(model, settings) };
+            }
         }
-        look = Look { refused: look.refused, ..Look::first(model, settings) };
     };
     let nearest = found.nearby.as_ref().map(|nearby| nearby.stated.clone());
     Ok(match nearest {
@@ -264,14 +265,15 @@ fn first_pass<'a>(
 
 /// The estimate with the delays and gains of inputs that are found applied, until nothing is left of them. A gain of which the corrected
 /// record asks for as much as before is none: parameters of its row and a misfit of another kind are exchanged for each other, without end.
-/// It is refused then, and the estimate does not count.
+/// Such gains are handed back instead of an estimate.
 fn applied<'a>(
     rows: Rows<'a>,
     known: Known<'a>,
     look: &mut Look,
     (free, settings): (&Free, &Settings),
-) -> Result<OfAnyMotion, EstimateError> {
+) -> Result<Result<OfAnyMotion, Vec<Term>>, EstimateError> {
     let mut settled = false;
+    let mut before: Vec<Applied> = Vec::new();
     let passes = if look.fitted.is_empty() { APPLIED_PASSES } else { FITTED_PASSES };
     for _ in 0..passes {
         let mut fitted =
@@ -286,17 +288,26 @@ fn applied<'a>(
         }
         if fitted.applied.is_empty() || settled || fitted.applied.iter().any(beyond) {
             fitted.result.delays.iter_mut().for_each(|delay| delay.settled = settled);
-            return fitted.with_prediction(settings);
+            return fitted.with_prediction(settings).map(Ok);
+        }
+        let grows = |found: &&Applied| {
+            let as_much = |own: &Applied| own.term == found.term && own.value.abs() <= found.value.abs();
+            found.term.kind == TermKind::InputGain && before.iter().any(as_much)
+        };
+        let growing: Vec<Term> = fitted.applied.iter().filter(grows).map(|found| found.term).collect();
+        if !growing.is_empty() {
+            return Ok(Err(growing));
         }
         settled = fitted.applied.iter().all(|found| found.value.abs() < APPLIED_SETTLED * found.std);
         fitted.applied.iter().for_each(|found| look.apply(found.term, found.value));
+        before = fitted.applied;
     }
     let fitted = Pass::new(rows, known, look, free, settings)?.with_terms(&settings.load)?.fit(free, settings)?;
     let grows = |found: &&Applied| {
         found.term.kind == TermKind::InputGain && found.value.abs() > UNSETTLED_GAIN.max(APPLIED_SETTLED * found.std)
     };
-    look.refused.extend(fitted.applied.iter().filter(grows).map(|found| found.term));
-    fitted.with_prediction(settings)
+    let growing: Vec<Term> = fitted.applied.iter().filter(grows).map(|found| found.term).collect();
+    if growing.is_empty() { fitted.with_prediction(settings).map(Ok) } else { Ok(Err(growing)) }
 }
 
 /// Columns that are asked for.

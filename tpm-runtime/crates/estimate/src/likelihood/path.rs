@@ -29,6 +29,8 @@ const MOTION_CUT_OFF: f64 = 2.0;
 const ROW_CUT_OFF: f64 = 1.25;
 /// A coordinate takes part in a row when its motion makes more than this share of the row's force.
 const FELT: f64 = 1e-3;
+/// Points in one oscillation at the highest frequency at which a motion stands out of its noise, at which derivatives by a position are taken.
+const SLOPES_PER_OSCILLATION: f64 = 8.0;
 /// Points of a stretch at which the rows' derivatives are taken.
 const DERIVATIVE_POINTS: usize = 256;
 /// Steps of the differences by which they are taken, as shares of the root mean square: a velocity's step smooths a sign.
@@ -245,6 +247,13 @@ impl<'a> Paths<'a> {
             measured: self.measured.clone(),
             paths: self.paths.iter().map(own).collect(),
         }
+    }
+
+    /// How many points of a path lie from one at which derivatives by a position are taken to the next.
+    pub(super) fn stride(&self, path: &Path) -> usize {
+        let narrow = self.measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
+        let most = POINTS_PER_OSCILLATION / SLOPES_PER_OSCILLATION;
+        whole::below((1.0 / (SLOPES_PER_OSCILLATION * narrow * path.apart)).clamp(1.0, most))
     }
 
     /// Highest frequency of any coordinate that is followed, Hz.
@@ -559,14 +568,15 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Derivatives of all rows with respect to a coordinate along a path, at given parameters: those that change along it.
+    /// Derivatives of all rows with respect to a coordinate along a path, at given parameters: those that change along it. They are as smooth as
+    /// the motion, and are taken at every `stride`-th point and interpolated.
     ///
     /// # Errors
     /// [`EstimateError::Model`].
     pub(super) fn by_position(
         self,
         path: &Path,
-        theta: &[f64],
+        (theta, stride): (&[f64], usize),
         c: usize,
     ) -> Result<Vec<(usize, Vec<f64>)>, EstimateError> {
         let rows = self.model.dims().rows;
@@ -574,25 +584,24 @@ impl<'a> Rows<'a> {
         if step <= 0.0 {
             return Ok(Vec::new());
         }
-        let mut slopes = vec![0.0; path.points * rows];
+        let places: Vec<usize> = (0..path.points).step_by(stride).collect();
+        let mut slopes = vec![0.0; places.len() * rows];
         let tasks = slopes.par_chunks_mut(rows * POINTS_PER_TASK).enumerate();
         tasks.try_for_each(|(task, slopes)| -> Result<(), EvalError> {
             let mut scratch = self.scratch();
-            for (i, slopes) in slopes.chunks_exact_mut(rows).enumerate() {
-                let k = task * POINTS_PER_TASK + i;
-                let inputs = |i: usize| path.inputs[i][k];
-                let mut instant = path.instant(k).to_vec();
-                instant[c] += step;
-                let above = self.left(&instant, theta, &inputs, &mut scratch)?;
-                instant[c] -= 2.0 * step;
-                let below = self.left(&instant, theta, &inputs, &mut scratch)?;
-                let of_rows = above.iter().zip(&below).map(|(above, below)| (above - below) / (2.0 * step));
-                slopes.iter_mut().zip(of_rows).for_each(|(slope, own)| *slope = own);
+            let places = &places[task * POINTS_PER_TASK..][..slopes.len() / rows];
+            let inputs = |at: usize, i: usize| path.inputs[i][places[at]];
+            for to in [step, -step] {
+                let mut motions: Vec<f64> = places.iter().flat_map(|&k| path.instant(k)).copied().collect();
+                motions.iter_mut().skip(c).step_by(path.slots).for_each(|own| *own += to);
+                let left = self.left_along(&motions, theta, &inputs, &mut scratch)?;
+                slopes.iter_mut().zip(left).for_each(|(slope, left)| *slope += left / (2.0 * to));
             }
             Ok(())
         })?;
         let columns: Vec<Vec<f64>> =
             (0..rows).map(|row| slopes.iter().skip(row).step_by(rows).copied().collect()).collect();
+        let columns: Vec<Vec<f64>> = columns.iter().map(|own| between(own, stride, path.points)).collect();
         // A derivative that does not change along the path is that of a constant force.
         let changes = |column: &Vec<f64>| {
             let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
@@ -650,17 +659,23 @@ impl<'a> Rows<'a> {
                 .enumerate()
                 .map(|(task, (values, sides))| -> Result<Vec<usize>, EvalError> {
                     let mut scratch = self.scratch();
-                    let mut instant = vec![0.0; slots];
-                    let mut seen = Vec::new();
-                    let points = values.chunks_exact_mut(width).zip(sides.chunks_exact_mut(deep));
-                    for (i, (values, sides)) in points.enumerate() {
-                        let k = task * POINTS_PER_TASK + i;
-                        self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
-                        sides_of(&scratch, sides);
-                        for (own, entry) in values.iter_mut().zip(&entries) {
-                            *own = value(&scratch, sides, *entry, k);
+                    let (mut instant, mut seen) = (vec![0.0; slots], Vec::new());
+                    let first = task * POINTS_PER_TASK;
+                    let own = first * slots..(first + sides.len() / deep) * slots;
+                    let mut take = |k: usize, scratch: &Scratch| {
+                        let sides = &mut sides[(k - first) * deep..][..deep];
+                        sides_of(scratch, sides);
+                        for (own, entry) in values[(k - first) * width..][..width].iter_mut().zip(&entries) {
+                            *own = value(scratch, sides, *entry, k);
                         }
-                        seen.extend(absent.iter().filter(|&&at| value(&scratch, sides, all[at], k) != 0.0));
+                        seen.extend(absent.iter().filter(|&&at| value(scratch, sides, all[at], k) != 0.0));
+                    };
+                    self.each(&path.motion[own], &mut scratch, |i, scratch| take(first + i, scratch))?;
+                    for k in (first..first + POINTS_PER_TASK).take_while(|k| *k < path.points) {
+                        if path.reverses[k] {
+                            self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
+                            take(k, &scratch);
+                        }
                     }
                     Ok(seen)
                 })
@@ -705,19 +720,41 @@ impl<'a> Rows<'a> {
         Ok(right)
     }
 
-    /// What the rows leave of the forces at a motion, given the parameters.
-    fn left(
+    /// What the rows leave of the forces at motions that stand one behind the other, given the parameters and every input at every motion:
+    /// the rows of the first motion, then those of the next.
+    fn left_along(
         self,
-        instant: &[f64],
+        motions: &[f64],
         theta: &[f64],
-        inputs: &dyn Fn(usize) -> f64,
+        inputs: &dyn Fn(usize, usize) -> f64,
         scratch: &mut Scratch,
     ) -> Result<Vec<f64>, EvalError> {
-        self.evaluate(instant, scratch)?;
-        let of =
-            |row: usize| self.made(scratch, row, theta) - self.right_of((&scratch.known, &scratch.map), row, inputs);
-        Ok((0..self.model.dims().rows).map(of).collect())
+        let dims = self.model.dims();
+        let mut left = Vec::with_capacity(motions.len() / dims.motion_len().max(1) * dims.rows);
+        self.each(motions, scratch, |at, scratch| {
+            let of = |row: usize| {
+                let right = self.right_of((&scratch.known, &scratch.map), row, &|i| inputs(at, i));
+                self.made(scratch, row, theta) - right
+            };
+            left.extend((0..dims.rows).map(of));
+        })?;
+        Ok(left)
     }
+}
+
+/// Values between those of every `stride`-th point, by the cubic through the four nearest.
+fn between(values: &[f64], stride: usize, points: usize) -> Vec<f64> {
+    let of = |k: usize| {
+        let nearest = (k / stride).saturating_sub(1).min(values.len().saturating_sub(4));
+        let four = &values[nearest..values.len().min(nearest + 4)];
+        let at = k as f64 / stride as f64 - nearest as f64;
+        let weight = |i: usize| -> f64 {
+            let others = (0..four.len()).filter(|j| *j != i);
+            others.map(|j| (at - j as f64) / (i as f64 - j as f64)).product()
+        };
+        four.iter().enumerate().map(|(i, value)| weight(i) * value).sum()
+    };
+    if stride == 1 { values.to_vec() } else { (0..points).map(of).collect() }
 }
 
 /// How the rows feel the motion: mean square derivatives of every row with respect to every slot, at given parameters.
@@ -747,19 +784,23 @@ impl Felt {
         for path in &paths.paths {
             let step = (total / DERIVATIVE_POINTS).max(1);
             for k in (0..path.points).step_by(step) {
-                let mut instant = path.instant(k).to_vec();
-                let inputs = |i: usize| path.inputs[i][k];
                 count += 1.0;
-                for slot in (0..slots).filter(|&slot| motion[slot] > 0.0) {
-                    let share = if slot / dims.coordinates == 1 { VELOCITY_STEP } else { POSITION_STEP };
-                    let (step, own) = (share * motion[slot].sqrt(), instant[slot]);
-                    instant[slot] = own + step;
-                    let above = paths.rows.left(&instant, theta, &inputs, &mut scratch)?;
-                    instant[slot] = own - step;
-                    let below = paths.rows.left(&instant, theta, &inputs, &mut scratch)?;
-                    instant[slot] = own;
-                    for row in 0..dims.rows {
-                        squares[row * slots + slot] += ((above[row] - below[row]) / (2.0 * step)).powi(2);
+                let moving = (0..slots).filter(|&slot| motion[slot] > 0.0);
+                let steps: Vec<(usize, f64)> = moving
+                    .flat_map(|slot| {
+                        let share = if slot / dims.coordinates == 1 { VELOCITY_STEP } else { POSITION_STEP };
+                        let step = share * motion[slot].sqrt();
+                        [(slot, step), (slot, -step)]
+                    })
+                    .collect();
+                let mut motions = path.instant(k).repeat(steps.len());
+                let instants = motions.chunks_exact_mut(slots).zip(&steps);
+                instants.for_each(|(instant, (slot, step))| instant[*slot] += step);
+                let inputs = |_: usize, i: usize| path.inputs[i][k];
+                let left = paths.rows.left_along(&motions, theta, &inputs, &mut scratch)?;
+                for (both, [(slot, step), _]) in left.chunks_exact(2 * dims.rows).zip(steps.as_chunks().0) {
+                    for (row, (above, below)) in both[..dims.rows].iter().zip(&both[dims.rows..]).enumerate() {
+                        squares[row * slots + slot] += ((above - below) / (2.0 * step)).powi(2);
                     }
                 }
             }

@@ -98,7 +98,10 @@ impl<'a> Pass<'a> {
         let feels = |row: usize, c: usize| self.felt.as_ref().is_some_and(|felt| felt.feels(row, c));
         // Stretch by stretch and coordinate by coordinate; a single coordinate is asked for no offset and for no chain.
         let coordinates = Some(self.rows.model.dims().coordinates).filter(|own| *own > 1).unwrap_or(0);
-        let along = |path: &Path| (0..coordinates).map(|c| self.rows.by_position(path, &self.theta, c)).collect();
+        let along = |path: &Path| {
+            let at = (self.theta.as_slice(), self.paths.stride(path));
+            (0..coordinates).map(|c| self.rows.by_position(path, at, c)).collect()
+        };
         let by_position = self.paths.paths.iter().map(along).collect::<Result<Vec<Vec<Columns>>, EstimateError>>()?;
         let moves = |(_, values): &(usize, Vec<f64>)| values.iter().any(|value| *value != 0.0);
         let structure = Structure {
