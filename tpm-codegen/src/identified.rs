@@ -94,6 +94,9 @@ pub struct Identified {
     pub covariance: Vec<Vec<Option<f64>>>,
     /// Covariance of every combination with all parameters, and then with all combinations; empty where it is not known.
     pub combination_covariance: Vec<Vec<Option<f64>>>,
+    /// Of a model that lacks something, the values of the parameters with which it is nearest to the forces of its log; empty where it lacks
+    /// nothing.
+    pub nearest: Vec<f64>,
 }
 
 /// Why the result of an identification cannot be used.
@@ -390,6 +393,19 @@ impl Identified {
             covariance: Vec<Vec<Option<f64>>>,
             #[serde(default)]
             combination_covariance: Vec<Vec<Option<f64>>>,
+            log: Option<Log>,
+        }
+        #[derive(serde::Deserialize)]
+        struct Log {
+            prediction: Option<Prediction>,
+        }
+        #[derive(serde::Deserialize)]
+        struct Prediction {
+            stated: Stated,
+        }
+        #[derive(serde::Deserialize)]
+        struct Stated {
+            values: Vec<f64>,
         }
         #[derive(serde::Deserialize)]
         struct Parameter {
@@ -439,7 +455,20 @@ impl Identified {
             combinations: file.combinations.into_iter().map(combination).collect::<Result<_, _>>()?,
             covariance: file.covariance,
             combination_covariance: file.combination_covariance,
+            nearest: file.log.and_then(|log| log.prediction).map(|found| found.stated.values).unwrap_or_default(),
         })
+    }
+
+    /// The same result with the values with which a model that lacks something predicts its log best, in place of those that hold beside what
+    /// it lacks; nothing where it lacks nothing. They are one set of values with which the rows come out so, and leave nothing open.
+    #[must_use]
+    pub fn nearest_to_forces(&self) -> Option<Self> {
+        if self.nearest.is_empty() || self.nearest.len() != self.parameters.len() {
+            return None;
+        }
+        let own = self.parameters.iter().zip(&self.nearest);
+        let parameters = own.map(|(own, value)| IdentifiedParameter { value: Some(*value), ..own.clone() }).collect();
+        Some(Self { model: self.model.clone(), parameters, covariance: self.covariance.clone(), ..Self::default() })
     }
 }
 

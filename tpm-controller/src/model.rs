@@ -212,6 +212,9 @@ pub fn split_workspace<T>(workspace: &mut [T], needed: usize) -> Result<(&mut [T
     workspace.split_at_mut_checked(needed).ok_or(EvalError::Length { buffer: Buffer::Workspace, needed, given })
 }
 
+/// What is given the rows at many instants: the number of an instant, Phi and the known terms.
+pub type Take<'a, T> = dyn FnMut(usize, &[T], &[T]) + 'a;
+
 /// A dynamics model, linear in its unknown parameters (see the module's invariant).
 ///
 /// Indices given to the naming methods are below the matching member of [`Dims`]; beyond it an implementation returns an
@@ -315,7 +318,7 @@ pub trait Model<T: Real>: Send + Sync {
         constants: &[T],
         workspace: &mut [T],
         (phi, known): (&mut [T], &mut [T]),
-        take: &mut dyn FnMut(usize, &[T], &[T]),
+        take: &mut Take<'_, T>,
     ) -> Result<(), EvalError> {
         for (instant, motion) in motions.chunks(self.dims().motion_len().max(1)).enumerate() {
             self.regressor(motion, constants, workspace, phi)?;

@@ -5,6 +5,7 @@ use crate::input::choice::one_of;
 use crate::input::load::Loaded;
 use crate::input::values::identification;
 use crate::output::file;
+use crate::verbs::validate::NEAREST;
 use clap::builder::TypedValueParser;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part};
@@ -298,7 +299,11 @@ pub(super) fn identified(path: &Path, loaded: &Loaded, columns: &[&str]) -> Resu
     })?;
     let found = identification(path, &text, &model.name)?;
     if !is_values(path) {
-        return Ok((found, text));
+        let nearest = found.nearest_to_forces();
+        if nearest.is_some() {
+            file::remark(&format!("remark: {}: {NEAREST}", path.display()));
+        }
+        return Ok((nearest.unwrap_or(found), text));
     }
     let is_parameter = |symbol: Symbol| model.parameters().any(|own| own == symbol);
     for name in found.parameters.iter().map(|own| own.name.as_str()) {

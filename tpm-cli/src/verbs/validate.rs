@@ -82,6 +82,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
     result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
 }
 
+/// What is said where a model lacks something on its log.
+pub(super) const NEAREST: &str = "the model lacked something on its log: the values nearest to the forces there are used, which predict better than \
+     those that hold beside it; `tpm complete` writes a model that has it";
+
 fn describe(result: &Validation) -> String {
     if let Some(run) = &result.between_stamps {
         return followed(result, run);
@@ -102,7 +106,8 @@ fn describe(result: &Validation) -> String {
         ),
     );
     let repeated = result.reading.repeated.iter().map(ToString::to_string);
-    for remark in result.reading.remarks().into_iter().chain(repeated) {
+    let nearest = result.nearest_values.then(|| NEAREST.to_owned());
+    for remark in result.reading.remarks().into_iter().chain(repeated).chain(nearest) {
         text.push_str(&format!("remark: {remark}\n"));
     }
     let mut table = TextTable::new(&[

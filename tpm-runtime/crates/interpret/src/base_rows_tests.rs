@@ -48,6 +48,29 @@ fn forces(model: &Interpreted, motion: &[f64], theta: &[f64]) -> Vec<f64> {
     out
 }
 
+/// Rows of many motions are those of every motion by itself, bit for bit, whether or not the motions fill the last group.
+#[test]
+fn many_motions_have_the_rows_of_each() {
+    for text in ARMS {
+        let (_, model) = read(text);
+        let dims = model.dims();
+        let mut workspace = vec![0.0; model.workspace_len()];
+        for count in [1, 8, 11] {
+            let motions = numbers(count * dims.motion_len(), 5);
+            let (mut phi, mut known) = (vec![0.0; dims.regressor_len()], vec![0.0; dims.rows]);
+            let mut all = Vec::new();
+            let take = &mut |at: usize, phi: &[f64], known: &[f64]| all.push((at, phi.to_vec(), known.to_vec()));
+            model.rows_along(&motions, &[], &mut workspace, (&mut phi, &mut known), take).expect("fits");
+            assert_eq!(all.len(), count);
+            for (at, (instant, motion)) in all.iter().zip(motions.chunks_exact(dims.motion_len())).enumerate() {
+                model.regressor(motion, &[], &mut workspace, &mut phi).expect("fits");
+                model.known(motion, &[], &mut workspace, &mut known).expect("fits");
+                assert_eq!((instant.0, &instant.1, &instant.2), (at, &phi, &known));
+            }
+        }
+    }
+}
+
 #[test]
 fn base_parameters_give_the_forces() {
     for text in ARMS {

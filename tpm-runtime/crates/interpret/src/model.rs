@@ -4,7 +4,7 @@ use crate::leaves::{Leaves, require_motion};
 use crate::program::{LANES, Program};
 use tpm_controller::linear;
 use tpm_controller::model::{
-    Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
+    Buffer, Dims, EvalError, Label, Model, Take, difference_workspace_len, forward_by_differences, require_forward,
     require_len, split_workspace,
 };
 use tpm_symbolic::expr::graph::Symbol;
@@ -229,7 +229,7 @@ impl Model<f64> for Interpreted {
         constants: &[f64],
         _: &mut [f64],
         (phi, known): (&mut [f64], &mut [f64]),
-        take: &mut dyn FnMut(usize, &[f64], &[f64]),
+        take: &mut Take<'_, f64>,
     ) -> Result<(), EvalError> {
         self.require_no_inputs()?;
         let slots = self.dims.motion_len();

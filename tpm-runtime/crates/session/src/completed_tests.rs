@@ -5,6 +5,8 @@ use crate::completed::completed;
 use crate::identification::Identification;
 use crate::log::{LogRequest, from_log};
 use crate::model::{DeclaredModel, Identifiable as _};
+use crate::validate::{Validation, validate};
+use tpm_codegen::identified::Identified;
 
 /// A machine of two joints, of which the second has its input on the left.
 fn machine(first: &str, second: &str, declared: &str) -> DeclaredModel {
@@ -87,6 +89,28 @@ fn equal_weights_leave_least_of_the_forces() {
     assert!(nearest.residual < 0.8 * by_noise.residual, "{} {}", nearest.residual, by_noise.residual);
     assert!(value(&nearest, "fv1").0 > value(&by_noise, "fv1").0 + 0.1, "drag counts as damping");
     assert_eq!(stated.evaluated().dims().parameters, TRUTH.len());
+}
+
+/// What predicts a log are the values nearest to the forces: those that hold beside what is missing leave more without it.
+#[test]
+fn a_model_that_lacks_something_predicts_with_the_values_nearest_to_the_forces() {
+    let whole = machine(" + drag*dot(q1)*abs(dot(q1))", "", ", drag [N*m*s^2/rad^2]");
+    let log = arm_log::log(&whole, &[TRUTH.as_slice(), &[0.6]].concat(), 0.0, [1.0, 1.0]);
+    let stated = machine("", "", "");
+    let result = from_log(&stated, LogRequest::new(log.path())).expect("identifies");
+    let found = validate(&stated, LogRequest::new(log.path()), &result).expect("predicts");
+    assert!(found.nearest_values);
+    let text = serde_json::to_string(&result).expect("a result is JSON");
+    let stored = Identified::from_json(&text).expect("reads what it wrote");
+    let again = validate(&stated, LogRequest::new(log.path()), &stored).expect("predicts");
+    assert!((again.rows[0].share - found.rows[0].share).abs() < 1e-9 * found.rows[0].share);
+    let beside = validate(&stated, LogRequest::new(log.path()), Identified { nearest: Vec::new(), ..stored });
+    let beside = beside.expect("predicts");
+    assert!(!beside.nearest_values);
+    let left = |found: &Validation| found.rows[0].share;
+    assert!(left(&found) < 0.8 * left(&beside), "{} {}", left(&found), left(&beside));
+    let whole = from_log(&whole, LogRequest::new(log.path())).expect("identifies");
+    assert!(Identified::from(&whole).nearest_to_forces().is_none(), "a right model lacks nothing");
 }
 
 /// An arm of two links in a vertical plane; `near` is what is said of their inertias, and `loss` another loss of both drives.

@@ -347,6 +347,9 @@ impl From<&Identification> for Identified {
             combinations: result.combinations.iter().map(combination).collect(),
             covariance: result.covariance.clone(),
             combination_covariance: result.combination_covariance.clone(),
+            nearest: (result.log.as_ref())
+                .and_then(|log| log.prediction())
+                .map_or_else(Vec::new, |prediction| prediction.stated.values.clone()),
         }
     }
 }

@@ -23,6 +23,8 @@ use tpm_motion::Dynamics;
 
 /// Most coordinates of a machine that is simulated without being asked for: a simulation of more takes minutes.
 pub(super) const MOST_SIMULATED: usize = 2;
+/// Most samples that are simulated without being asked for where the lines name forces that the model lacks.
+const MOST_BESIDE_TERMS: usize = 20_000;
 /// Most coordinates of one that is simulated because inputs do not act on all of them.
 const MOST_IN_A_CHAIN: usize = 4;
 /// A simulation follows a record when it leaves no more than this many deviations of the sensors' noise.
@@ -90,9 +92,11 @@ pub(super) fn identify(
     };
     let errs = found.lacking.iter().any(|own| own.term.kind.is_of_reading());
     // Where every row has an input, the lines tell the parameters beside the forces that they name. A simulation of the model does not have these
-    // forces. Nor does it give the values nearest to the forces, where these are asked for.
+    // forces. Nor does it give the values nearest to the forces, where these are asked for. A single coordinate is simulated all the same,
+    // since a delay or a limit of its input may explain what looks like a force, but for a long record, which the lines tell well.
     let lacks = found.lacking.iter().any(|own| own.term.kind.is_force()) || settings.weights == Weights::Equal;
-    let lacks = lacks && is_told_by_lines(dims);
+    let is_long = dims.inputs >= dims.rows && samples > MOST_BESIDE_TERMS;
+    let lacks = lacks && (is_told_by_lines(dims) || is_long);
     let own = if !settings.fitted_delays.is_empty() || (errs && !asked) {
         // A delay or an error of a reading that is found is a parameter of the lines, which the simulation does not have.
         let why = || RefinementReport::left_out(&found.estimate.values, NotRefined::OfChannel);

@@ -226,3 +226,26 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
         rows,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{LeftOfForces, Prediction};
+
+    fn of(held_out: &[f64]) -> Prediction {
+        let stated = LeftOfForces { values: Vec::new(), left: Vec::new(), held_out: held_out.to_vec() };
+        let rows = (1..=held_out.len()).map(|row| format!("tau{row}")).collect();
+        Prediction { rows, left: Vec::new(), stated, completed: None }
+    }
+
+    #[test]
+    fn rows_of_which_nothing_is_predicted_are_named_beside_the_others() {
+        let text = of(&[0.1, 0.4, 1.1]).by_rows().expect("one row is not predicted");
+        assert_eq!(
+            text,
+            "it predicts tau1 (10 % left); in part tau2 (40 % left); nothing of tau3 (110 % left), which are in another unit, no forces of \
+             these joints, or lost in their noise"
+        );
+        assert_eq!(of(&[0.1, 0.4]).by_rows(), None);
+        assert_eq!(of(&[0.9, 1.4]).by_rows(), None, "the whole result says so");
+    }
+}

@@ -128,6 +128,10 @@ pub struct Validation {
     /// Why the motion is not simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_simulated: Option<String>,
+    /// Whether the values are those that are nearest to the forces of the log of a model that lacks something, in place of those that hold
+    /// beside what it lacks.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub nearest_values: bool,
 }
 
 impl Validation {
@@ -150,6 +154,7 @@ impl Validation {
             simulation: None,
             between_stamps: None,
             not_simulated: None,
+            nearest_values: false,
         }
     }
 
@@ -230,7 +235,8 @@ pub fn evidence(
 }
 
 /// Predicts the inputs of a log from its motion, and simulates its motion from the inputs, with what an identification knows of the
-/// parameters in which the model is linear.
+/// parameters in which the model is linear. Of a model that lacks something it takes the values that are nearest to the forces of its log:
+/// those that hold beside what is missing predict worse without it.
 ///
 /// # Errors
 /// [`SessionError::NotIdentified`] where nothing is known of a parameter; another [`SessionError`] when the log cannot be read
@@ -240,7 +246,11 @@ pub fn validate(
     log: impl Into<LogRequest>,
     known: impl Into<Identified>,
 ) -> Result<Validation, SessionError> {
-    predicted(model, log.into(), known.into(), Extent::Whole)
+    let known = known.into();
+    let nearest = known.nearest_to_forces();
+    let nearest_values = nearest.is_some();
+    let found = predicted(model, log.into(), nearest.unwrap_or(known), Extent::Whole)?;
+    Ok(Validation { nearest_values, ..found })
 }
 
 /// [`validate`], of which so much is simulated.

@@ -1,9 +1,9 @@
 //! A record followed with given parameters: every stretch is simulated whole, from the state at its beginning that leaves least.
 
-use crate::recorded::fit::{READINGS_SETTLED, RecordedFault, Work, spread};
 use crate::recorded::signals::SignalsAsRecorded;
 use crate::recorded::starts::{Pace, Unmeasured, first_state};
 use crate::recorded::steps::Point;
+use crate::recorded::work::{READINGS_SETTLED, RecordedFault, Work, spread};
 use crate::settings::Settings;
 use tpm_controller::model::Model;
 

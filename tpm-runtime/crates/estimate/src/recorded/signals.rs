@@ -113,6 +113,20 @@ impl Channel {
         (0..NODES).map(|i| weight(i) * values[i]).sum()
     }
 
+    /// The mean of what is held from one time to another.
+    fn mean_between(&self, from: f64, to: f64) -> f64 {
+        let Some(first) = self.before(from) else { return self.value.first().copied().unwrap_or(0.0) };
+        let (mut sum, mut at, mut held) = (0.0, from, self.value[first]);
+        for (&stamp, &value) in self.time.iter().zip(&self.value).skip(first + 1).take_while(|(stamp, _)| **stamp < to)
+        {
+            sum += held * (stamp - at);
+            (at, held) = (stamp, value);
+        }
+        let end = if to.is_finite() { to } else { at };
+        sum += held * (end - at);
+        if end > from { sum / (end - from) } else { held }
+    }
+
     fn mean(&self) -> f64 {
         self.value.iter().sum::<f64>() / self.value.len().max(1) as f64
     }
@@ -200,6 +214,52 @@ impl SignalsAsRecorded {
         self.sensors.iter().map(|sensor| sensor.channel.time.len()).sum()
     }
 
+    /// The same record with instants that are not closer than `apart`: held inputs as their means between these instants, and of every sensor
+    /// the first reading from each of them on. What changes within so short a time is lost.
+    pub(super) fn coarser(&self, apart: f64) -> Self {
+        let mut stamps: Vec<f64> = self.sensors.iter().flat_map(|own| own.channel.time.iter().copied()).collect();
+        stamps.sort_by(f64::total_cmp);
+        let mut grid: Vec<f64> = Vec::new();
+        for stamp in stamps {
+            if grid.last().is_none_or(|last| stamp - last >= apart * (1.0 - 1e-9)) {
+                grid.push(stamp);
+            }
+        }
+        let input = |own: &Channel| {
+            if own.usual_step() >= apart {
+                return own.clone();
+            }
+            let ends = grid.iter().skip(1).copied().chain([f64::INFINITY]);
+            let value = |(&from, to): (&f64, f64)| match self.hold {
+                Hold::Zoh => own.mean_between(from, to),
+                Hold::None => own.at(from, self.hold),
+            };
+            // What is held before the first instant is held as it is.
+            let first = own.time.first().copied().filter(|first| grid.first().is_some_and(|begin| first < begin));
+            let before = first.map(|time| (time, own.value[0]));
+            let pairs = before.into_iter().chain(grid.iter().copied().zip(grid.iter().zip(ends).map(value)));
+            let (time, value) = pairs.filter(|(time, _)| own.time.first().is_some_and(|first| first <= time)).unzip();
+            Channel { time, value }
+        };
+        let thinned = |own: &Channel| {
+            let (mut time, mut value, mut next) = (Vec::new(), Vec::new(), 0);
+            for (&stamp, &reading) in own.time.iter().zip(&own.value) {
+                if next < grid.len() && stamp >= grid[next] {
+                    time.push(stamp);
+                    value.push(reading);
+                    next = grid.partition_point(|begin| *begin <= stamp);
+                }
+            }
+            Channel { time, value }
+        };
+        let sensor = |own: &Sensed| Sensed { channel: thinned(&own.channel), ..own.clone() };
+        Self {
+            inputs: self.inputs.iter().map(input).collect(),
+            sensors: self.sensors.iter().map(sensor).collect(),
+            hold: self.hold,
+        }
+    }
+
     /// Whether every sensor reads something of the model's motion.
     pub(super) fn fit(&self, model: &dyn Model<f64>) -> bool {
         self.inputs.len() == model.dims().inputs
@@ -264,5 +324,31 @@ impl SignalsAsRecorded {
         instants.sort_by(f64::total_cmp);
         instants.dedup();
         Block { start, readings: readings.to_vec(), instants }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Channel, Sensed, SignalsAsRecorded};
+    use tpm_controller::harmonics::Hold;
+
+    #[test]
+    fn a_coarser_record_has_the_means_of_what_was_held() {
+        let time: Vec<f64> = (0..12).map(f64::from).collect();
+        let input =
+            Channel { time: time.clone(), value: vec![1.0, 3.0, 5.0, 7.0, 0.0, 0.0, 8.0, 0.0, 2.0, 2.0, 2.0, 6.0] };
+        let slow = Channel { time: vec![-1.0, 5.5], value: vec![4.0, 9.0] };
+        let channel = Channel { time: time.clone(), value: time };
+        let signals = SignalsAsRecorded {
+            inputs: vec![input, slow.clone()],
+            sensors: vec![Sensed { coordinate: 0, derivative: 0, channel }],
+            hold: Hold::Zoh,
+        };
+        let coarse = signals.coarser(4.0);
+        assert_eq!(coarse.sensors[0].channel.time, [0.0, 4.0, 8.0]);
+        assert_eq!(coarse.sensors[0].channel.value, [0.0, 4.0, 8.0]);
+        assert_eq!(coarse.inputs[0].value, [4.0, 2.0, 2.0], "means of four seconds each, the last one of three");
+        assert_eq!(coarse.inputs[1], slow, "what changes more slowly stays as it is");
+        assert_eq!(signals.coarser(0.5), signals);
     }
 }

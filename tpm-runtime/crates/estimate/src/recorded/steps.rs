@@ -34,6 +34,8 @@ pub(super) struct Course<'a, 'f> {
     pub(super) typical: &'a [f64],
     /// Least and largest value of every parameter.
     pub(super) bounds: &'a [[f64; 2]],
+    /// Whether differences to one side will do, as on the way from a start.
+    pub(super) quick: bool,
 }
 
 /// Where steps ended.
@@ -62,7 +64,7 @@ impl Course<'_, '_> {
     /// All blocks linearised.
     pub(super) fn linearised(&self, point: &Point, noise: &[f64]) -> Result<Vec<Linear>, PlantError> {
         let of = |(block, state): (&Block, &Vec<f64>)| {
-            self.flow.linearised(block, (&point.theta, self.free, self.typical), state, noise)
+            self.flow.linearised(block, (&point.theta, self.free, self.typical), (state, self.quick), noise)
         };
         let blocks: Vec<(&Block, &Vec<f64>)> = self.blocks.iter().zip(&point.states).collect();
         blocks.into_par_iter().map(of).collect()
