@@ -84,7 +84,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 /// What is said where a model lacks something on its log.
 pub(super) const NEAREST: &str = "the model lacked something on its log: the values nearest to the forces there are used, which predict better than \
-     those that hold beside it; `tpm complete` writes a model that has it";
+     those that hold beside it";
 
 fn describe(result: &Validation) -> String {
     if let Some(run) = &result.between_stamps {
