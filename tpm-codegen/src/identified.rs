@@ -97,6 +97,8 @@ pub struct Identified {
     /// Of a model that lacks something, the values of the parameters with which it is nearest to the forces of its log; empty where it lacks
     /// nothing.
     pub nearest: Vec<f64>,
+    /// By how much later than it is recorded an input acts beside these values, s, by the name of the input.
+    pub delays: BTreeMap<String, f64>,
 }
 
 /// Why the result of an identification cannot be used.
@@ -402,6 +404,8 @@ impl Identified {
         #[derive(serde::Deserialize)]
         struct Prediction {
             stated: Stated,
+            #[serde(default)]
+            delays: BTreeMap<String, f64>,
         }
         #[derive(serde::Deserialize)]
         struct Stated {
@@ -447,6 +451,8 @@ impl Identified {
         let combination = |shown: Combination| {
             Ok(IdentifiedCombination { terms: weights(shown.terms)?, value: shown.value, std: shown.std })
         };
+        let prediction = file.log.and_then(|log| log.prediction);
+        let (nearest, delays) = prediction.map(|found| (found.stated.values, found.delays)).unwrap_or_default();
         Ok(Self {
             model: file.model,
             parameters: parameters(file.parameters),
@@ -455,7 +461,8 @@ impl Identified {
             combinations: file.combinations.into_iter().map(combination).collect::<Result<_, _>>()?,
             covariance: file.covariance,
             combination_covariance: file.combination_covariance,
-            nearest: file.log.and_then(|log| log.prediction).map(|found| found.stated.values).unwrap_or_default(),
+            nearest,
+            delays,
         })
     }
 

@@ -106,7 +106,10 @@ fn describe(result: &Validation) -> String {
         ),
     );
     let repeated = result.reading.repeated.iter().map(ToString::to_string);
-    let nearest = result.nearest_values.then(|| NEAREST.to_owned());
+    let late = result.delays.iter().map(|(input, delay)| {
+        format!("`{input}` acts {} s later than it is recorded, as on the log of the result", number(*delay))
+    });
+    let nearest = result.nearest_values.then(|| NEAREST.to_owned()).into_iter().chain(late);
     for remark in result.reading.remarks().into_iter().chain(repeated).chain(nearest) {
         text.push_str(&format!("remark: {remark}\n"));
     }

@@ -113,6 +113,32 @@ fn a_model_that_lacks_something_predicts_with_the_values_nearest_to_the_forces()
     assert!(Identified::from(&whole).nearest_to_forces().is_none(), "a right model lacks nothing");
 }
 
+/// An input that acts later than it is recorded does so on the next log too: a prediction waits for it.
+#[test]
+fn a_prediction_takes_the_delay_of_an_input_that_was_found() {
+    let stated = machine("", "", "");
+    let log = arm_log::log(&stated, &TRUTH, 0.0, [1.0, 1.0]);
+    let text = std::fs::read_to_string(log.path()).expect("a log");
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    // What acts on the first joint was commanded five samples, 20 ms, before.
+    let early = |(k, row): (usize, &Vec<&str>)| -> Option<String> {
+        let command = if k == 0 { row[3] } else { rows.get(k + 5)?[3] };
+        Some([row[0], row[1], row[2], command, row[4]].join(","))
+    };
+    let commanded: Vec<String> = rows.iter().enumerate().map_while(early).collect();
+    std::fs::write(log.path(), commanded.join("\n")).expect("written");
+    let result = from_log(&stated, LogRequest::new(log.path())).expect("identifies");
+    let found = validate(&stated, LogRequest::new(log.path()), &result).expect("predicts");
+    assert!((found.delays["u1"] - 0.02).abs() < 1e-3 && found.delays.len() == 1, "{:?}", found.delays);
+    let at_once = Identified { nearest: Vec::new(), ..Identified::from(&result) };
+    let at_once = validate(&stated, LogRequest::new(log.path()), at_once).expect("predicts");
+    assert!(found.rows[0].share < 0.3 * at_once.rows[0].share, "{} {}", found.rows[0].share, at_once.rows[0].share);
+    let mut request = LogRequest::new(log.path());
+    request.estimation.actuators.insert("u1".into(), tpm_motion::Dynamics::default());
+    let told = validate(&stated, request, &result).expect("predicts");
+    assert!(told.delays.is_empty(), "what is stated goes before what was found: {:?}", told.delays);
+}
+
 /// An arm of two links in a vertical plane; `near` is what is said of their inertias, and `loss` another loss of both drives.
 fn arm(near: [&str; 2], loss: &str) -> DeclaredModel {
     let text = format!(

@@ -339,6 +339,7 @@ impl From<&Identification> for Identified {
             value: shown.value,
             std: shown.std,
         };
+        let prediction = result.log.as_ref().and_then(|log| log.prediction());
         Identified {
             model: result.model.clone(),
             parameters: result.parameters.iter().map(parameter).collect(),
@@ -347,9 +348,8 @@ impl From<&Identification> for Identified {
             combinations: result.combinations.iter().map(combination).collect(),
             covariance: result.covariance.clone(),
             combination_covariance: result.combination_covariance.clone(),
-            nearest: (result.log.as_ref())
-                .and_then(|log| log.prediction())
-                .map_or_else(Vec::new, |prediction| prediction.stated.values.clone()),
+            nearest: prediction.map_or_else(Vec::new, |prediction| prediction.stated.values.clone()),
+            delays: prediction.map_or_else(BTreeMap::new, |prediction| prediction.delays.clone()),
         }
     }
 }

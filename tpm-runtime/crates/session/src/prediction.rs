@@ -3,6 +3,7 @@
 use crate::refinement_report::MissingTerm;
 use crate::term_words::lacking;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use tpm_codegen::language::complete::AddedForce;
 use tpm_controller::model::Model;
 use tpm_estimate::{AddedTerm, LARGE_RESIDUAL, Lacking, Nearest, OfAnyMotion, TermKind};
@@ -56,6 +57,9 @@ pub struct Prediction {
     /// The model with terms that it lacks; nothing where they make it no better on parts of the log that it was not taken from.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub completed: Option<Completed>,
+    /// By how much later than it is recorded an input acts in both, s, where it does.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub delays: BTreeMap<String, f64>,
 }
 
 impl Prediction {
@@ -79,7 +83,9 @@ impl Prediction {
             }
         });
         let rows = (0..model.dims().rows).map(|row| model.row(row).name.to_string()).collect();
-        Some(Self { rows, left: nearby.left.clone(), stated, completed })
+        let late = nearby.delays.iter().enumerate().filter(|(_, delay)| **delay > 0.0);
+        let delays = late.map(|(input, delay)| (model.input(input).name.to_string(), *delay)).collect();
+        Some(Self { rows, left: nearby.left.clone(), stated, completed, delays })
     }
 
     /// Which forces the model predicts and of which it predicts nothing, on parts of the log that were held out; nothing where it does neither.
@@ -230,11 +236,12 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
 #[cfg(test)]
 mod tests {
     use super::{LeftOfForces, Prediction};
+    use std::collections::BTreeMap;
 
     fn of(held_out: &[f64]) -> Prediction {
         let stated = LeftOfForces { values: Vec::new(), left: Vec::new(), held_out: held_out.to_vec() };
         let rows = (1..=held_out.len()).map(|row| format!("tau{row}")).collect();
-        Prediction { rows, left: Vec::new(), stated, completed: None }
+        Prediction { rows, left: Vec::new(), stated, completed: None, delays: BTreeMap::new() }
     }
 
     #[test]

@@ -21,6 +21,7 @@ use crate::rows::Rows;
 use crate::simulation::{ChannelSimulation, Extent, Simulation, simulate};
 use num_complex::Complex;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_controller::derivatives::RowDerivatives;
@@ -29,6 +30,7 @@ use tpm_estimate::{
     Differentiable, Domain, ForceCourse, LARGE_RESIDUAL, MeasuredMotion, Missed, Settings, predict_in_band,
 };
 use tpm_log::{Log, ReadingReport, Recording};
+use tpm_motion::Dynamics;
 use tpm_numerics::spectrum::Spectrum;
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
@@ -132,6 +134,9 @@ pub struct Validation {
     /// beside what it lacks.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub nearest_values: bool,
+    /// By how much later than it is recorded an input was found to act on the log of the result, s.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub delays: BTreeMap<String, f64>,
 }
 
 impl Validation {
@@ -155,6 +160,7 @@ impl Validation {
             between_stamps: None,
             not_simulated: None,
             nearest_values: false,
+            delays: BTreeMap::new(),
         }
     }
 
@@ -236,7 +242,8 @@ pub fn evidence(
 
 /// Predicts the inputs of a log from its motion, and simulates its motion from the inputs, with what an identification knows of the
 /// parameters in which the model is linear. Of a model that lacks something it takes the values that are nearest to the forces of its log:
-/// those that hold beside what is missing predict worse without it.
+/// those that hold beside what is missing predict worse without it. Inputs act as late as they were found to act there, unless something is
+/// stated of them.
 ///
 /// # Errors
 /// [`SessionError::NotIdentified`] where nothing is known of a parameter; another [`SessionError`] when the log cannot be read
@@ -246,11 +253,16 @@ pub fn validate(
     log: impl Into<LogRequest>,
     known: impl Into<Identified>,
 ) -> Result<Validation, SessionError> {
-    let known = known.into();
-    let nearest = known.nearest_to_forces();
-    let nearest_values = nearest.is_some();
-    let found = predicted(model, log.into(), nearest.unwrap_or(known), Extent::Whole)?;
-    Ok(Validation { nearest_values, ..found })
+    let (mut request, known) = (log.into(), known.into());
+    let Some(nearest) = known.nearest_to_forces() else { return predicted(model, request, known, Extent::Whole) };
+    // What is stated of an input goes before what was found of it.
+    let stated = &mut request.estimation.actuators;
+    let delays: BTreeMap<String, f64> =
+        known.delays.into_iter().filter(|(input, _)| !stated.contains_key(input)).collect();
+    let late = |(input, &delay): (&String, &f64)| (input.clone(), Dynamics { delay, ..Dynamics::default() });
+    stated.extend(delays.iter().map(late));
+    let found = predicted(model, request, nearest, Extent::Whole)?;
+    Ok(Validation { nearest_values: true, delays, ..found })
 }
 
 /// [`validate`], of which so much is simulated.

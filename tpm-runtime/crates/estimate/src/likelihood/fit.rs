@@ -357,11 +357,12 @@ struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    /// The result, with how well the model can predict the forces where it lacks any or its values are to be the nearest to them.
+    /// The result, with how well the model can predict the forces where it lacks any, an input was found to act later than it is recorded, or
+    /// its values are to be the nearest to them.
     fn with_prediction(mut self, settings: &Settings) -> Result<OfAnyMotion, EstimateError> {
         let is_asked = settings.weights == Weights::Equal
             || self.result.estimate.residual > LARGE_RESIDUAL
-            || self.result.lacking.iter().any(|own| own.term.kind.is_force());
+            || self.result.lacking.iter().any(|own| own.term.kind.is_force() || own.term.kind == TermKind::Delay);
         if is_asked {
             let (values, (fixed, lasting)) = (&self.result.estimate.values, &self.columns);
             self.result.nearby =

@@ -56,6 +56,8 @@ pub struct Nearby {
     pub stated: Nearest,
     /// The model with terms that it lacks; nothing where none make it better on parts of the record from which its values were not taken.
     pub completed: Option<Nearest>,
+    /// By how much later than it is recorded every input acts in them, s; of no input by less than nothing, which nobody can wait for.
+    pub delays: Vec<f64>,
 }
 
 /// A term that a model lacks, as a part of one that has it.
@@ -220,7 +222,8 @@ impl Pass<'_> {
                 }
             }
         };
-        Ok(Some(Nearby { left, stated, completed }))
+        let delays = self.look.inputs.iter().map(|own| own.delay.max(0.0)).collect();
+        Ok(Some(Nearby { left, stated, completed, delays }))
     }
 
     /// Replaces the columns of load friction by those of the load that these values of the parameters make: made of the recorded force, such a
