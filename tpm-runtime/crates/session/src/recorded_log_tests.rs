@@ -421,6 +421,27 @@ fn blanks_between_topics_are_no_gaps() {
     assert_right(&result, &truth, 0.1);
 }
 
+/// Command and angle are written by turns: the angle has a clock of its own, also beside a coarser record, whose instants they share.
+#[test]
+fn a_command_that_is_written_between_the_readings_has_another_clock() {
+    let model = DeclaredModel::parse("propeller.tpm", PROPELLER).expect("a model");
+    let truth = [0.03, 0.02, 0.2, 0.15];
+    let time: Vec<f64> = even(3000, 0.005);
+    let held = |t: f64| steps((t / 0.015 + 1e-6).floor() * 0.015);
+    let made = run(&model, &truth, &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0], time, held);
+    let mut log = made.log(&[("phi", 0, 2e-3)], Some("u"), 6);
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let only = |at: usize, k: usize, value: f64| if k % 3 == at { value } else { f64::NAN };
+    let angle =
+        |(k, motion): (usize, &Vec<f64>)| only(1, k, motion[0] + 2e-3 * random.sample::<f64, _>(StandardNormal));
+    let phi = made.motion.iter().enumerate().map(angle).collect();
+    let u = made.input.iter().enumerate().map(|(k, u)| only(0, k, *u)).collect();
+    let all = vec![("t_s".to_owned(), made.time.clone()), ("u".to_owned(), u), ("phi".to_owned(), phi)];
+    log.memory = Some(InMemory::Samples(Samples::new(all)));
+    let result = from_log(&model, log).expect("identified");
+    assert_right(&result, &truth, 0.1);
+}
+
 /// How often the stated 95 % intervals hold the truth, over twenty logs of each machine.
 #[test]
 #[ignore = "minutes: measures rates over twenty logs of each of three models"]

@@ -19,7 +19,8 @@ const RACE: [(usize, usize); 3] = [(64, 3), (16, 4), (4, 25)];
 /// Two starts lead to one minimum where their sums of squares differ by less than this share.
 const SAME_MINIMUM: f64 = 0.01;
 
-/// [`fit_recorded`] with starts on whole stretches, and whether two of them led to one minimum. Nothing where no start is followed so far, as where the motion is unstable without its loop.
+/// The record fitted from starts on whole stretches, and whether two of them led to one minimum. Nothing where no start is followed so far, as
+/// where the motion is unstable without its loop.
 pub(super) fn fit_whole(
     (model, constants): (&dyn Model<f64>, &[f64]),
     signals: &SignalsAsRecorded,
@@ -75,7 +76,12 @@ pub(super) fn fit_whole(
     // 2. The whole record from the best of them.
     let mut work = Work::new((model, constants), signals, ways[begun[0].0], free.indices.clone(), settings).ok()?;
     let longest = work.stretches.iter().map(Vec::len).max().unwrap_or(0).min(READINGS_SETTLED);
-    let found = work.over(longest, typical, &best.point.theta, &noise).ok()?;
+    // Clocks of the record itself, which a coarser one may not tell apart, begin without being late.
+    let p = model.dims().parameters;
+    let clocks = || work.flow.clocks.iter();
+    let theta: Vec<f64> = best.point.theta[..p].iter().copied().chain(clocks().map(|_| 0.0)).collect();
+    let typical: &[f64] = &typical[..p].iter().copied().chain(clocks().map(|clock| clock.step)).collect::<Vec<f64>>();
+    let found = work.over(longest, typical, &theta, &noise).ok()?;
     let shorter = work.first_length();
     if work.explained(&found.noise) || shorter >= longest {
         return Some((work.fit(found, typical, unshown).ok()?, again));
