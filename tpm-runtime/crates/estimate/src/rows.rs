@@ -34,26 +34,21 @@ impl Rows<'_> {
     }
 
     /// The rows at motions that stand one behind the other: `take` is given the number of a motion, and its rows.
-    pub(crate) fn each(
-        self,
-        motions: &[f64],
-        scratch: &mut Scratch,
-        mut take: impl FnMut(usize, &Scratch),
-    ) -> Result<(), EvalError> {
+    pub(crate) fn each(self, motions: &[f64], mut take: impl FnMut(usize, &Scratch)) -> Result<(), EvalError> {
         let slots = self.model.dims().motion_len();
-        let mut failed = None;
-        let mut at = self.scratch();
-        let Scratch { work, regressor, known, .. } = scratch;
+        let (mut of_rows, mut at) = (self.scratch(), self.scratch());
+        let mut done = Ok(());
+        let Scratch { work, regressor, known, .. } = &mut of_rows;
         self.model.rows_along(motions, self.constants, work, (regressor, known), &mut |i, phi, known| {
             at.regressor.copy_from_slice(phi);
             at.known.copy_from_slice(known);
             let instant = &motions[i * slots..(i + 1) * slots];
             match self.model.input_map(instant, self.constants, &mut at.work, &mut at.map) {
                 Ok(()) => take(i, &at),
-                Err(error) => failed = Some(error),
+                Err(error) => done = Err(error),
             }
         })?;
-        failed.map_or(Ok(()), Err)
+        done
     }
 
     /// The rows under inputs that may stand in them otherwise than alone.

@@ -10,12 +10,11 @@
 //! It converges where no two readings are farther apart than half of the shortest period in the band (Gröchenig 1992). What lies beyond the
 //! band, such as the noise of a sensor, stays in the readings that are there; a reading at one of the even times keeps its value.
 
-use crate::resample::cubic;
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::ops::Range;
 use tpm_numerics::fourier::{forward, inverse};
-use tpm_numerics::{counted, grid, root_mean_square};
+use tpm_numerics::{counted, grid, root_mean_square, through};
 
 /// Rounds of refilling.
 const ROUNDS: usize = 30;
@@ -160,7 +159,7 @@ fn at_time(even: &[f64], time: f64) -> f64 {
         return even[(nearest as usize).min(even.len() - 1)];
     }
     let first = (time.floor() as usize).saturating_sub(1).min(even.len() - 4);
-    cubic([0, 1, 2, 3].map(|k| (first + k) as f64 - time), [0, 1, 2, 3].map(|k| even[first + k]), 0.0)
+    through([0, 1, 2, 3].map(|k| (first + k) as f64 - time), [0, 1, 2, 3].map(|k| even[first + k]), 0.0)
 }
 
 /// Readings at these even times, refilled to a band.

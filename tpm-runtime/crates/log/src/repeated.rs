@@ -12,6 +12,7 @@
 
 use crate::steps::Steps;
 use std::ops::Range;
+use tpm_numerics::through;
 
 /// Most successive readings that repeat; a channel that is constant for longer rests, or is recorded at a lower rate.
 pub(super) const MOST_IN_A_ROW: usize = 3;
@@ -73,9 +74,7 @@ fn by_fresh(signal: &[f64], fresh: &[bool], k: usize) -> Option<f64> {
     let mut before = (0..k).rev().filter(|&i| fresh[i]);
     let mut after = (k + 1..signal.len()).filter(|&i| fresh[i]);
     let at = [before.next()?, before.next()?, after.next()?, after.next()?];
-    let time = |i: usize| i as f64 - k as f64;
-    let weight = |i: usize| at.iter().filter(|j| **j != i).map(|&j| time(j) / (time(j) - time(i))).product::<f64>();
-    Some(at.iter().map(|&i| weight(i) * signal[i]).sum())
+    Some(through(at.map(|i| i as f64 - k as f64), at.map(|i| signal[i]), 0.0))
 }
 
 #[cfg(test)]

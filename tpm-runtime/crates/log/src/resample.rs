@@ -8,26 +8,12 @@
 //! its means from one point to the next, so that its integral, which is what moves a machine, is that of the record.
 
 use crate::stamps::LEAST_GAP;
+use tpm_numerics::through;
 
 /// Most readings on which a residual is taken.
 const MOST_JUDGED: usize = 200_000;
 /// What is less than this share of the steps of a signal is a rounding error.
 const ROUNDING: f64 = 1e-6;
-
-/// Value at a time of the cubic through four points.
-pub(super) fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
-    let mut value = 0.0;
-    for (i, yi) in y.iter().enumerate() {
-        let mut weight = 1.0;
-        for j in 0..4 {
-            if j != i {
-                weight *= (at - t[j]) / (t[i] - t[j]);
-            }
-        }
-        value += weight * yi;
-    }
-    value
-}
 
 /// Residuals of readings about the cubic through the four readings that are `near` and `far` places before and behind
 /// them.
@@ -42,7 +28,7 @@ pub(super) fn residuals<'a>(
         let nodes = [k - far, k - near, k + near, k + far];
         // Times relative to the reading keep the digits of stamps that count from 1970.
         let now = time(k);
-        signal[k] - cubic(nodes.map(|i| time(i) - now), nodes.map(|i| signal[i]), 0.0)
+        signal[k] - through(nodes.map(|i| time(i) - now), nodes.map(|i| signal[i]), 0.0)
     })
 }
 
@@ -55,9 +41,9 @@ pub(super) fn roughness(time: &[f64], signal: &[f64]) -> f64 {
         // Times relative to the reading keep the digits of stamps that count from 1970, values their own.
         let nodes = [k - 2, k - 1, k + 1, k + 2];
         let [t, y] = [nodes.map(|i| time[i] - time[k]), nodes.map(|i| signal[i] - signal[k])];
-        let unit = |n: usize| cubic(t, std::array::from_fn(|i| f64::from(u8::from(i == n))), 0.0);
+        let unit = |n: usize| through(t, std::array::from_fn(|i| f64::from(u8::from(i == n))), 0.0);
         let gain = 1.0 + (0..4).map(|n| unit(n).powi(2)).sum::<f64>();
-        sum += cubic(t, y, 0.0).abs() / gain.sqrt();
+        sum += through(t, y, 0.0).abs() / gain.sqrt();
         count += 1.0;
         largest = largest.max(y.iter().fold(0.0, |most, y| y.abs().max(most)));
     }

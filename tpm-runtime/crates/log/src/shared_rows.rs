@@ -7,9 +7,9 @@
 //!
 //! Invariant: no row lies where a smooth channel was not read for longer than its usual step, or where a channel was not read yet.
 
-use crate::resample::{cubic, residuals};
+use crate::resample::residuals;
 use crate::stamps::{LEAST_GAP, Resolution, Stamps};
-use tpm_numerics::root_mean_square;
+use tpm_numerics::{root_mean_square, through};
 
 /// Fewest readings of a coordinate.
 const FEWEST_READINGS: usize = 16;
@@ -49,7 +49,7 @@ impl Own {
         }
         let first = before.saturating_sub(1).min(self.time.len().checked_sub(4)?);
         let nodes = [first, first + 1, first + 2, first + 3];
-        let value = cubic(nodes.map(|n| self.time[n] - time), nodes.map(|n| self.values[n]), 0.0);
+        let value = through(nodes.map(|n| self.time[n] - time), nodes.map(|n| self.values[n]), 0.0);
         // Two readings with one stamp have no cubic.
         value.is_finite().then_some(value)
     }

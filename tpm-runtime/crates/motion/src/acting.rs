@@ -13,7 +13,7 @@
 
 use crate::actuator::{Dynamics, Lags, LowPass};
 use tpm_controller::harmonics::Hold;
-use tpm_numerics::{DMatrix, DVector, exponential};
+use tpm_numerics::{DMatrix, DVector, exponential, through};
 
 /// What is left of an older command is this many time constants old.
 const FORGOTTEN: f64 = 16.0;
@@ -125,13 +125,7 @@ fn between(at: &dyn Fn(isize) -> f64, k: isize, before: f64) -> f64 {
     if before == 0.0 {
         return at(k);
     }
-    // Nodes -2, -1, 0 and 1 about k, at -before.
-    let nodes = [-2.0, -1.0, 0.0, 1.0];
-    let weight = |i: usize| -> f64 {
-        let others = nodes.iter().enumerate().filter(|(j, _)| *j != i);
-        others.map(|(_, node)| (-before - node) / (nodes[i] - node)).product()
-    };
-    (0..4).map(|i| weight(i) * at(k + i as isize - 2)).sum()
+    through([-2.0, -1.0, 0.0, 1.0], [-2, -1, 0, 1].map(|node| at(k + node)), -before)
 }
 
 #[cfg(test)]

@@ -56,7 +56,10 @@ fn shortfall(result: &Identification, statuses: &[Status]) -> Option<String> {
     if !result.is_explained() {
         let by_rows = result.log.as_ref().and_then(|log| log.prediction()?.by_rows());
         let whole = no_result(result.residual, result.residual_of);
-        return Some(by_rows.map_or(whole.clone(), |by_rows| format!("{whole}: {by_rows}")));
+        return Some(match by_rows {
+            Some(by_rows) => format!("{whole}: {by_rows}"),
+            None => whole,
+        });
     }
     if let Some(unexplained) = result.warnings.iter().find(|warning| warning.is_distrust()) {
         return Some(unexplained.to_string());

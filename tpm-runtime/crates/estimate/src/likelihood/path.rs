@@ -15,7 +15,7 @@ use tpm_controller::harmonics::Hold;
 use tpm_controller::model::{EvalError, Model};
 use tpm_motion::{Dynamics, held};
 use tpm_numerics::spectrum::{Spectrum, rate_deviation};
-use tpm_numerics::{root_mean_square, whole};
+use tpm_numerics::{root_mean_square, through_even, whole};
 
 /// Points of the grid in one oscillation at the highest frequency at which a motion stands out of its noise: products of a few coordinates
 /// alias nothing into the lines, and a sign jumps to a thirtieth of an oscillation.
@@ -249,11 +249,12 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// How many points of a path lie from one at which derivatives by a position are taken to the next.
+    /// How many points of a path lie from one at which derivatives by a position are taken to the next; there are four of these at least, or all.
     pub(super) fn stride(&self, path: &Path) -> usize {
         let narrow = self.measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
         let most = POINTS_PER_OSCILLATION / SLOPES_PER_OSCILLATION;
-        whole::below((1.0 / (SLOPES_PER_OSCILLATION * narrow * path.apart)).clamp(1.0, most))
+        let wanted = whole::below((1.0 / (SLOPES_PER_OSCILLATION * narrow * path.apart)).clamp(1.0, most));
+        wanted.min(path.points / 4).max(1)
     }
 
     /// Highest frequency of any coordinate that is followed, Hz.
@@ -588,20 +589,21 @@ impl<'a> Rows<'a> {
         let mut slopes = vec![0.0; places.len() * rows];
         let tasks = slopes.par_chunks_mut(rows * POINTS_PER_TASK).enumerate();
         tasks.try_for_each(|(task, slopes)| -> Result<(), EvalError> {
-            let mut scratch = self.scratch();
             let places = &places[task * POINTS_PER_TASK..][..slopes.len() / rows];
             let inputs = |at: usize, i: usize| path.inputs[i][places[at]];
             for to in [step, -step] {
                 let mut motions: Vec<f64> = places.iter().flat_map(|&k| path.instant(k)).copied().collect();
                 motions.iter_mut().skip(c).step_by(path.slots).for_each(|own| *own += to);
-                let left = self.left_along(&motions, theta, &inputs, &mut scratch)?;
+                let left = self.left_along(&motions, theta, &inputs)?;
                 slopes.iter_mut().zip(left).for_each(|(slope, left)| *slope += left / (2.0 * to));
             }
             Ok(())
         })?;
-        let columns: Vec<Vec<f64>> =
-            (0..rows).map(|row| slopes.iter().skip(row).step_by(rows).copied().collect()).collect();
-        let columns: Vec<Vec<f64>> = columns.iter().map(|own| between(own, stride, path.points)).collect();
+        let column = |row: usize| {
+            let own: Vec<f64> = slopes.iter().skip(row).step_by(rows).copied().collect();
+            between(&own, stride, path.points)
+        };
+        let columns: Vec<Vec<f64>> = (0..rows).map(column).collect();
         // A derivative that does not change along the path is that of a constant force.
         let changes = |column: &Vec<f64>| {
             let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
@@ -670,7 +672,7 @@ impl<'a> Rows<'a> {
                         }
                         seen.extend(absent.iter().filter(|&&at| value(scratch, sides, all[at], k) != 0.0));
                     };
-                    self.each(&path.motion[own], &mut scratch, |i, scratch| take(first + i, scratch))?;
+                    self.each(&path.motion[own], |i, scratch| take(first + i, scratch))?;
                     for k in (first..first + POINTS_PER_TASK).take_while(|k| *k < path.points) {
                         if path.reverses[k] {
                             self.evaluate_at(path, k, None, &mut instant, &mut scratch)?;
@@ -727,11 +729,10 @@ impl<'a> Rows<'a> {
         motions: &[f64],
         theta: &[f64],
         inputs: &dyn Fn(usize, usize) -> f64,
-        scratch: &mut Scratch,
     ) -> Result<Vec<f64>, EvalError> {
         let dims = self.model.dims();
         let mut left = Vec::with_capacity(motions.len() / dims.motion_len().max(1) * dims.rows);
-        self.each(motions, scratch, |at, scratch| {
+        self.each(motions, |at, scratch| {
             let of = |row: usize| {
                 let right = self.right_of((&scratch.known, &scratch.map), row, &|i| inputs(at, i));
                 self.made(scratch, row, theta) - right
@@ -745,14 +746,8 @@ impl<'a> Rows<'a> {
 /// Values between those of every `stride`-th point, by the cubic through the four nearest.
 fn between(values: &[f64], stride: usize, points: usize) -> Vec<f64> {
     let of = |k: usize| {
-        let nearest = (k / stride).saturating_sub(1).min(values.len().saturating_sub(4));
-        let four = &values[nearest..values.len().min(nearest + 4)];
-        let at = k as f64 / stride as f64 - nearest as f64;
-        let weight = |i: usize| -> f64 {
-            let others = (0..four.len()).filter(|j| *j != i);
-            others.map(|j| (at - j as f64) / (i as f64 - j as f64)).product()
-        };
-        four.iter().enumerate().map(|(i, value)| weight(i) * value).sum()
+        let first = (k / stride).saturating_sub(1).min(values.len() - 4);
+        through_even([0, 1, 2, 3].map(|i| values[first + i]), k as f64 / stride as f64 - first as f64)
     };
     if stride == 1 { values.to_vec() } else { (0..points).map(of).collect() }
 }
@@ -779,25 +774,24 @@ impl Felt {
             root_mean_square(all.copied()).powi(2)
         };
         let motion: Vec<f64> = (0..slots).map(square).collect();
-        let mut scratch = paths.rows.scratch();
+        let moving = (0..slots).filter(|&slot| motion[slot] > 0.0);
+        let steps: Vec<(usize, f64)> = moving
+            .flat_map(|slot| {
+                let share = if slot / dims.coordinates == 1 { VELOCITY_STEP } else { POSITION_STEP };
+                let step = share * motion[slot].sqrt();
+                [(slot, step), (slot, -step)]
+            })
+            .collect();
         let mut count = 0.0;
         for path in &paths.paths {
             let step = (total / DERIVATIVE_POINTS).max(1);
             for k in (0..path.points).step_by(step) {
                 count += 1.0;
-                let moving = (0..slots).filter(|&slot| motion[slot] > 0.0);
-                let steps: Vec<(usize, f64)> = moving
-                    .flat_map(|slot| {
-                        let share = if slot / dims.coordinates == 1 { VELOCITY_STEP } else { POSITION_STEP };
-                        let step = share * motion[slot].sqrt();
-                        [(slot, step), (slot, -step)]
-                    })
-                    .collect();
                 let mut motions = path.instant(k).repeat(steps.len());
                 let instants = motions.chunks_exact_mut(slots).zip(&steps);
                 instants.for_each(|(instant, (slot, step))| instant[*slot] += step);
                 let inputs = |_: usize, i: usize| path.inputs[i][k];
-                let left = paths.rows.left_along(&motions, theta, &inputs, &mut scratch)?;
+                let left = paths.rows.left_along(&motions, theta, &inputs)?;
                 for (both, [(slot, step), _]) in left.chunks_exact(2 * dims.rows).zip(steps.as_chunks().0) {
                     for (row, (above, below)) in both[..dims.rows].iter().zip(&both[dims.rows..]).enumerate() {
                         squares[row * slots + slot] += ((above - below) / (2.0 * step)).powi(2);

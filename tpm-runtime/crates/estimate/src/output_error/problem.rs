@@ -13,7 +13,7 @@ use tpm_controller::derivatives::RowDerivatives;
 use tpm_controller::harmonics::Hold;
 use tpm_controller::linear;
 use tpm_controller::model::{EvalError, Model};
-use tpm_numerics::{patience, root_mean_square};
+use tpm_numerics::{patience, root_mean_square, through_even};
 
 /// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.
 const TURNING_VELOCITY: f64 = 0.05;
@@ -550,14 +550,6 @@ fn between(signal: &[f64], k: usize, share: f64) -> f64 {
         return signal[k];
     }
     let first = k.saturating_sub(NODES / 2 - 1).min(signal.len() - NODES);
-    let at = (k - first) as f64 + share;
-    let mut value = 0.0;
-    for (i, sample) in signal[first..first + NODES].iter().enumerate() {
-        let mut weight = 1.0;
-        for j in (0..NODES).filter(|&j| j != i) {
-            weight *= (at - j as f64) / (i as f64 - j as f64);
-        }
-        value += weight * sample;
-    }
-    value
+    let six: [f64; NODES] = std::array::from_fn(|i| signal[first + i]);
+    through_even(six, (k - first) as f64 + share)
 }

@@ -3,7 +3,7 @@
 use crate::recorded::signals::SignalsAsRecorded;
 use crate::recorded::starts::{Pace, Scales, Unmeasured};
 use crate::recorded::whole::fit_whole;
-use crate::recorded::work::{FIRST_NOISE, RecordedFault, RecordedFit, Work, spread};
+use crate::recorded::work::{RecordedFault, RecordedFit, Work, first_noise};
 use crate::settings::Settings;
 use crate::verdict::LARGE_RESIDUAL;
 use tpm_controller::model::Model;
@@ -105,13 +105,11 @@ fn fit_beginning(
     let begun = (begins.pace, begins.unmeasured);
     let mut work = Work::new((model, constants), signals, begun, free.indices.clone(), settings)?;
     work.shorter = begins.shorter;
-    let of: usize = work.stretches.iter().map(Vec::len).sum();
-    let unknowns = free.indices.len() + work.flow.states.len();
+    let (of, unknowns) = (work.readings(), work.least_unknowns());
     if of <= unknowns {
         return Err(RecordedFault::TooFew { readings: of, unknowns });
     }
-    let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
-    let begun = work.begun(&noise);
+    let begun = work.begun(&first_noise(signals));
     if patience::is_over() {
         return Err(RecordedFault::Ended);
     }

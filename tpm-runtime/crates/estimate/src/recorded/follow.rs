@@ -91,7 +91,7 @@ pub fn follow_recorded(
         }
     }
     if found.stretches == 0 {
-        let readings = work.stretches.iter().map(Vec::len).max().unwrap_or(0);
+        let readings = work.longest();
         return Err(RecordedFault::TooFew { readings, unknowns: states });
     }
     Ok(found)

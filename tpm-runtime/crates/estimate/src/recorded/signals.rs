@@ -2,6 +2,7 @@
 
 use tpm_controller::harmonics::Hold;
 use tpm_controller::model::Model;
+use tpm_numerics::through;
 
 /// A silence of all channels is a break of the record when it is longer than so many usual steps.
 const LEAST_BREAK: f64 = 20.0;
@@ -105,12 +106,8 @@ impl Channel {
             return self.value[k] + share * (self.value[k + 1] - self.value[k]);
         }
         let first = k.saturating_sub(1).min(self.time.len() - NODES);
-        let (stamps, values) = (&self.time[first..first + NODES], &self.value[first..first + NODES]);
-        let weight = |i: usize| {
-            let others = (0..NODES).filter(|&j| j != i);
-            others.map(|j| (time - stamps[j]) / (stamps[i] - stamps[j])).product::<f64>()
-        };
-        (0..NODES).map(|i| weight(i) * values[i]).sum()
+        let four = |of: &[f64]| -> [f64; NODES] { std::array::from_fn(|i| of[first + i]) };
+        through(four(&self.time), four(&self.value), time)
     }
 
     /// The mean of what is held from one time to another.
@@ -234,11 +231,9 @@ impl SignalsAsRecorded {
                 Hold::Zoh => own.mean_between(from, to),
                 Hold::None => own.at(from, self.hold),
             };
-            // What is held before the first instant is held as it is.
-            let first = own.time.first().copied().filter(|first| grid.first().is_some_and(|begin| first < begin));
-            let before = first.map(|time| (time, own.value[0]));
-            let pairs = before.into_iter().chain(grid.iter().copied().zip(grid.iter().zip(ends).map(value)));
-            let (time, value) = pairs.filter(|(time, _)| own.time.first().is_some_and(|first| first <= time)).unzip();
+            let known = |from: &&f64| own.time.first().is_some_and(|first| first <= *from);
+            let (time, value) =
+                grid.iter().zip(ends).filter(|(from, _)| known(from)).map(|own| (*own.0, value(own))).unzip();
             Channel { time, value }
         };
         let thinned = |own: &Channel| {

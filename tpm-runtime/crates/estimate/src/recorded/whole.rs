@@ -7,7 +7,7 @@
 use crate::recorded::signals::SignalsAsRecorded;
 use crate::recorded::starts::{Pace, Scales, Unmeasured, first_state};
 use crate::recorded::steps::{Course, Point, Settled};
-use crate::recorded::work::{FIRST_NOISE, READINGS_GROWN, READINGS_SETTLED, RecordedFit, STEPS_TRIED, Work, spread};
+use crate::recorded::work::{READINGS_GROWN, READINGS_SETTLED, RecordedFit, STEPS_TRIED, Work, first_noise};
 use crate::settings::Settings;
 use tpm_controller::model::Model;
 
@@ -41,12 +41,13 @@ pub(super) fn fit_whole(
         .iter()
         .map(|way| Work::new((model, constants), &coarse, *way, free.indices.clone(), settings).ok())
         .collect::<Option<_>>()?;
-    if works[0].stretches.iter().map(Vec::len).sum::<usize>() <= free.indices.len() + works[0].flow.states.len() {
+    let first = &works[0];
+    if first.readings() <= first.least_unknowns() {
         return None;
     }
-    let noise: Vec<f64> = signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect();
-    let longest = works[0].stretches.iter().map(Vec::len).max().unwrap_or(0);
-    let blocks = works[0].blocks(longest.min(INSTANTS_TRIED * noise.len()), INSTANTS_TRIED * noise.len());
+    let noise = first_noise(signals);
+    let most = INSTANTS_TRIED * noise.len();
+    let blocks = first.blocks(first.longest().min(most), most);
     // 1. Starts, of which the best go on.
     let mut begun: Vec<(usize, Vec<f64>, Settled)> = Vec::new();
     for number in 0..RACE[0].0 as u64 {
@@ -75,7 +76,7 @@ pub(super) fn fit_whole(
     let again = begun.get(1).is_some_and(|other| other.2.cost <= (1.0 + SAME_MINIMUM) * best.cost);
     // 2. The whole record from the best of them.
     let mut work = Work::new((model, constants), signals, ways[begun[0].0], free.indices.clone(), settings).ok()?;
-    let longest = work.stretches.iter().map(Vec::len).max().unwrap_or(0).min(READINGS_SETTLED);
+    let longest = work.longest().min(READINGS_SETTLED);
     // Clocks of the record itself, which a coarser one may not tell apart, begin without being late.
     let p = model.dims().parameters;
     let clocks = || work.flow.clocks.iter();

@@ -42,7 +42,7 @@ const MOST_WORSE: f64 = 2.0;
 /// Times that the sensors' noise is told from what is left.
 const NOISE_PASSES: usize = 3;
 /// Noise of a sensor before anything is known, and least noise, as shares of its deviation.
-pub(super) const FIRST_NOISE: f64 = 0.05;
+const FIRST_NOISE: f64 = 0.05;
 const LEAST_NOISE: f64 = 1e-10;
 /// Steps of the integration are halved until readings move by less than this share of their noise, so often at most.
 const STEP_SETTLED: f64 = 0.02;
@@ -151,7 +151,7 @@ impl RecordedFit {
     /// Whether what is left of a sensor may be the noise that its readings show by themselves.
     #[must_use]
     pub fn explains(&self, sensor: usize) -> bool {
-        self.noise[sensor] <= MOST_OVER_NOISE * self.own_noise[sensor]
+        is_noise(self.noise[sensor], self.own_noise[sensor])
     }
 
     /// Whether it leaves less than another fit. Blocks that stay short are followed by more models than the right one, since each begins from
@@ -194,6 +194,16 @@ fn squares(flow: &Flow<'_>, blocks: &[Block], point: &Point, noise: &[f64]) -> V
         }
     }
     sums
+}
+
+/// Whether what is left of a sensor may be the noise that its readings show by themselves.
+fn is_noise(left: f64, own: f64) -> bool {
+    left <= MOST_OVER_NOISE * own
+}
+
+/// Noise of every sensor before anything is known, unit of what it reads.
+pub(super) fn first_noise(signals: &SignalsAsRecorded) -> Vec<f64> {
+    signals.sensors.iter().map(|own| FIRST_NOISE * spread(own.channel.spread().1)).collect()
 }
 
 /// A deviation that is not zero.
@@ -347,18 +357,17 @@ impl<'a, 'f> Work<'a, 'f> {
         let scales = (0..estimate.unobservable.len()).filter_map(|direction| estimate.scale_of(direction));
         estimate.scales = scales.filter(is_scale).collect();
         let duration = |block: &Block| block.instants.last().map_or(0.0, |last| last - block.start);
-        let own_noise: Vec<f64> = signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect();
         Ok(RecordedFit {
             other_hold: self.with_other_hold(&blocks, typical, &settled.point, &noise),
             estimate,
             readings,
-            of: self.stretches.iter().map(Vec::len).sum(),
+            of: self.readings(),
             blocks: blocks.len(),
             duration: blocks.iter().map(duration).fold(0.0, f64::max),
             noise,
             shares,
             late,
-            own_noise,
+            own_noise: self.own_noise(),
             steps: settled.steps,
             parted,
         })
@@ -423,7 +432,7 @@ impl<'a, 'f> Work<'a, 'f> {
 
     /// Readings of the blocks over which starts are tried.
     pub(super) fn first_length(&self) -> usize {
-        let readings: usize = self.stretches.iter().map(Vec::len).sum();
+        let readings = self.readings();
         let span = |stretch: &Vec<Reading>| stretch[stretch.len() - 1].time - stretch[0].time;
         let whole: f64 = self.stretches.iter().map(span).sum();
         let cycle = std::f64::consts::TAU / self.scales.frequency;
@@ -471,7 +480,7 @@ impl<'a, 'f> Work<'a, 'f> {
 
     /// Lets blocks grow to whole stretches, as far as longer ones are followed as well.
     pub(super) fn grown(&mut self, typical: &[f64], first: Settled, noise: Vec<f64>) -> Result<Grown, RecordedFault> {
-        let longest = self.stretches.iter().map(Vec::len).max().unwrap_or(0);
+        let longest = self.longest();
         let mut length = self.first_length();
         let mut theta = first.point.theta;
         let mut best: Option<(usize, Vec<f64>, Vec<f64>, f64)> = None;
@@ -503,10 +512,29 @@ impl<'a, 'f> Work<'a, 'f> {
         if patience::is_over() { Err(RecordedFault::Ended) } else { Ok(Grown { parted, ..found }) }
     }
 
+    /// Readings of all stretches.
+    pub(super) fn readings(&self) -> usize {
+        self.stretches.iter().map(Vec::len).sum()
+    }
+
+    /// Readings of the longest stretch.
+    pub(super) fn longest(&self) -> usize {
+        self.stretches.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    /// The unknowns that the record has to tell at least: free parameters, and one state.
+    pub(super) fn least_unknowns(&self) -> usize {
+        self.free.len() + self.flow.states.len()
+    }
+
+    /// Noise that the readings of every sensor show by themselves, unit of what it reads.
+    fn own_noise(&self) -> Vec<f64> {
+        self.flow.signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise).collect()
+    }
+
     /// Whether the noise of every sensor is no more than what its readings show by themselves.
     pub(super) fn explained(&self, noise: &[f64]) -> bool {
-        let own = self.flow.signals.sensors.iter().map(|own| Sensor::of(&[&own.channel.value]).noise);
-        noise.iter().zip(own).all(|(noise, own)| *noise <= MOST_OVER_NOISE * own)
+        noise.iter().zip(self.own_noise()).all(|(noise, own)| is_noise(*noise, own))
     }
 
     /// What settles over blocks of one length, with the noise that is left.
