@@ -83,8 +83,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 /// What is said where a model lacks something on its log.
-pub(super) const NEAREST: &str = "the model lacked something on its log: the values nearest to the forces there are used, which predict better than \
-     those that hold beside it";
+pub(super) const NEAREST: &str = "the model lacked something on the log of this result: the values that come nearest to the forces there are used, \
+     which predict better than those that hold beside what is missing";
 
 fn describe(result: &Validation) -> String {
     if let Some(run) = &result.between_stamps {

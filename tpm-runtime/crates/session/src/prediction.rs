@@ -88,7 +88,8 @@ impl Prediction {
         Some(Self { rows, left: nearby.left.clone(), stated, completed, delays })
     }
 
-    /// Which forces the model predicts and of which it predicts nothing, on parts of the log that were held out; nothing where it does neither.
+    /// Which forces the model predicts and of which it predicts nothing, on parts of the log that were held out; nothing where every
+    /// force is predicted at least in part, or none is.
     pub(super) fn by_rows(&self) -> Option<String> {
         let held_out = &self.completed.as_ref().map_or(&self.stated, |own| &own.forces).held_out;
         let of = |least: f64, most: f64| -> Vec<(&String, f64)> {

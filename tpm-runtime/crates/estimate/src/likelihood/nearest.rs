@@ -56,7 +56,7 @@ pub struct Nearby {
     pub stated: Nearest,
     /// The model with terms that it lacks; nothing where none make it better on parts of the record from which its values were not taken.
     pub completed: Option<Nearest>,
-    /// By how much later than it is recorded every input acts in them, s; of no input by less than nothing, which nobody can wait for.
+    /// By how much later than it is recorded every input acts in them, s; zero where it acts at once, or seems to act earlier.
     pub delays: Vec<f64>,
 }
 

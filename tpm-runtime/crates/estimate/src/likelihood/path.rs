@@ -249,7 +249,7 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// How many points of a path lie from one at which derivatives by a position are taken to the next; there are four of these at least, or all.
+    /// Derivatives by a position are taken at every so manieth point of a path: at four points at least, or at all.
     pub(super) fn stride(&self, path: &Path) -> usize {
         let narrow = self.measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
         let most = POINTS_PER_OSCILLATION / SLOPES_PER_OSCILLATION;

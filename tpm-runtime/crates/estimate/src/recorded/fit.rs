@@ -78,7 +78,7 @@ pub fn fit_recorded(
         }
     }
     Ok(match (best, whole) {
-        (Ok(best), Some(whole)) if whole.is_rather_than(&best) => whole,
+        (Ok(best), Some(whole)) if whole.is_preferred_to(&best) => whole,
         (Err(_), Some(whole)) => whole,
         (best, _) => best?,
     })

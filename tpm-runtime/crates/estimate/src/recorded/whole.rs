@@ -19,8 +19,8 @@ const RACE: [(usize, usize); 3] = [(64, 3), (16, 4), (4, 25)];
 /// Two starts lead to one minimum where their sums of squares differ by less than this share.
 const SAME_MINIMUM: f64 = 0.01;
 
-/// The record fitted from starts on whole stretches, and whether two of them led to one minimum. Nothing where no start is followed so far, as
-/// where the motion is unstable without its loop.
+/// The record fitted from starts on whole stretches, and whether two of them led to one minimum. Nothing where no simulated
+/// motion follows the record so far, as that of a machine that is unstable without its loop.
 pub(super) fn fit_whole(
     (model, constants): (&dyn Model<f64>, &[f64]),
     signals: &SignalsAsRecorded,

@@ -164,7 +164,7 @@ impl RecordedFit {
 
     /// Whether what settled over whole stretches is handed out rather than what settled over blocks. Where something is lacking even over short
     /// blocks, these say least of slow motions: what leaves least of whole stretches follows another record better.
-    pub(super) fn is_rather_than(&self, blocks: &Self) -> bool {
+    pub(super) fn is_preferred_to(&self, blocks: &Self) -> bool {
         let leaves_less = self.estimate.residual < blocks.estimate.residual;
         match (blocks.explains_all(), self.explains_all()) {
             (true, whole) => whole && leaves_less,
