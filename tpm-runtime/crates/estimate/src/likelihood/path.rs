@@ -249,7 +249,7 @@ impl<'a> Paths<'a> {
         }
     }
 
-    /// Derivatives by a position are taken at every so manieth point of a path: at four points at least, or at all.
+    /// How far apart the points of a path are at which derivatives by a position are taken, in points. They are four at least, or all.
     pub(super) fn stride(&self, path: &Path) -> usize {
         let narrow = self.measured.iter().map(|own| own.narrow).fold(0.0, f64::max);
         let most = POINTS_PER_OSCILLATION / SLOPES_PER_OSCILLATION;
