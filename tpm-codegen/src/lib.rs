@@ -50,6 +50,7 @@
 //! |---|---|
 //! | `coordinate x [m], y [m];` | generalised coordinates |
 //! | `unmeasured y [m];` | coordinates that no sensor measures, identified from logs with the parameters |
+//! | `presliding z of q over 0.005;` | how far the friction of a coordinate has built up since it reversed |
 //! | `input u [N];` | actuating forces, torques, voltages |
 //! | `parameter m [kg], k [N/m];` | to be identified |
 //! | `nonlinear parameter vs [m/s] from 0.01 to 0.5;` | to be identified from logs; may stand inside functions, within this interval, see [below](#nonlinear-parameters) |

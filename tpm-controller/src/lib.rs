@@ -64,7 +64,7 @@ pub mod model;
 pub mod source;
 pub mod support;
 
-pub use model::{Buffer, Dims, EvalError, Model};
+pub use model::{Buffer, Dims, EvalError, Model, Presliding};
 pub use support::{
     AccumulatorError, Hyperbolic, Label, LeastSquares, Real, SolveError, least_squares, weighted_least_squares,
 };

@@ -212,6 +212,25 @@ pub fn split_workspace<T>(workspace: &mut [T], needed: usize) -> Result<(&mut [T
     workspace.split_at_mut_checked(needed).ok_or(EvalError::Length { buffer: Buffer::Workspace, needed, given })
 }
 
+/// How far dry friction has built up since a coordinate reversed, from -1 to 1. From one position to the next, between which the
+/// coordinate moves one way, it goes on by
+///
+/// ```text
+/// D := s - (s - D) exp(-|step| / travel),    s the sign of the step
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Presliding<T> {
+    /// The coordinate that reverses.
+    pub of: usize,
+    /// The travel over which all but 1/e of it builds up, in the unit of that coordinate.
+    pub travel: T,
+}
+
+/// How many coordinates of a model move on their own; those that follow from others stand behind them.
+pub fn moving<T: Real>(model: &dyn Model<T>) -> usize {
+    (0..model.dims().coordinates).take_while(|&c| model.presliding(c).is_none()).count()
+}
+
 /// What is given the rows at many instants: the number of an instant, Phi and the known terms.
 pub type Take<'a, T> = dyn FnMut(usize, &[T], &[T]) + 'a;
 
@@ -237,6 +256,12 @@ pub trait Model<T: Real>: Send + Sync {
     fn is_measured(&self, index: usize) -> bool {
         let _ = index;
         true
+    }
+    /// What a coordinate follows from that has no sensor and no equation of its own: how far the friction of another one has built up.
+    /// Nothing for every other coordinate.
+    fn presliding(&self, index: usize) -> Option<Presliding<T>> {
+        let _ = index;
+        None
     }
     /// Name and unit of an input.
     fn input(&self, index: usize) -> Label<'_>;

@@ -38,8 +38,8 @@ pub use {
 };
 
 pub use tpm_controller::{
-    Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter,
-    harmonics, least_squares, linear, model, support, weighted_least_squares,
+    Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Presliding, Real, SolveError, control,
+    derivatives, filter, harmonics, least_squares, linear, model, support, weighted_least_squares,
 };
 #[cfg(feature = "macros")]
 pub use tpm_macros::{model, model_file};

@@ -2,7 +2,9 @@
 
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
+use tpm_symbolic::mechanics::model::{CoordinateInfo, Presliding};
 use tpm_symbolic::mechanics::unit::Unit;
+use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::operation::OperationCounts;
 use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
@@ -249,6 +251,19 @@ pub(super) fn quantity(estimator: &EstimatorSource, symbol: Symbol) -> String {
 pub(super) fn pattern_symbol(estimator: &EstimatorSource, pattern: &PatternPlan, symbol: Symbol) -> String {
     let what = if symbol == pattern.frequency { "Fundamental angular frequency" } else { "Amplitude" };
     format!("{what} {}", quantity(estimator, symbol))
+}
+
+/// What the type of a coordinate at one instant is.
+pub(super) fn coordinate(estimator: &EstimatorSource, info: &CoordinateInfo) -> String {
+    let Some(Presliding { of, travel }) = &info.presliding else {
+        return format!("The coordinate `{}` and its time derivatives at one instant.", info.name);
+    };
+    let of = &estimator.model.coordinates[of.0 as usize].name;
+    let travel = rational::display(travel);
+    format!(
+        "How far the friction of `{of}` has built up since it reversed, from -1 to 1: zero at first; with every step of `{of}` it goes on by \
+         D = s - (s - D)*exp(-|step|/{travel}), s the sign of the step, to which the noise of a sensor at rest does not belong."
+    )
 }
 
 /// The description of a derivative of a coordinate.

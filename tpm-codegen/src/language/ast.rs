@@ -102,18 +102,35 @@ pub struct Declaration {
     pub role: Role,
     /// Whether these are coordinates that no sensor measures, `unmeasured y [m];`.
     pub unmeasured: bool,
+    /// What the one coordinate of the declaration follows from, `presliding z of q over 0.001;`.
+    pub presliding: Option<PreslidingOf>,
     /// At least one.
     pub quantities: Vec<Quantity>,
 }
 
 /// The keyword of coordinates that no sensor measures.
 pub(crate) const UNMEASURED: &str = "unmeasured";
+/// The keyword of friction that builds up.
+pub(crate) const PRESLIDING: &str = "presliding";
+
+/// What friction that builds up follows from.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct PreslidingOf {
+    /// The coordinate that reverses.
+    pub coordinate: Ident,
+    /// The travel over which it builds up, an expression of constants.
+    pub travel: Expr,
+}
 
 impl Declaration {
     /// The keyword.
     #[must_use]
     pub fn keyword(&self) -> &'static str {
-        if self.unmeasured { UNMEASURED } else { self.role.keyword() }
+        match (self.unmeasured, &self.presliding) {
+            (true, _) => UNMEASURED,
+            (false, Some(_)) => PRESLIDING,
+            (false, None) => self.role.keyword(),
+        }
     }
 }
 
@@ -366,6 +383,10 @@ impl Item {
 
 impl Declaration {
     fn forget_spans(&mut self) {
+        if let Some(own) = &mut self.presliding {
+            forget(&mut own.coordinate);
+            own.travel.forget_spans();
+        }
         for quantity in &mut self.quantities {
             forget(&mut quantity.name);
             quantity.value.iter_mut().for_each(Expr::forget_spans);

@@ -24,8 +24,23 @@ pub struct AddedForce {
     pub meaning: String,
     /// Known numbers in it: name, value, unit. The expressions have the names in braces.
     pub constants: Vec<(String, f64, Option<String>)>,
+    /// Friction that builds up in it: what its state is called, the coordinate that reverses, and the travel.
+    pub presliding: Option<(String, String, f64)>,
     /// What the parameter is multiplied by in every row in which the force acts: the row, its coordinate, and the expression.
     pub rows: Vec<(usize, String, String)>,
+}
+
+/// Travels that differ by less than this factor are those of one friction.
+const ONE_TRAVEL: f64 = 2.0;
+
+impl AddedForce {
+    /// Whether another force is this one, as another log shows it: numbers in it may differ.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        let travels = self.presliding.as_ref().zip(other.presliding.as_ref());
+        self.rows == other.rows
+            && travels.is_none_or(|(own, other)| (1.0 / ONE_TRAVEL..ONE_TRAVEL).contains(&(own.2 / other.2)))
+    }
 }
 
 /// Dry friction of drives in proportion to their load.
@@ -78,6 +93,7 @@ impl Error for CannotAdd {}
 ///     unit: Some("N*s^2/m^2".into()),
 ///     meaning: "drag".into(),
 ///     constants: Vec::new(),
+///     presliding: None,
 ///     rows: vec![(0, "x".into(), "dot(x)*abs(dot(x))".into())],
 /// };
 /// let whole = with_forces(&Source::new("cart.tpm", text), &[drag], &AddedLoads::default()).expect("a model of one equation");
@@ -112,6 +128,11 @@ pub fn with_forces(source: &Source, forces: &[AddedForce], loads: &AddedLoads) -
             let own_name = fresh(constant);
             declared += &format!("    constant {own_name} = {:?}{};\n", rounded(*value), unit(own));
             names.push((format!("{{{constant}}}"), own_name));
+        }
+        if let Some((state, coordinate, travel)) = &force.presliding {
+            let own_name = fresh(state);
+            declared += &format!("    presliding {own_name} of {coordinate} over {:?};\n", rounded(*travel));
+            names.push((format!("{{{state}}}"), own_name));
         }
         for (row, coordinate, expression) in &force.rows {
             let expression = names.iter().fold(expression.clone(), |text, (mark, name)| text.replace(mark, name));
@@ -219,6 +240,7 @@ mod tests {
             unit: Some("N".into()),
             meaning: "friction".into(),
             constants: vec![("vs".into(), 0.123_456_789, Some("m/s".into()))],
+            presliding: None,
             rows: rows.iter().map(|(row, q, text)| (*row, (*q).into(), (*text).into())).collect(),
         }
     }

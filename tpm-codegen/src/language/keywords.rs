@@ -4,9 +4,10 @@
 //! are contextual, so that a quantity may be called like any of them.
 
 /// Statements of a model that begin with a word and a name.
-pub(crate) const STATEMENTS: [&str; 12] = [
+pub(crate) const STATEMENTS: [&str; 13] = [
     "coordinate",
     "unmeasured",
+    "presliding",
     "input",
     "parameter",
     "constant",
@@ -45,13 +46,24 @@ pub(crate) fn belongs(word: &str) -> Option<&'static str> {
 }
 
 /// Every keyword with its use and its meaning, for editors.
-pub const KEYWORDS: [(&str, &str, &str); 50] = [
+pub const KEYWORDS: [(&str, &str, &str); 53] = [
     ("model", "model NAME { ... }", "a dynamics model; a file has one"),
     ("coordinate", "coordinate x [m], y [m];", "generalised coordinates, functions of the time"),
     (
         "unmeasured",
         "unmeasured y [m];",
         "coordinates that no sensor measures, which logs identify with the parameters by what other sensors feel of them",
+    ),
+    (
+        "presliding",
+        "presliding z of q over 0.001;",
+        "how far dry friction has built up since a coordinate reversed, from -1 to 1: it follows from the motion, and has no sensor",
+    ),
+    ("of", "presliding z of q over 0.001;", "the coordinate that reverses"),
+    (
+        "over",
+        "presliding z of q over 0.001;",
+        "the travel over which all but 1/e of the friction builds up, in the unit of the coordinate",
     ),
     ("input", "input u [N];", "actuating forces, torques, voltages"),
     ("parameter", "parameter m [kg], k [N/m];", "numbers to be identified"),
@@ -143,6 +155,7 @@ pub(crate) fn clauses_of(statement: &str) -> &'static [&'static str] {
         "taylor" => &["about", "order"],
         "eliminate" => &["as"],
         "nonlinear" => &["from", "to"],
+        "presliding" => &["of", "over"],
         _ => &[],
     }
 }

@@ -15,9 +15,9 @@ pub use expression::HIGHEST_ORDER;
 
 use std::collections::HashMap;
 
-use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Node, Symbol};
 use tpm_symbolic::expr::size::Sizes;
-use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, TermId};
+use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, Presliding, TermId};
 use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
@@ -91,6 +91,7 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
     lowering.mechanism(model);
     lowering.statements(model);
     lowering.dynamics(model);
+    lowering.check_following(model);
     lowering.refuse_too_long();
     lowering.check_nonlinear(model);
     lowering.patterns(model);
@@ -151,15 +152,19 @@ impl<'a> Lowering<'a, '_, '_> {
         Environment { model: &mut self.model, names: &self.names }.lower(expr)
     }
 
+    /// Coordinates that follow from others stand behind all of these, so that equations have the numbers of their coordinates.
     fn declarations(&mut self, model: &'a ast::ModelDeclaration) {
+        let mut following = Vec::new();
         for item in &model.items {
             match item {
+                Item::Declaration(declaration) if declaration.presliding.is_some() => following.push(declaration),
                 Item::Declaration(declaration) => self.declare(declaration),
                 Item::Nonlinear(parameters) => parameters.iter().for_each(|own| self.declare_nonlinear(own)),
                 Item::Series(series) if series.definition.is_none() => self.declare_coefficients(series),
                 _ => {}
             }
         }
+        following.into_iter().for_each(|declaration| self.declare(declaration));
     }
 
     fn declare(&mut self, declaration: &'a Declaration) {
@@ -170,6 +175,12 @@ impl<'a> Lowering<'a, '_, '_> {
                 Role::Coordinate => {
                     let coordinate = self.model.declare_coordinate(name, unit);
                     self.model.coordinates[coordinate.0 as usize].unmeasured = declaration.unmeasured;
+                    if let Some(own) = &declaration.presliding {
+                        let travel = self.travel(own);
+                        let of = self.coordinate(&own.coordinate.name);
+                        let follows = of.zip(self.keep(travel)).map(|(of, travel)| Presliding { of, travel });
+                        self.model.coordinates[coordinate.0 as usize].presliding = follows;
+                    }
                     let expr = self.model.graph.derivative_of(coordinate, 0);
                     self.names.insert(name, expr);
                     continue;
@@ -190,6 +201,50 @@ impl<'a> Lowering<'a, '_, '_> {
             let symbol = self.model.declare(name, unit, kind);
             let expr = self.model.graph.symbol(symbol);
             self.names.insert(name, expr);
+        }
+    }
+
+    /// The travel over which friction builds up.
+    fn travel(&self, own: &ast::PreslidingOf) -> Lower<Rational> {
+        let travel = expression::exact(&own.travel, &self.values)?;
+        if travel > Rational::from_integer(0.into()) {
+            return Ok(travel);
+        }
+        let message = "friction builds up over a travel, which is larger than zero";
+        Err(Diagnostic::error(own.travel.span, message).help("write it in the unit of the coordinate: 0.001"))
+    }
+
+    /// Friction that has built up is a force: it has no rate, and no energy.
+    fn check_following(&mut self, model: &'a ast::ModelDeclaration) {
+        let declared =
+            model.items.iter().filter_map(|item| if let Item::Declaration(own) = item { Some(own) } else { None });
+        let following: Vec<&ast::Ident> = declared
+            .filter(|own| own.presliding.is_some())
+            .flat_map(|own| own.quantities.iter().map(|quantity| &quantity.name))
+            .collect();
+        if following.is_empty() {
+            return;
+        }
+        let terms: Vec<ExprId> =
+            self.model.equations.iter().flat_map(|equation| &equation.terms).map(|term| term.expr).collect();
+        let leaves = self.model.graph.leaves_of(terms);
+        for name in following {
+            let Some(own) = self.coordinate(&name.name) else { continue };
+            let is_rate = |leaf: &ExprId| matches!(self.model.graph.node(*leaf), Node::Derivative(of, order) if *of == own && *order > 0);
+            let in_energy = model.items.iter().any(|item| match item {
+                Item::Energy(energy) => mentions(&energy.value, &name.name),
+                _ => false,
+            });
+            if leaves.iter().any(is_rate) || in_energy {
+                let message =
+                    format!("`{}` is how far friction has built up, which has no rate and no energy", name.name);
+                self.diagnostics.push(
+                    Diagnostic::error(name.span, message).help(format!(
+                        "multiply it by a force in an equation, or in `force q = ...;`: -fp*{}",
+                        name.name
+                    )),
+                );
+            }
         }
     }
 
@@ -396,6 +451,13 @@ fn formal(unit: &UnitExpr) -> FormalUnit {
 /// A derived unit as a product of base units; `None` when it has a scale factor, which has no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
     Some(FormalUnit::product(unit.base_powers()?).with_torque())
+}
+
+/// Whether a name stands in an expression.
+fn mentions(expr: &ast::Expr, name: &str) -> bool {
+    let mut found = false;
+    expr.walk(&mut |part| found |= matches!(&part.kind, ast::ExprKind::Name(own) if own == name));
+    found
 }
 
 /// The fault that a term is too long to be multiplied out, as `what` requires.

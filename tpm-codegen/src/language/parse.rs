@@ -13,8 +13,8 @@ use std::collections::HashSet;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
     Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, ExprKind, Force, Ident, Item,
-    ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration,
-    Taylor, UnitExpr,
+    ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, PreslidingOf, Quantity, Role,
+    SeriesDeclaration, Taylor, UnitExpr,
 };
 use crate::language::keywords::{OTHER_STATEMENTS, PATTERN_STATEMENTS, STATEMENTS, belongs};
 use crate::language::lex::{lex, shorten};
@@ -382,6 +382,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 }
                 self.declaration(Role::Coordinate).map(|own| Item::Declaration(Declaration { unmeasured, ..own }))
             }
+            "presliding" => self.presliding(),
             "input" => self.declaration(Role::Input).map(Item::Declaration),
             "parameter" => self.declaration(Role::Parameter).map(Item::Declaration),
             "constant" => self.declaration(Role::Constant).map(Item::Declaration),
@@ -445,7 +446,30 @@ impl<'a, 'd> Parser<'a, 'd> {
             }
         }
         self.end_of_statement()?;
-        Ok(Declaration { role, unmeasured: false, quantities })
+        Ok(Declaration { role, unmeasured: false, presliding: None, quantities })
+    }
+
+    /// `presliding z of q over 0.001;`
+    fn presliding(&mut self) -> Parse<Item> {
+        let keyword = self.bump().span;
+        let name = self.name("a name")?;
+        let token = self.tokens[self.at - 1];
+        self.declared.insert(self.text(token));
+        self.word("of")?;
+        let coordinate = self.name("a coordinate")?;
+        self.word("over")?;
+        let travel = self.expr()?;
+        self.end_of_statement()?;
+        Ok(Item::Declaration(Declaration {
+            role: Role::Coordinate,
+            unmeasured: false,
+            presliding: Some(PreslidingOf { coordinate, travel }),
+            quantities: vec![Quantity {
+                name,
+                value: None,
+                unit: Some(UnitExpr { factors: Vec::new(), span: keyword }),
+            }],
+        }))
     }
 
     /// `nonlinear parameter vs [m/s] from 0.01 to 0.5, q0 [rad] from -0.2 to 0.2;`

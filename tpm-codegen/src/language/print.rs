@@ -13,8 +13,8 @@ use tpm_symbolic::number::rational::Rational;
 
 use crate::language::ast::{
     Declaration, Definition, Eliminate, Energy, Equation, Expr, ExprKind, Force, Item, ModelDeclaration, Motion,
-    NonlinearParameter, Operation, PatternDeclaration, PatternItem, Quantity, SeriesDeclaration, Sign, Taylor,
-    UnitExpr,
+    NonlinearParameter, Operation, PatternDeclaration, PatternItem, PreslidingOf, Quantity, SeriesDeclaration, Sign,
+    Taylor, UnitExpr,
 };
 
 /// Precedence of an expression; an expression of lower precedence than its place requires is put in parentheses.
@@ -156,7 +156,13 @@ impl Display for Quantity {
 impl Display for Declaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{} ", self.keyword())?;
-        join(f, &self.quantities, ", ")?;
+        match &self.presliding {
+            Some(PreslidingOf { coordinate, travel }) => {
+                join(f, self.quantities.iter().map(|own| &own.name.name), ", ")?;
+                write!(f, " of {} over {travel}", coordinate.name)?;
+            }
+            None => join(f, &self.quantities, ", ")?,
+        }
         f.write_char(';')
     }
 }

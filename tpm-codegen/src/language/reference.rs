@@ -15,10 +15,11 @@ pub struct Example {
 }
 
 /// All examples, in the order in which the language is told.
-pub const EXAMPLES: [Example; 11] = [
+pub const EXAMPLES: [Example; 12] = [
     Example { title: "Equations of motion", text: include_str!("examples/equations.tpm") },
     Example { title: "Energies", text: include_str!("examples/energies.tpm") },
     Example { title: "Friction", text: include_str!("examples/friction.tpm") },
+    Example { title: "Friction that builds up", text: include_str!("examples/presliding.tpm") },
     Example { title: "Mechanisms", text: include_str!("examples/mechanism.tpm") },
     Example { title: "Patterns", text: include_str!("examples/patterns.tpm") },
     Example { title: "Unknown functions", text: include_str!("examples/series.tpm") },

@@ -132,8 +132,8 @@ mod built {
     use proptest::prelude::*;
     use tpm_codegen::language::ast::{
         Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, ExprKind, Force, Ident, Item,
-        ModelDeclaration, Motion, Operation, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration, Sign,
-        Taylor, UnitExpr,
+        ModelDeclaration, Motion, Operation, PatternDeclaration, PatternItem, PreslidingOf, Quantity, Role,
+        SeriesDeclaration, Sign, Taylor, UnitExpr,
     };
     use tpm_codegen::source::Span;
     use tpm_symbolic::number::rational::Rational;
@@ -206,10 +206,25 @@ mod built {
         (quantities, any::<bool>()).prop_map(move |(quantities, unmeasured)| Declaration {
             role,
             unmeasured: unmeasured && role == Role::Coordinate,
+            presliding: None,
             quantities: quantities
                 .into_iter()
                 .map(|(name, value, unit)| Quantity { name, value: value.filter(|_| role == Role::Constant), unit })
                 .collect(),
+        })
+    }
+
+    /// `presliding z of q over 0.001;`
+    fn presliding() -> impl Strategy<Value = Declaration> {
+        (ident(), ident(), expression()).prop_map(|(name, coordinate, travel)| Declaration {
+            role: Role::Coordinate,
+            unmeasured: false,
+            presliding: Some(PreslidingOf { coordinate, travel }),
+            quantities: vec![Quantity {
+                name,
+                value: None,
+                unit: Some(UnitExpr { factors: Vec::new(), span: NOWHERE }),
+            }],
         })
     }
 
@@ -222,6 +237,7 @@ mod built {
             prop_oneof![Just(Role::Coordinate), Just(Role::Input), Just(Role::Parameter), Just(Role::Constant)]
                 .prop_flat_map(declaration)
                 .prop_map(Item::Declaration),
+            presliding().prop_map(Item::Declaration),
             (
                 ident(),
                 ident(),

@@ -117,7 +117,8 @@ pub fn euler_lagrange(model: &mut ExactModel, lagrangian: &Lagrangian) -> Result
     check_arguments(model, "kinetic", &lagrangian.kinetic, 1)?;
     check_arguments(model, "potential", &lagrangian.potential, 0)?;
     check_arguments(model, "dissipation", &lagrangian.dissipation, 1)?;
-    let n = model.coordinates.len();
+    // Coordinates that follow from others have no equations, and stand behind those that have.
+    let n = model.coordinates.iter().take_while(|coordinate| coordinate.presliding.is_none()).count();
     let coordinates: Vec<Coordinate> = (0u32..).take(n).map(Coordinate).collect();
     let leaves = |model: &mut ExactModel, order: u32| -> Vec<ExprId> {
         coordinates.iter().map(|&c| model.graph.derivative_of(c, order)).collect()

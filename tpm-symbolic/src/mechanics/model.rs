@@ -67,6 +67,19 @@ pub struct CoordinateInfo {
     /// Whether no sensor measures it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub unmeasured: bool,
+    /// What it follows from, where it is how far the friction of another coordinate has built up; nothing for every other one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub presliding: Option<Presliding>,
+}
+
+/// How far dry friction has built up since a coordinate reversed, from -1 to 1: with the position q, the last reversal at q0 and what had built
+/// up there D0, it is D = s - (s - D0) exp(-|q - q0| / travel), s the sign of the motion.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Presliding {
+    /// The coordinate that reverses.
+    pub of: Coordinate,
+    /// The travel over which all but 1/e of it builds up, in the unit of that coordinate.
+    pub travel: Rational,
 }
 
 /// Identifies a source term. Its meaning is known only to the reader of the source.
@@ -162,8 +175,14 @@ impl ExactModel {
     pub fn declare_coordinate(&mut self, name: &str, unit: Option<Unit>) -> Coordinate {
         let coordinate =
             Coordinate(u32::try_from(self.coordinates.len()).expect("invariant: fewer than 2^32 coordinates"));
-        self.coordinates.push(CoordinateInfo { name: name.to_owned(), unit, unmeasured: false });
+        self.coordinates.push(CoordinateInfo { name: name.to_owned(), unit, unmeasured: false, presliding: None });
         coordinate
+    }
+
+    /// Whether a coordinate follows from another one, and is no motion of its own.
+    #[must_use]
+    pub fn is_derived(&self, coordinate: Coordinate) -> bool {
+        self.coordinates[coordinate.0 as usize].presliding.is_some()
     }
 
     /// The quantity behind a symbol.

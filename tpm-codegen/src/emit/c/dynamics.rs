@@ -87,7 +87,7 @@ fn records(context: &mut Context<'_>) {
         let derivatives: Vec<(String, String)> = (0..=names.order).map(derivative).collect();
         fields.push_str(&doc(1, &format!("`{}` and its derivatives.", info.name)));
         fields.push_str(&format!("    {} {field};\n", context.global(&name)));
-        let about = format!("The coordinate `{}` and its time derivatives at one instant.", info.name);
+        let about = text::coordinate(context.estimator, info);
         context.record(&name, &about, &derivatives);
     }
     context.structure("motion", "One instant of the motion.", &fields);

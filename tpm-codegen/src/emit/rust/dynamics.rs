@@ -10,7 +10,7 @@ use super::super::estimator::EstimatorSource;
 use super::super::function::{self, Body, Function};
 use super::super::text;
 use super::context::Context;
-use super::expression::{Writer, literal};
+use super::expression::{Writer, literal, number};
 use super::names::{derivative_field, ident};
 use super::record::{Field, count, doc, locals, record};
 use super::requested;
@@ -23,6 +23,11 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
         true => vec!["Label", "Real"],
         false => vec!["Buffer", "Dims", "EvalError", "Label", "Model", "Real"],
     };
+    let follows = context.estimator.model.coordinates.iter().any(|coordinate| coordinate.presliding.is_some());
+    if follows && !standalone {
+        root.push("Presliding");
+        root.sort_unstable();
+    }
     if context.estimator.calls(graph::Function::Tanh) {
         root.push("Hyperbolic");
         root.sort_unstable();
@@ -264,7 +269,7 @@ fn motion(context: &Context<'_>) -> TokenStream {
         let derivatives: Vec<Ident> = (0..=names.order).map(derivative_field).collect();
         let docs = (0..=names.order).map(|n| doc(&text::derivative(context.estimator, names.coordinate, n)));
         let (name, field) = (&names.motion_type, &names.field);
-        let about = doc(&format!("The coordinate `{}` and its time derivatives at one instant.", info.name));
+        let about = doc(&text::coordinate(context.estimator, info));
         types.extend(quote! {
             #about
             #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -452,6 +457,25 @@ fn implementation(context: &Context<'_>) -> TokenStream {
             }
         }
     };
+    let following = context.names.coordinates.iter().enumerate().filter_map(|(c, names)| {
+        let own = context.estimator.model.coordinates[names.coordinate.0 as usize].presliding.as_ref()?;
+        let of = context.names.coordinates.iter().position(|other| other.coordinate == own.of)?;
+        let (c, of, travel) = (count(c), count(of), number(&own.travel));
+        Some(quote!(#c => Some(Presliding { of: #of, travel: #travel }),))
+    });
+    let following: Vec<TokenStream> = following.collect();
+    let presliding = if following.is_empty() {
+        quote!()
+    } else {
+        quote! {
+            fn presliding(&self, index: usize) -> Option<Presliding<T>> {
+                match index {
+                    #(#following)*
+                    _ => None,
+                }
+            }
+        }
+    };
     // Names and units.
     let labels = [
         ("coordinate", "COORDINATES"),
@@ -495,6 +519,8 @@ fn implementation(context: &Context<'_>) -> TokenStream {
             #source
 
             #(#labels)*
+
+            #presliding
 
             #coordinate_order
 

@@ -9,7 +9,7 @@ use super::super::names::{self, Style, derivative_name, harmonic_name};
 
 /// Types of emitted modules, and the names that they import. They are reserved: no name of a model may shadow them.
 const TYPES: &str = "Accelerations Accumulator AccumulatorError BaseEstimate BaseEstimator BaseParameters Buffer Clone Constants Copy \
-    Debug Default Dims Err Estimate EvalError Forces Harmonics Inputs Label Model Motion Ok Option Parameters \
+    Debug Default Dims Err Estimate EvalError Forces Harmonics Inputs Label Model Motion Ok Option Parameters Presliding \
     PartialEq Pattern Physical Real Result SampleFault Shown SingularMass SolveError SquareRoot T";
 
 /// The names of an emitted module.

@@ -166,7 +166,7 @@ impl Checker<'_, '_> {
         }
         for item in &model.items {
             let Item::Declaration(declaration) = item else { continue };
-            if declaration.role != Role::Coordinate {
+            if declaration.role != Role::Coordinate || declaration.presliding.is_some() {
                 continue;
             }
             for quantity in &declaration.quantities {

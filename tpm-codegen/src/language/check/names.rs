@@ -156,6 +156,11 @@ impl<'a> Names<'a, '_, '_> {
                 self.visit(value, Place::Value, User::Name(&quantity.name.name));
                 self.known.insert(&quantity.name.name);
             }
+            if let Some(own) = &declaration.presliding {
+                let user = User::Name(&quantity.name.name);
+                self.visit(&own.travel, Place::Value, user);
+                self.uses.entry(user).or_default().insert(&own.coordinate.name);
+            }
         }
     }
 

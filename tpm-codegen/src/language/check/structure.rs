@@ -1,17 +1,28 @@
 //! Checks of statements against each other: one energy of each kind, one force on each coordinate, motions of
 //! coordinates only.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{EnergyKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role};
+use crate::language::ast::{
+    Declaration, EnergyKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role,
+};
 use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
 use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
 use crate::source::Span;
 
-pub(super) fn check(model: &ModelDeclaration, symbols: &Symbols<'_>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
-    let mut checker = Checker { symbols, syntax, diagnostics };
+pub(super) fn check<'a>(
+    model: &'a ModelDeclaration,
+    symbols: &'a Symbols<'a>,
+    syntax: &Syntax,
+    diagnostics: &mut Diagnostics,
+) {
+    let declared =
+        model.items.iter().filter_map(|item| if let Item::Declaration(own) = item { Some(own) } else { None });
+    let following = declared.filter(|own| own.presliding.is_some()).flat_map(|own| &own.quantities);
+    let following = following.map(|quantity| quantity.name.name.as_str()).collect();
+    let mut checker = Checker { symbols, syntax, diagnostics, following };
     checker.dynamics(model);
     checker.coordinates(model);
     checker.patterns(model);
@@ -21,6 +32,8 @@ struct Checker<'a, 'd> {
     symbols: &'a Symbols<'a>,
     syntax: &'a Syntax,
     diagnostics: &'d mut Diagnostics,
+    /// Coordinates that follow from the motion of others.
+    following: HashSet<&'a str>,
 }
 
 impl<'a> Checker<'a, '_> {
@@ -102,6 +115,7 @@ impl<'a> Checker<'a, '_> {
         let mut elimination = None;
         for item in &model.items {
             match item {
+                Item::Declaration(Declaration { presliding: Some(own), .. }) => self.coordinate(&own.coordinate),
                 Item::Force(force) => self.once(&force.coordinate, &mut forces, "the force on"),
                 Item::Taylor(taylor) => self.once(&taylor.coordinate, &mut taylors, "a Taylor order for"),
                 Item::Series(series) => {
@@ -170,6 +184,11 @@ impl<'a> Checker<'a, '_> {
     fn coordinate(&mut self, name: &Ident) {
         let text = name.name.as_str();
         match self.symbols.model.get(text) {
+            Some(_) if self.following.contains(text) => self.error(
+                name.span,
+                format!("`{text}` follows from the motion of another coordinate, and has none of its own"),
+                "name a coordinate that moves",
+            ),
             Some(symbol) if symbol.kind == SymbolKind::Quantity(Role::Coordinate) => {}
             Some(symbol) => self.diagnostics.push(
                 Diagnostic::error(name.span, format!("`{text}` is no coordinate"))

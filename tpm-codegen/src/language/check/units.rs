@@ -179,7 +179,9 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => {
-                    for value in declaration.quantities.iter().filter_map(|quantity| quantity.value.as_ref()) {
+                    let travel = declaration.presliding.as_ref().map(|own| &own.travel);
+                    let values = declaration.quantities.iter().filter_map(|quantity| quantity.value.as_ref());
+                    for value in values.chain(travel) {
                         self.dimension(value);
                     }
                 }

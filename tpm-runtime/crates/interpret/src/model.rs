@@ -4,11 +4,12 @@ use crate::leaves::{Leaves, require_motion};
 use crate::program::{LANES, Program};
 use tpm_controller::linear;
 use tpm_controller::model::{
-    Buffer, Dims, EvalError, Label, Model, Take, difference_workspace_len, forward_by_differences, require_forward,
-    require_len, split_workspace,
+    Buffer, Dims, EvalError, Label, Model, Presliding, Take, difference_workspace_len, forward_by_differences,
+    require_forward, require_len, split_workspace,
 };
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
+use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::regressor::form::RegressorForm;
 
@@ -36,6 +37,7 @@ pub struct Interpreted {
     coordinates: Vec<Name>,
     orders: Vec<usize>,
     measured: Vec<bool>,
+    presliding: Vec<Option<Presliding<f64>>>,
     inputs: Vec<Name>,
     parameters: Vec<Name>,
     constants: Vec<Name>,
@@ -97,6 +99,13 @@ impl Interpreted {
             measured: (evaluation.coordinates.iter())
                 .map(|(coordinate, _)| !model.coordinates[coordinate.0 as usize].unmeasured)
                 .collect(),
+            presliding: (evaluation.coordinates.iter())
+                .map(|(coordinate, _)| {
+                    let own = model.coordinates[coordinate.0 as usize].presliding.as_ref()?;
+                    let of = evaluation.coordinates.iter().position(|(other, _)| *other == own.of)?;
+                    Some(Presliding { of, travel: rational::to_f64(&own.travel) })
+                })
+                .collect(),
             orders: evaluation.coordinates.iter().map(|(_, order)| *order as usize).collect(),
             inputs: evaluation.inputs.iter().map(quantity).collect(),
             parameters: form.columns.iter().map(|column| name(&column.name, column.unit.as_ref())).collect(),
@@ -151,6 +160,10 @@ impl Model<f64> for Interpreted {
 
     fn is_measured(&self, index: usize) -> bool {
         self.measured.get(index).copied().unwrap_or(true)
+    }
+
+    fn presliding(&self, index: usize) -> Option<Presliding<f64>> {
+        self.presliding.get(index).copied().flatten()
     }
 
     fn input(&self, index: usize) -> Label<'_> {

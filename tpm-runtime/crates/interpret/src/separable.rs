@@ -15,7 +15,9 @@
 use crate::leaves::{Leaves, require_motion};
 use crate::model::Interpreted;
 use crate::program::Program;
-use tpm_controller::model::{Buffer, Dims, EvalError, Label, Model, require_forward, require_len, split_workspace};
+use tpm_controller::model::{
+    Buffer, Dims, EvalError, Label, Model, Presliding, require_forward, require_len, split_workspace,
+};
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::derivatives::Derivatives;
@@ -184,6 +186,10 @@ impl Model<f64> for Separable {
 
     fn is_measured(&self, index: usize) -> bool {
         self.rows.is_measured(index)
+    }
+
+    fn presliding(&self, index: usize) -> Option<Presliding<f64>> {
+        self.rows.presliding(index)
     }
 
     fn input(&self, index: usize) -> Label<'_> {

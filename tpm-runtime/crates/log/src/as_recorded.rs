@@ -17,7 +17,7 @@ use crate::steps::Steps;
 use crate::table::Table;
 use crate::wraps::followed;
 use std::collections::BTreeSet;
-use tpm_controller::model::Model;
+use tpm_controller::model::{Model, moving};
 
 /// Time that goes back by more usual steps than this begins another recording.
 const MOST_BACK: f64 = 20.0;
@@ -90,7 +90,10 @@ impl AsRecorded {
         model: &dyn Model<f64>,
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
-        let n = model.dims().coordinates;
+        let n = moving(model);
+        if n < model.dims().coordinates {
+            return Err(LogError::BuildsUp { path: path.into(), coordinate: model.coordinate(n).name.into() });
+        }
         let measured: Vec<bool> = (0..n).map(|c| model.is_measured(c)).collect();
         let mut needed = signals(model);
         let inputs = needed.split_off(n);

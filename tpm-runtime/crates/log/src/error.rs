@@ -263,6 +263,16 @@ pub enum LogError {
         /// The coordinate.
         coordinate: String,
     },
+    /// Friction builds up after reversals of a motion that is simulated between its stamps.
+    #[error(
+        "`{coordinate}` of the model is friction that builds up after a reversal, and {path} asks for a simulation between its stamps, which does not follow that: measure the position of every coordinate, or take the model without it"
+    )]
+    BuildsUp {
+        /// The file.
+        path: String,
+        /// The coordinate.
+        coordinate: String,
+    },
     /// A column has no number at all.
     #[error(
         "{path}:{line}: the column of `{signal}` has no number in any row; name another column, or leave the signal out of the model"

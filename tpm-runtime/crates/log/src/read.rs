@@ -18,7 +18,7 @@ use crate::steps::Steps;
 use crate::table::Table;
 use std::io::Read;
 use std::path::Path;
-use tpm_controller::model::{Label, Model};
+use tpm_controller::model::{Label, Model, moving};
 
 /// Measured rates by coordinate, nothing for a coordinate whose rate is not measured; an empty list where none is.
 pub type Rates = Vec<Option<Vec<f64>>>;
@@ -105,7 +105,9 @@ impl Log {
         options: &ReadingSettings,
     ) -> Result<Self, LogError> {
         all_measured(model, name)?;
-        Ok(whole(&mut *open_columns(input, name)?, name, &signals(model), &[], options)?.0)
+        let (mut log, _) = whole(&mut *open_columns(input, name)?, name, &signals(model), &[], options)?;
+        log.follow(model);
+        Ok(log)
     }
 
     /// Reads a whole record, of a file or in memory, together with the measured rates of coordinates: columns called `dot(x)`, or
@@ -124,6 +126,7 @@ impl Log {
         all_measured(model, &name)?;
         let (mut log, _) = whole(&mut *source.columns()?, &name, &signals, &rates, options)?;
         let rates = std::mem::take(&mut log.rates);
+        log.follow(model);
         Ok((log, rates))
     }
 
@@ -142,12 +145,30 @@ impl Log {
         whole(&mut *open_columns(open_file(path)?, &name)?, &name, &signals, &[], options)
     }
 
-    /// Replaces single outliers in the first `coordinates` channels by the values interpolated from their neighbours.
+    /// Puts the readings of a coordinate in the place of those of what follows from it, which no file has.
+    pub(super) fn follow(&mut self, model: &dyn Model<f64>) {
+        let own = moving(model);
+        for c in own..model.dims().coordinates {
+            let followed = model.presliding(c).map_or_else(Vec::new, |follows| self.channels[follows.of].clone());
+            self.channels.insert(c, followed);
+        }
+    }
+
+    /// Replaces single outliers of the coordinates by the values interpolated from their neighbours.
     /// Readings that repeat the reading before are replaced first, where this was not done in reading. Returns the
     /// outliers: channel, sample, and the change of the reading in the channel's unit.
-    pub fn mend(&mut self, coordinates: usize) -> Vec<(usize, usize, f64)> {
+    pub fn mend(&mut self, model: &dyn Model<f64>) -> Vec<(usize, usize, f64)> {
+        let own = moving(model);
+        self.channels.drain(own..model.dims().coordinates);
+        let mended = self.mend_first(own);
+        self.follow(model);
+        mended
+    }
+
+    /// Replaces single outliers of so many channels.
+    pub(super) fn mend_first(&mut self, channels: usize) -> Vec<(usize, usize, f64)> {
         let mut mended = Vec::new();
-        for (c, channel) in self.channels.iter_mut().take(coordinates).enumerate() {
+        for (c, channel) in self.channels.iter_mut().take(channels).enumerate() {
             let steps = self.steps.get(c).cloned().unwrap_or_else(|| Steps::of(channel));
             repeated_readings(channel, &steps).into_iter().for_each(|(k, value)| channel[k] = value);
             for (k, value) in lone_readings(channel, &steps) {
@@ -175,7 +196,7 @@ impl Log {
 pub(super) fn signals(model: &dyn Model<f64>) -> Vec<Signal> {
     let dims = model.dims();
     let signal = |label: Label<'_>| Signal { name: label.name.into(), unit: label.unit.map(String::from) };
-    (0..dims.coordinates)
+    (0..moving(model))
         .map(|c| signal(model.coordinate(c)))
         .chain((0..dims.inputs).map(|i| signal(model.input(i))))
         .collect()
@@ -200,7 +221,7 @@ pub(super) fn rate_signals(model: &dyn Model<f64>) -> Vec<Signal> {
         name: rate_column(model, c),
         unit: model.coordinate(c).unit.map(|unit| format!("{unit}/s")),
     };
-    (0..model.dims().coordinates).map(rate).collect()
+    (0..moving(model)).map(rate).collect()
 }
 
 /// The coordinates of a model whose rates a log has and whose positions it has not.
@@ -233,7 +254,7 @@ pub(super) fn acceleration_signals(model: &dyn Model<f64>, options: &ReadingSett
         let unit = model.coordinate(c).unit.map(|unit| format!("{unit}/s^2"));
         options.map.contains_key(&name).then_some((c, Signal { name, unit }))
     };
-    (0..model.dims().coordinates).filter_map(acceleration).collect()
+    (0..moving(model)).filter_map(acceleration).collect()
 }
 
 /// The record of columns in which nothing is missing and whose stamps are even.

@@ -621,7 +621,7 @@ fn readings_repeat_by_the_steps_of_the_numbers_in_the_file() {
                 assert_eq!(found, 0, "{column}");
             }
             for mut log in recording.segments {
-                assert_eq!(log.mend(1), [], "{column} {stale}");
+                assert_eq!(log.mend_first(1), [], "{column} {stale}");
             }
         }
     }

@@ -23,7 +23,7 @@ use crate::times::{Read, Times};
 use crate::wraps::followed;
 use std::io;
 use std::ops::Range;
-use tpm_controller::model::Model;
+use tpm_controller::model::{Model, moving};
 use tpm_numerics::root_mean_square;
 use tpm_numerics::spectrum::Spectrum;
 
@@ -93,7 +93,9 @@ impl Recording {
     ) -> Result<Self, LogError> {
         all_measured(model, name)?;
         let (signals, rates) = (signals(model), rate_signals(model));
-        Self::of_columns(columns, name, (&signals[..model.dims().coordinates], &signals), &rates, options)
+        let mut read = Self::of_columns(columns, name, (&signals[..moving(model)], &signals), &rates, options)?;
+        read.segments.iter_mut().for_each(|log| log.follow(model));
+        Ok(read)
     }
 
     /// Takes signals, of which the first are coordinates, and, where they have a column, rates from columns.

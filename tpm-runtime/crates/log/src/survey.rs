@@ -10,7 +10,7 @@ use crate::recording::Recording;
 use crate::source::LogSource;
 use crate::table::{Table, Unread};
 use serde::Serialize;
-use tpm_controller::model::Model;
+use tpm_controller::model::{Model, moving};
 
 /// The role of a channel in a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -69,12 +69,12 @@ impl Survey {
         drop(columns);
         table.tell_all_steps();
         let extremes = table.extremes();
-        let recording = Recording::of(table, (&needed[..model.dims().coordinates], &rates), |_| Ok(()))?;
+        let recording = Recording::of(table, (&needed[..moving(model)], &rates), |_| Ok(()))?;
         let dims = model.dims();
         let channels = needed.into_iter().chain(rates).enumerate().map(|(at, signal)| {
             let role = match at {
-                at if at < dims.coordinates => Role::Coordinate,
-                at if at < dims.coordinates + dims.inputs => Role::Input,
+                at if at < moving(model) => Role::Coordinate,
+                at if at < moving(model) + dims.inputs => Role::Input,
                 _ => Role::Rate,
             };
             Surveyed { name: signal.name, unit: signal.unit, role }

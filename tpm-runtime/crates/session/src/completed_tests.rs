@@ -139,6 +139,33 @@ fn a_prediction_takes_the_delay_of_an_input_that_was_found() {
     assert!(told.delays.is_empty(), "what is stated goes before what was found: {:?}", told.delays);
 }
 
+/// Friction that builds up after reversals is found where a model lacks something, and becomes a part of it: what it leaves at reversals is no
+/// noise, and the completed model predicts another record.
+#[test]
+fn friction_that_builds_up_after_reversals_becomes_a_part_of_the_model() {
+    let whole = machine(
+        " + drag*dot(q1)*abs(dot(q1)) + fp*z1",
+        " + fp*z2",
+        ", drag [N*m*s^2/rad^2], fp [N*m]; presliding z1 of q1 over 0.004; presliding z2 of q2 over 0.004",
+    );
+    let log = arm_log::log(&whole, &[TRUTH.as_slice(), &[3.0, 2.0]].concat(), 0.0, [1.0, 1.0]);
+    let stated = machine("", "", "");
+    let request = LogRequest::new(log.path());
+    let result = from_log(&stated, request.clone()).expect("identifies");
+    let (model, found) = completed(&stated, vec![request.clone()], &result).expect("identifies").expect("terms");
+    let text = model.text().text();
+    for q in ["q1", "q2"] {
+        assert!(text.contains(&format!("presliding built_up_{q} of {q} over ")), "{text}");
+        assert!(text.contains(&format!(" + fp_{q}*built_up_{q}")), "{text}");
+    }
+    let left = |model: &DeclaredModel, found: &Identification| {
+        let found = validate(model, request.clone(), found).expect("predicts");
+        [found.rows[0].share, found.rows[1].share]
+    };
+    let (with, without) = (left(&model, &found), left(&stated, &result));
+    assert!((0..2).all(|row| with[row] < 0.5 * without[row] && with[row] < 0.02), "{with:?} {without:?}\n{text}");
+}
+
 /// An arm of two links in a vertical plane; `near` is what is said of their inertias, and `loss` another loss of both drives.
 fn arm(near: [&str; 2], loss: &str) -> DeclaredModel {
     let text = format!(

@@ -23,7 +23,7 @@ pub(super) fn completed_text(declared: &DeclaredModel, result: &Identification) 
     for log in result.log.iter().chain(pooled) {
         let Some(completed) = log.prediction().and_then(|own| own.completed.as_ref()) else { continue };
         for force in &completed.added {
-            if !forces.iter().any(|own| own.rows == force.rows) {
+            if !forces.iter().any(|own| own.is_like(force)) {
                 forces.push(force.clone());
             }
         }

@@ -104,7 +104,7 @@ impl Entry<'_> {
         // Where rows stand for themselves, those about one say nothing of it.
         let judged = if self.options.reading.columns.timeless { &mut [] } else { recording.segments.as_mut_slice() };
         for log in judged {
-            let mended = log.mend(coordinates).into_iter();
+            let mended = log.mend(model).into_iter();
             let lone: Vec<Lone> =
                 mended.map(|(coordinate, sample, by)| Lone { coordinate, line: log.lines[sample], by }).collect();
             replaced.extend(lone_readings(model, &lone));

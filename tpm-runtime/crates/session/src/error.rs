@@ -53,6 +53,14 @@ pub enum MachineError {
         /// The coordinate.
         coordinate: String,
     },
+    /// Friction builds up after reversals.
+    #[error(
+        "`{coordinate}` is friction that builds up after a reversal, which no simulated machine has; take the model without it, logs identify and predict with it"
+    )]
+    BuildsUp {
+        /// The coordinate that says how far it has built up.
+        coordinate: String,
+    },
     /// An input does not stand alone, or there is none.
     #[error("no campaign drives this model: {0}")]
     Inputs(PrepareError),

@@ -48,6 +48,9 @@ impl Machine {
         if let Some(own) = whole.model.coordinates.iter().find(|coordinate| coordinate.unmeasured) {
             return Err(MachineError::Unmeasured { coordinate: own.name.clone() });
         }
+        if let Some(own) = whole.model.coordinates.iter().find(|coordinate| coordinate.presliding.is_some()) {
+            return Err(MachineError::BuildsUp { coordinate: own.name.clone() });
+        }
         whole.require_inputs_alone().map_err(MachineError::Inputs)?;
         let plant = Interpreted::new(&whole.model, &whole.form);
         let constant = |name: &str| experiment.constants.get(name).copied();

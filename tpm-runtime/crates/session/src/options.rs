@@ -1,6 +1,7 @@
 //! What is known of a log, by the model's indices.
 
 use crate::reading::RecordSettings;
+use tpm_controller::model::Presliding;
 use tpm_estimate::{Domain, Refine, Settings};
 use tpm_motion::Dynamics;
 
@@ -11,6 +12,8 @@ pub struct LogOptions {
     pub reading: RecordSettings,
     /// Known dynamics between the recorded inputs and the forces, by input; inputs past the end of the list have none.
     pub actuators: Vec<Dynamics>,
+    /// What coordinates follow from that have no sensor, by coordinate; nothing, also where the list ends, for every other one.
+    pub following: Vec<Option<Presliding<f64>>>,
     /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
     pub domain: Option<Domain>,
     /// Whether the estimates are refined by simulating the model.

@@ -153,6 +153,7 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
     let (of_coordinate, of_time, stem) = match kind {
         TermKind::Friction | TermKind::PairFriction => (0, 0, "fc".to_owned()),
         TermKind::Stribeck => (0, 0, "fs".to_owned()),
+        TermKind::Presliding(_) => (0, 0, "fp".to_owned()),
         TermKind::RatePower(n) => (n, n, numbered("fv", n)),
         TermKind::PairDamping => (1, 1, "fv".to_owned()),
         TermKind::PairAsymmetry => (1, 1, "fa".to_owned()),
@@ -190,7 +191,13 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
         format!("{{{name}}}")
     };
     let mut numbers = own.constants.iter().copied();
+    let mut presliding = None;
     let expression = match kind {
+        TermKind::Presliding(_) => {
+            let state = format!("built_up_{place}");
+            presliding = Some((state.clone(), name(term.of), numbers.next().unwrap_or(0.0)));
+            format!("{{{state}}}")
+        }
         TermKind::Stribeck => {
             let rate = constant("vs", numbers.next(), of_q("q/s"));
             format!("sign(dot({distance}))*exp(-(dot({distance})/{rate})^2)")
@@ -230,6 +237,7 @@ fn added(model: &dyn Model<f64>, own: &AddedTerm, words: MissingTerm) -> AddedFo
         unit: unit(of_coordinate),
         meaning: words.meaning,
         constants,
+        presliding,
         rows,
     }
 }

@@ -24,7 +24,13 @@ pub(super) fn nothing() -> LogFault {
 
 /// Stretches of samples so far apart, s, with what the options say of their inputs.
 pub(super) fn record<'a>(sample_time: f64, options: &'a LogOptions, stretches: Vec<Stretch<'a>>) -> TimeRecord<'a> {
-    TimeRecord { sample_time, hold: options.reading.hold, actuators: &options.actuators, stretches }
+    TimeRecord {
+        sample_time,
+        hold: options.reading.hold,
+        actuators: &options.actuators,
+        following: &options.following,
+        stretches,
+    }
 }
 
 /// The segments of a record as they are estimated from: in blocks where they are long together.

@@ -102,10 +102,14 @@ impl EstimationSettings {
         let held = |(parameter, name): (usize, &String)| Some(Frozen { parameter, value: *self.frozen.get(name)? });
         let mut reading = reading.clone();
         reading.columns.timeless = is_static(model);
+        let following: Vec<_> = (0..dims.coordinates).map(|c| model.presliding(c)).collect();
+        let follows = following.iter().any(Option::is_some);
         let mut options = LogOptions {
             reading,
             actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
-            domain: self.domain,
+            following,
+            // What follows from a motion has no finite series.
+            domain: if follows { Some(Domain::Time) } else { self.domain },
             refine: self.refine,
             constants: constants.iter().map(|name| self.constants[name]).collect(),
             estimation: Settings {

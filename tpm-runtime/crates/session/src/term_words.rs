@@ -59,6 +59,9 @@ pub(super) fn lacking(model: &dyn Model<f64>, lacking: &Lacking) -> MissingTerm 
         TermKind::Offset => offset(),
         TermKind::Friction => friction(&q()),
         TermKind::Stribeck => stribeck(&q()),
+        TermKind::Presliding(_) => {
+            (format!("presliding of {}", q()), "dry friction that builds up again after every reversal".into())
+        }
         TermKind::RatePower(1) => (v(), "viscous damping".into()),
         TermKind::RatePower(exponent) => rate_power(&q(), exponent),
         TermKind::Drag => drag(&q()),

@@ -14,7 +14,7 @@ use crate::rows::Rows;
 use crate::settings::Settings;
 use crate::time_domain::motion::{Motion, TimeRecord};
 use rayon::prelude::*;
-use tpm_controller::model::Model;
+use tpm_controller::model::{Model, moving};
 use tpm_numerics::singular::unit_columns;
 use tpm_numerics::{Cholesky, DMatrix, DVector, gram, root_mean_square};
 
@@ -45,7 +45,7 @@ impl Arrangement {
     /// row: both stand beside each other in a log. A sign of the only coordinate or input is one of the parameters.
     fn all(model: &dyn Model<f64>, acts: &dyn Fn(usize, usize) -> bool) -> Vec<Self> {
         let dims = model.dims();
-        let (coordinates, inputs) = (dims.coordinates, dims.inputs);
+        let (coordinates, inputs) = (moving(model), dims.inputs);
         let pairs = |n: usize| (0..n).flat_map(move |a| (0..a).map(move |b| (b, a)));
         let own = |(c, i): &(usize, usize)| coordinates != dims.rows || acts(*c, *i);
         let crossed = (0..coordinates).flat_map(|c| (0..inputs).map(move |i| (c, i))).filter(own);

@@ -35,7 +35,7 @@ const NOISE_STEPS: usize = 6;
 const OWN_ERRORS: f64 = 30.0;
 const SPANNED: [f64; 2] = [0.02, 0.1];
 /// A named term makes at least this share of the force of its row.
-const LEAST_SHARE: f64 = 0.003;
+pub(super) const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
 const LEAST_EQUATIONS: f64 = 2.0;
 /// Largest leverage of a line in the covariance from residuals.

@@ -1,8 +1,9 @@
 //! Terms that a model may lack, each a column along the smoothed motion.
 
 use crate::likelihood::path::{Along, Columns, Entry, Path};
+use crate::time_domain::presliding::built_up;
 use std::f64::consts::{PI, SQRT_2};
-use tpm_controller::model::Model;
+use tpm_controller::model::{Model, moving};
 use tpm_numerics::root_mean_square;
 
 /// Share of the root mean square velocity up to which friction is larger at low speed.
@@ -30,6 +31,9 @@ pub enum TermKind {
     Friction,
     /// More friction at low speed than at high speed.
     Stribeck,
+    /// Dry friction that builds up again after every reversal, over a travel of one of so many parts of the range of the coordinate. It is asked
+    /// where every sample counts: the lines leave the times around reversals out.
+    Presliding(u32),
     /// A power of the velocity.
     RatePower(u32),
     /// Drag, `v |v|`.
@@ -326,13 +330,14 @@ impl Scales {
         }
     }
 
-    /// The numbers in the column of a term: the rate at which Stribeck friction has fallen to 1/e, the width over which play is rounded, the
+    /// The numbers in the column of a term: the rate at which Stribeck friction has fallen to 1/e, the travel over which friction builds up, the width over which play is rounded, the
     /// wave number of a ripple and the middle of its range; none of other terms.
     pub(super) fn constants(&self, term: Term) -> Vec<f64> {
         let c = term.of;
         let apart = |other: usize| self.products[c][c] + self.products[other][other] - 2.0 * self.products[c][other];
         match (term.kind, term.other) {
             (TermKind::Stribeck, _) => vec![STRIBECK_VELOCITY * self.speed[c]],
+            (TermKind::Presliding(parts), _) => vec![self.travel(c, parts)],
             (TermKind::Play, _) => vec![DEAD_ZONE * self.products[c][c].sqrt()],
             (TermKind::PairPlay, Some(other)) => vec![DEAD_ZONE * apart(other).max(0.0).sqrt()],
             (TermKind::Ripple { half_waves, .. }, _) => self.wave(c, half_waves).into(),
@@ -344,6 +349,11 @@ impl Scales {
     fn wave(&self, coordinate: usize, half_waves: u32) -> [f64; 2] {
         let (low, high) = self.range[coordinate];
         [PI * f64::from(half_waves) / (high - low).max(f64::MIN_POSITIVE), 0.5 * (low + high)]
+    }
+
+    /// The travel over which friction builds up.
+    fn travel(&self, coordinate: usize, parts: u32) -> f64 {
+        self.span(coordinate).max(f64::MIN_POSITIVE) / f64::from(parts)
     }
 
     /// The range of a coordinate, its unit.
@@ -389,6 +399,7 @@ impl Scales {
                 let bend = STRIBECK_VELOCITY * self.speed[c];
                 by(&|k| sign(v[k], deviation(k)) * (-(v[k] / bend).powi(2)).exp())
             }
+            TermKind::Presliding(parts) => built_up(&q, self.travel(c, parts), 0.0),
             TermKind::RatePower(n) => by(&|k| v[k].powi(n as i32)),
             TermKind::Drag => by(&|k| v[k] * v[k].abs()),
             TermKind::Power(n) => by(&|k| q[k].powi(n as i32)),
@@ -480,8 +491,10 @@ impl Scales {
         let Structure { coupled, feels, has_own_inertia, by_position } = structure;
         let dims = model.dims();
         let mut terms = Vec::new();
+        // Coordinates that follow from others stand behind those that move on their own, and no force depends on them but by the model.
+        let coordinates = moving(model);
         for row in 0..dims.rows {
-            let c = row.min(dims.coordinates.saturating_sub(1));
+            let c = row.min(coordinates.saturating_sub(1));
             let mut add = |kind: TermKind| terms.push(Term { kind, row: Some(row), of: c, other: None });
             let driven = self.driven(row);
             let (low, high) = self.range[c];
@@ -519,7 +532,7 @@ impl Scales {
                 add(TermKind::LoadFriction);
                 add(TermKind::DeadZone);
             }
-            if dims.coordinates == 1 {
+            if coordinates == 1 {
                 for half_waves in RIPPLES {
                     add(TermKind::Ripple { half_waves, even: false });
                     add(TermKind::Ripple { half_waves, even: true });
@@ -535,8 +548,8 @@ impl Scales {
             }
         }
         // Of one coordinate such an offset is one of the terms above.
-        if dims.coordinates > 1 {
-            terms.extend((0..dims.coordinates).map(|c| Term {
+        if coordinates > 1 {
+            terms.extend((0..coordinates).map(|c| Term {
                 kind: TermKind::PositionOffset,
                 row: None,
                 of: c,
@@ -547,10 +560,10 @@ impl Scales {
         let alike = |a: usize, b: usize| model.coordinate(a).unit == model.coordinate(b).unit;
         let inertial = |a: usize, b: usize| coupled(a, b) || coupled(b, a);
         let joined = |a: usize, b: usize| (feels(a, b) || feels(b, a)) && !inertial(a, b);
-        let asked = |a: usize, b: usize| alike(a, b) && (dims.coordinates <= MOST_PAIRED || joined(a, b));
-        if dims.rows == dims.coordinates {
-            for a in 0..dims.coordinates {
-                for b in (a + 1..dims.coordinates).filter(|&b| asked(a, b)) {
+        let asked = |a: usize, b: usize| alike(a, b) && (coordinates <= MOST_PAIRED || joined(a, b));
+        if dims.rows == coordinates {
+            for a in 0..coordinates {
+                for b in (a + 1..coordinates).filter(|&b| asked(a, b)) {
                     let mut add = |kind: TermKind| terms.push(Term { kind, row: None, of: a, other: Some(b) });
                     for exponent in 1..=3 {
                         add(TermKind::PairPower(exponent));
@@ -574,17 +587,21 @@ impl Scales {
                     }
                 }
             }
-            terms.extend(self.chains(model, by_position));
+            terms.extend(self.chains(model, coordinates, by_position));
         }
-        let order = |c: usize| model.coordinate_order(c.min(dims.coordinates.saturating_sub(1)));
+        let order = |c: usize| model.coordinate_order(c.min(coordinates.saturating_sub(1)));
         terms.retain(|term| term.kind.is_of_first_order() || order(term.of) != 1);
         terms
     }
 
     /// Forces of links on chains of few joints: sines of sums of successive angles, and of the difference of two. They are asked where the row of
     /// the last joint does not depend on the position of the first, so that the model has no such force.
-    fn chains(&self, model: &dyn Model<f64>, by_position: &dyn Fn(usize, usize) -> bool) -> Vec<Term> {
-        let coordinates = model.dims().coordinates;
+    fn chains(
+        &self,
+        model: &dyn Model<f64>,
+        coordinates: usize,
+        by_position: &dyn Fn(usize, usize) -> bool,
+    ) -> Vec<Term> {
         let is_angle = |c: usize| model.coordinate(c).unit.is_none_or(|unit| unit == "rad");
         if coordinates > MOST_PAIRED {
             return Vec::new();

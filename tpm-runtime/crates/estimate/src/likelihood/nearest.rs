@@ -6,12 +6,15 @@
 //! told by parts of the record that its values were not taken from; a term that does not lower this is no part of it.
 
 use crate::error::EstimateError;
+use crate::likelihood::fit::LEAST_SHARE;
 use crate::likelihood::library::{OnGrid, Term, TermKind};
-use crate::likelihood::lines::{Signals, View};
-use crate::likelihood::noise::{Noise, Scaled};
+use crate::likelihood::lines::{Signals, View, row_lines};
+use crate::likelihood::noise::{Noise, Scaled, triangle};
 use crate::likelihood::pass::Pass;
+use crate::likelihood::split::Split;
 use std::f64::consts::PI;
-use tpm_numerics::{DMatrix, DVector, Matrix};
+use tpm_controller::model::moving;
+use tpm_numerics::{DMatrix, DVector, Matrix, alarm};
 
 /// Parts of a record of which each is left out once.
 const BLOCKS: usize = 10;
@@ -23,6 +26,11 @@ const WEIGHINGS: usize = 6;
 const SAMPLES: f64 = 3.0;
 /// Terms of a row stay when they lower what it leaves of the parts that were left out by so many deviations of the mean.
 const LOWERS: f64 = 1.0;
+/// Travels over which friction may build up again after a reversal, as parts of the range of the coordinate: steps of five, since travels that
+/// differ by less make nearly the same force.
+const TRAVELS: [u32; 3] = [3000, 600, 120];
+/// Share of such friction that must not be made of what the row has already.
+const SPANNED: f64 = 1e-3;
 /// Times that the load is computed anew by the values that were found with its friction: those without it make up for that friction.
 const REFERENCES: usize = 3;
 /// The terms of a row are not believed when even with them more than this share of its force is left.
@@ -68,8 +76,8 @@ pub struct AddedTerm {
     pub term: Term,
     /// Its factor, in the units of row and term.
     pub value: f64,
-    /// Numbers in it, in units of its coordinate and s: the rate at which Stribeck friction has fallen to 1/e; the width over which play is
-    /// rounded; the wave number of a ripple and the middle of its range.
+    /// Numbers in it, in units of its coordinate and s: the rate at which Stribeck friction has fallen to 1/e; the travel over which friction
+    /// builds up; the width over which play is rounded; the wave number of a ripple and the middle of its range.
     pub constants: Vec<f64>,
 }
 
@@ -170,7 +178,8 @@ impl Pass<'_> {
         (noise, load): (&Noise, &[usize]),
     ) -> Result<Option<Nearby>, EstimateError> {
         let p = self.rows.model.dims().parameters;
-        let columns: Vec<usize> = fixed.iter().chain(terms).copied().collect();
+        let building = self.take_presliding();
+        let columns: Vec<usize> = fixed.iter().chain(terms).chain(&building).copied().collect();
         let all = |pass: &Self| -> Result<Vec<RowBlocks>, EstimateError> {
             (0..pass.rows.model.dims().rows).map(|row| pass.blocks(row, &columns, missing)).collect()
         };
@@ -185,7 +194,7 @@ impl Pass<'_> {
         };
         let own = DVector::from_iterator(columns.len(), columns.iter().enumerate().map(own));
         let left = rows.iter().map(|row| share(row.left(&row.sum, &own), row.force(&row.sum))).collect();
-        takes_part.fill(true);
+        takes_part[..fixed.len() + terms.len()].fill(true);
         let mut reference = stated.values.clone();
         for _ in 0..REFERENCES {
             if !self.take_loads(terms, load, &reference) {
@@ -197,33 +206,155 @@ impl Pass<'_> {
         }
         // The row whose terms do most harm loses them first.
         let tested = rows.iter().all(|row| row.blocks.iter().any(|block| row.force(&block.inner) > 0.0));
-        let completed = loop {
-            if !tested || takes_part[fixed.len()..].iter().all(|takes| !takes) {
-                break None;
-            }
-            let Some(found) = fitted(&rows, &takes_part) else { break None };
-            let harm = |row: usize| {
-                let has = |at: &&usize| **at >= fixed.len() && takes_part[**at];
-                let any = rows[row].at.iter().any(|at| has(&at));
-                any.then(|| {
-                    let less = plain.held_out[row].iter().zip(&found.held_out[row]).map(|(plain, with)| plain - with);
-                    let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
-                    let inner = rows[row].blocks.iter().map(|block| rows[row].force(&block.inner)).sum();
-                    let hopeless = share(found.held_out[row].iter().sum(), inner) > MOST_LEFT;
-                    let hopeless = if hopeless { f64::INFINITY } else { 0.0 };
-                    (LOWERS * deviation - mean) / rows[row].force(&rows[row].sum).max(f64::MIN_POSITIVE) + hopeless
-                })
-            };
-            let worst = (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
-            match worst.filter(|(_, harm)| *harm > 0.0) {
-                None => break Some(self.of_fitted(&rows, (&columns, fixed.len()), &found, noise)),
-                Some((row, _)) => {
-                    rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false)
+        let completed = if !tested {
+            None
+        } else {
+            loop {
+                if takes_part[fixed.len()..].iter().all(|takes| !takes) {
+                    break None;
+                }
+                let Some(found) = fitted(&rows, &takes_part) else { break None };
+                let harm = |row: usize| {
+                    let has = |at: &&usize| **at >= fixed.len() && takes_part[**at];
+                    let any = rows[row].at.iter().any(|at| has(&at));
+                    any.then(|| {
+                        let less =
+                            plain.held_out[row].iter().zip(&found.held_out[row]).map(|(plain, with)| plain - with);
+                        let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
+                        let inner = rows[row].blocks.iter().map(|block| rows[row].force(&block.inner)).sum();
+                        let hopeless = share(found.held_out[row].iter().sum(), inner) > MOST_LEFT;
+                        let hopeless = if hopeless { f64::INFINITY } else { 0.0 };
+                        (LOWERS * deviation - mean) / rows[row].force(&rows[row].sum).max(f64::MIN_POSITIVE) + hopeless
+                    })
+                };
+                let worst =
+                    (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
+                match worst.filter(|(_, harm)| *harm > 0.0) {
+                    None => break Some(found),
+                    Some((row, _)) => {
+                        rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false)
+                    }
                 }
             }
         };
+        let from = completed.as_ref().unwrap_or(&plain);
+        let built = if tested { self.built_up_beside((&rows, &columns), takes_part, from, missing)? } else { None };
+        let completed = built.or(completed).map(|found| self.of_fitted(&rows, (&columns, fixed.len()), &found, noise));
         let delays = self.look.inputs.iter().map(|own| own.delay.max(0.0)).collect();
         Ok(Some(Nearby { left, stated, completed, delays }))
+    }
+
+    /// Takes friction that builds up after reversals among the terms, with its columns, and says which they are: that of every coordinate of
+    /// second order whose row has an input, where the model has none.
+    fn take_presliding(&mut self) -> Vec<usize> {
+        let model = self.rows.model;
+        let p = model.dims().parameters;
+        let has = |c: usize| (0..model.dims().coordinates).any(|z| model.presliding(z).is_some_and(|own| own.of == c));
+        let asked = |c: &usize| model.coordinate_order(*c) == 2 && self.scales.driven(*c) && !has(*c);
+        let rows = moving(model).min(model.dims().rows);
+        let terms: Vec<Term> = (0..rows)
+            .filter(asked)
+            .flat_map(|c| {
+                TRAVELS.map(|parts| Term { kind: TermKind::Presliding(parts), row: Some(c), of: c, other: None })
+            })
+            .collect();
+        let first = self.terms.len();
+        let mut from = 0.0;
+        for (stretch, (path, along)) in self.paths.paths.iter().zip(&self.along).enumerate() {
+            let seen = OnGrid { path, along, from };
+            self.columns[stretch].extend(terms.iter().map(|term| self.scales.columns(*term, &seen)));
+            from += path.points as f64 * path.apart;
+        }
+        self.terms.extend(&terms);
+        self.sizes.extend(terms.iter().map(|_| 1.0));
+        (p + first..p + self.terms.len()).collect()
+    }
+
+    /// What is fitted with friction that builds up after reversals; nothing where it makes no row better. `takes_part` says which columns are fitted
+    /// without it, which gives `from`.
+    fn built_up_beside(
+        &self,
+        (rows, columns): (&[RowBlocks], &[usize]),
+        mut takes_part: Vec<bool>,
+        from: &Fitted,
+        missing: &[f64],
+    ) -> Result<Option<Fitted>, EstimateError> {
+        let p = self.rows.model.dims().parameters;
+        let builds_up = |at: &usize| {
+            let term = columns[*at].checked_sub(p).map(|i| self.terms[i]);
+            term.is_some_and(|term| matches!(term.kind, TermKind::Presliding(_)))
+        };
+        let candidates = (0..columns.len()).filter(builds_up).count();
+        let mut found: Option<Fitted> = None;
+        for (number, row) in rows.iter().enumerate() {
+            let own: Vec<usize> = row.at.iter().copied().filter(|at| takes_part[*at]).collect();
+            let asked: Vec<usize> = row.at.iter().copied().filter(builds_up).collect();
+            let shown = self.shown_beside(
+                number,
+                [&own, &asked].map(|all| all.iter().map(|&at| columns[at]).collect()),
+                candidates,
+                missing,
+            )?;
+            let shown: Vec<usize> = asked.into_iter().filter(|&at| shown.contains(&columns[at])).collect();
+            if shown.is_empty() {
+                continue;
+            }
+            let mut with = takes_part.clone();
+            shown.iter().for_each(|&at| with[at] = true);
+            let Some(better) = fitted(rows, &with) else { continue };
+            let before = found.as_ref().unwrap_or(from);
+            let less = before.held_out[number].iter().zip(&better.held_out[number]).map(|(plain, with)| plain - with);
+            let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
+            let force: f64 = row.blocks.iter().map(|block| row.force(&block.inner)).sum();
+            let makes = share(row.blocks.len() as f64 * mean, force);
+            if mean > LOWERS * deviation && makes > LEAST_SHARE {
+                (takes_part, found) = (with, Some(better));
+            }
+        }
+        Ok(found)
+    }
+
+    /// Which of some candidates the lines of a row show beside other columns, one after the other. The lines are those of the whole time, reversals
+    /// among it; their noise is found with all candidates in.
+    fn shown_beside(
+        &self,
+        row: usize,
+        [own, asked]: [Vec<usize>; 2],
+        candidates: usize,
+        missing: &[f64],
+    ) -> Result<Vec<usize>, EstimateError> {
+        let right = self.right();
+        let (signals, _) = self.signals(row, missing)?;
+        let view = View { coordinate: None, ..self.views[row] };
+        let lines = if asked.is_empty() { None } else { row_lines(&self.paths.paths, view, &signals) };
+        let Some(mut lines) = lines else { return Ok(Vec::new()) };
+        lines.take_power(lines.column(right));
+        let lines = [lines];
+        let all: Vec<usize> = own.iter().chain(&asked).copied().collect();
+        let noise = Noise::first(&lines, true).found(&lines, &all, right, None, None).0;
+        let split = Split::new(&triangle(&lines, &noise.variance, &all, right), own.len(), &vec![SPANNED; asked.len()]);
+        let threshold = alarm::squared_normal(alarm::MISSING_TERM_RATE, candidates);
+        let (mut columns, mut left) = (split.candidates, split.target);
+        let mut shown = Vec::new();
+        loop {
+            let gain = |i: usize| {
+                let column = columns.column(i);
+                (i, column.dot(&left).powi(2) / column.norm_squared().max(f64::MIN_POSITIVE))
+            };
+            let gains = (0..asked.len()).map(gain);
+            let Some((best, _)) = gains.filter(|(_, gain)| *gain > threshold).max_by(|a, b| a.1.total_cmp(&b.1)) else {
+                return Ok(shown);
+            };
+            shown.push(asked[best]);
+            // What it explains is taken from all others.
+            let direction = columns.column(best).normalize();
+            left -= &direction * direction.dot(&left);
+            for mut column in columns.column_iter_mut() {
+                let along = column.dot(&direction);
+                column.axpy(-along, &direction, 1.0);
+            }
+            columns.column_mut(best).fill(0.0);
+        }
     }
 
     /// Replaces the columns of load friction by those of the load that these values of the parameters make: made of the recorded force, such a
@@ -326,10 +457,12 @@ impl Pass<'_> {
         let held_out = (rows.iter().zip(&found.held_out))
             .map(|(row, own)| share(own.iter().sum(), row.blocks.iter().map(|block| row.force(&block.inner)).sum()))
             .collect();
+        // What the lines do not have, since they leave reversals out, is no part of their noise either.
+        let on_lines = |column: usize| column < p || !matches!(self.terms[column - p].kind, TermKind::Presliding(_));
         let taken: Vec<usize> = columns
             .iter()
             .zip(found.values.iter())
-            .filter(|(_, value)| **value != 0.0)
+            .filter(|(column, value)| **value != 0.0 && on_lines(**column))
             .map(|(column, _)| *column)
             .collect();
         let own = self.covariance_of(&taken, &found.weights, noise);
@@ -373,7 +506,7 @@ impl Pass<'_> {
 
 /// What is left of a force, as a share of it, given sums of squares.
 fn share(left: f64, force: f64) -> f64 {
-    if force > 0.0 { (left / force).sqrt() } else { 0.0 }
+    if force > 0.0 { (left / force).max(0.0).sqrt() } else { 0.0 }
 }
 
 /// Mean of values, and the deviation of this mean.

@@ -180,7 +180,11 @@ impl<'a> Paths<'a> {
                     spectrum.followed = spectrum.followed.max(taken[c]);
                     spectrum.used = taken[c];
                 }
-                let rate_noise = rate.map(|rates| Sensor::of(&rates).noise);
+                // What follows from a coordinate counts as exact.
+                let rate_noise = match record.follows(c) {
+                    Some(_) => Some(0.0),
+                    None => rate.map(|rates| Sensor::of(&rates).noise),
+                };
                 let by_position = rate_deviation(spectrum.noise_at(spectrum.followed).sqrt(), spectrum.followed, h);
                 let rate_deviation = rate_noise.map_or(by_position, |noise| noise.min(by_position));
                 Measured { spectrum, narrow, rate_noise, rate_deviation }

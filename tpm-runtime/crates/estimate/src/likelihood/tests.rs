@@ -36,7 +36,13 @@ fn estimate(seed: u64, lacks: impl Fn([f64; 3]) -> f64, early: f64) -> OfAnyMoti
         us.push(TRUTH[0] * a + TRUTH[1] * x + TRUTH[2] * v * v + lacks([x, v, a]) + NOISE[1] * draw());
     }
     let stretch = Stretch { coordinates: vec![&xs], rates: vec![None], inputs: vec![&us] };
-    let record = TimeRecord { sample_time: SAMPLE_TIME, hold: Hold::None, actuators: &[], stretches: vec![stretch] };
+    let record = TimeRecord {
+        sample_time: SAMPLE_TIME,
+        hold: Hold::None,
+        actuators: &[],
+        following: &[],
+        stretches: vec![stretch],
+    };
     estimate_any_motion(&MassSpringDrag, &[], &record, false, &Settings::default()).expect("a record")
 }
 
@@ -122,7 +128,13 @@ fn masses(seed: u64, gains: [f64; 3]) -> OfAnyMotion {
     let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
     let (coordinates, inputs) = columns.split_at(3);
     let stretch = Stretch { coordinates: coordinates.to_vec(), rates: vec![None; 3], inputs: inputs.to_vec() };
-    let record = TimeRecord { sample_time: SAMPLE_TIME, hold: Hold::None, actuators: &[], stretches: vec![stretch] };
+    let record = TimeRecord {
+        sample_time: SAMPLE_TIME,
+        hold: Hold::None,
+        actuators: &[],
+        following: &[],
+        stretches: vec![stretch],
+    };
     estimate_any_motion(&model, &[], &record, false, &Settings::default()).expect("a record")
 }
 

@@ -44,5 +44,5 @@ fn followed(motion: &Motion, sample_time: f64) -> f64 {
         let signals: Vec<&[f64]> = signals.iter().map(Vec::as_slice).collect();
         Spectrum::of(&signals, sample_time).followed
     };
-    (0..motion.steps.len()).map(of).fold(0.0, f64::max)
+    motion.moving.iter().map(|&c| of(c)).fold(0.0, f64::max)
 }

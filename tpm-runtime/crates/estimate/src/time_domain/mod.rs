@@ -28,6 +28,7 @@ pub(crate) mod low_pass;
 pub(crate) mod motion;
 mod one_band;
 mod predict;
+pub(crate) mod presliding;
 mod shift;
 #[cfg(test)]
 mod tests;

@@ -4,6 +4,8 @@ use crate::error::EstimateError;
 use crate::sensor::Sensor;
 use crate::time_domain::bands::Bands;
 use crate::time_domain::course::{Course, Trend};
+use crate::time_domain::low_pass::LowPass;
+use crate::time_domain::presliding::built_up;
 use crate::time_domain::transform::{Transform, quick};
 use num_complex::Complex;
 use rand::SeedableRng;
@@ -11,10 +13,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 use tpm_controller::harmonics::Hold;
+use tpm_controller::model::Presliding;
 use tpm_motion::Dynamics;
 
 /// Seed of the noise by which the information of noise is measured.
 const SEED: u64 = 0x74_706d;
+
+/// Cut-off of the low pass behind which a coordinate is looked at for reversals, in units of the highest frequency that stands out of its noise.
+const SMOOTH: f64 = 2.0;
+/// A reversal counts from so many deviations of the noise on, that low pass behind it.
+const REVERSES: f64 = 4.0;
 
 /// Samples without a gap.
 #[derive(Clone, Debug)]
@@ -25,6 +33,13 @@ pub struct Stretch<'a> {
     pub rates: Vec<Option<&'a [f64]>>,
     /// Recorded inputs, in the model's order and units.
     pub inputs: Vec<&'a [f64]>,
+}
+
+impl TimeRecord<'_> {
+    /// What a coordinate follows from that has no sensor.
+    pub(crate) fn follows(&self, c: usize) -> Option<Presliding<f64>> {
+        self.following.get(c).copied().flatten()
+    }
 }
 
 impl Stretch<'_> {
@@ -44,6 +59,9 @@ pub struct TimeRecord<'a> {
     pub hold: Hold,
     /// Known dynamics between the recorded inputs and the forces; inputs past the end of the list have none.
     pub actuators: &'a [Dynamics],
+    /// What coordinates follow from that have no sensor, whose signals are those of the coordinates that they follow; nothing, also where the list
+    /// ends, for every other one.
+    pub following: &'a [Option<Presliding<f64>>],
     /// The stretches.
     pub stretches: Vec<Stretch<'a>>,
 }
@@ -61,6 +79,8 @@ pub(crate) struct Moving {
 /// A record by its frequencies.
 pub(crate) struct Motion {
     pub(crate) stretches: Vec<Moving>,
+    /// The coordinates that move on their own: all but those that follow from others.
+    pub(crate) moving: Vec<usize>,
     /// Step of every sensor; zero where its values lie on no grid.
     pub(crate) steps: Vec<f64>,
     /// Highest angular frequency of every coordinate that stands out of its noise, rad/s.
@@ -105,6 +125,16 @@ impl Motion {
             };
             let mut moving = Moving { samples, points, coordinates: Vec::new(), noise: Vec::new(), inputs: Vec::new() };
             for c in 0..coordinates {
+                if let Some(own) = record.follows(c) {
+                    let smooth = LowPass { cut_off: SMOOTH * highest[c] };
+                    let mut followed = moving.coordinates[own.of].derivative(points, 0, |w| smooth.response(w));
+                    followed.truncate(samples);
+                    let passed = (smooth.cut_off * record.sample_time / PI).min(1.0);
+                    let built = built_up(&followed, own.travel, REVERSES * white[c] * passed.sqrt());
+                    moving.coordinates.push(Course::new(transform(&built), Trend::nothing()));
+                    moving.noise.push(Course::new(transform(&vec![0.0; samples]), Trend::nothing()));
+                    continue;
+                }
                 // A quarter of the fastest oscillation that stands out of the noise is nearly a parabola.
                 let quarter = 0.5 * PI / highest[c].max(f64::MIN_POSITIVE) / record.sample_time;
                 let near = quarter.min(samples as f64) as usize;
@@ -143,7 +173,8 @@ impl Motion {
         }
         let gain = |(own, power): (f64, f64)| own / power.max(f64::MIN_POSITIVE);
         let rate_gains = gains.iter().zip(&rate_noise).map(|(&of, noise)| noise.map(|_| gain(of))).collect();
-        Ok(Motion { stretches, steps, highest, typical_period, rate_gains })
+        let moving = (0..coordinates).filter(|&c| record.follows(c).is_none()).collect();
+        Ok(Motion { stretches, moving, steps, highest, typical_period, rate_gains })
     }
 
     /// Highest angular frequency of any coordinate, rad/s.

@@ -55,6 +55,7 @@ fn estimate(stretches: &[&[Vec<f64>; 3]], rated: bool, settings: &Settings) -> O
         sample_time: SAMPLE_TIME,
         hold: Hold::None,
         actuators: &[],
+        following: &[],
         stretches: stretches.iter().map(|signals| stretch(signals, rated)).collect(),
     };
     estimate_any_motion(&MassSpringDrag, &[], &record, false, settings).expect("a record")
@@ -173,6 +174,7 @@ fn shift(delay: f64, motion: impl Fn(f64) -> [f64; 3]) -> Option<InputShift> {
         sample_time: SAMPLE_TIME,
         hold: Hold::None,
         actuators: &[],
+        following: &[],
         stretches: vec![stretch(&signals, false)],
     };
     input_shift(&MassSpringDrag, None, &[], &record, &Settings::default()).expect("a record")

@@ -23,9 +23,9 @@ pub(super) struct Prospect {
 
 /// Identifies a model from a record, whose single wrong readings are replaced first as identification does.
 pub(super) fn prospect(rows: Rows<'_>, recording: &mut Recording, options: &LogOptions) -> Prospect {
-    let coordinates = rows.model().dims().coordinates;
+    let model = rows.model();
     for log in &mut recording.segments {
-        log.mend(coordinates);
+        log.mend(model);
     }
     let segments: Vec<&Log> = recording.segments.iter().collect();
     let found = rows.identify(&segments, options);
