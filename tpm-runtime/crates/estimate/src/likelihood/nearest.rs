@@ -8,7 +8,7 @@
 use crate::error::EstimateError;
 use crate::likelihood::fit::LEAST_SHARE;
 use crate::likelihood::library::{OnGrid, Term, TermKind};
-use crate::likelihood::lines::{Signals, View, row_lines};
+use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
 use crate::likelihood::noise::{Noise, Scaled, triangle};
 use crate::likelihood::pass::Pass;
 use crate::likelihood::split::Split;
@@ -167,6 +167,23 @@ fn fitted(rows: &[RowBlocks], takes_part: &[bool]) -> Option<Fitted> {
     Some(Fitted { values, weights, held_out })
 }
 
+/// Which of some candidates the lines of a row show most beside other columns; nothing where they show none.
+fn shown_beside(
+    (lines, noise): (&[RowLines], &Noise),
+    [own, asked]: [Vec<usize>; 2],
+    right: usize,
+    threshold: f64,
+) -> Option<usize> {
+    let all: Vec<usize> = own.iter().chain(&asked).copied().collect();
+    let split = Split::new(&triangle(lines, &noise.variance, &all, right), own.len(), &vec![SPANNED; asked.len()]);
+    let gain = |i: usize| {
+        let column = split.candidates.column(i);
+        (i, column.dot(&split.target).powi(2) / column.norm_squared().max(f64::MIN_POSITIVE))
+    };
+    let gains = (0..asked.len()).map(gain).filter(|(_, gain)| *gain > threshold);
+    gains.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+}
+
 impl Pass<'_> {
     /// The model as it stands, nearest to the forces; and, where some of the given terms make it better, the model with them. `fixed` are the
     /// columns that are estimated, `terms` those of terms that the model lacks; a row without an input is linear about the given values. `load`
@@ -284,77 +301,53 @@ impl Pass<'_> {
             let term = columns[*at].checked_sub(p).map(|i| self.terms[i]);
             term.is_some_and(|term| matches!(term.kind, TermKind::Presliding(_)))
         };
-        let candidates = (0..columns.len()).filter(builds_up).count();
+        let threshold = alarm::squared_normal(alarm::MISSING_TERM_RATE, (0..columns.len()).filter(builds_up).count());
         let mut found: Option<Fitted> = None;
         for (number, row) in rows.iter().enumerate() {
-            let own: Vec<usize> = row.at.iter().copied().filter(|at| takes_part[*at]).collect();
-            let asked: Vec<usize> = row.at.iter().copied().filter(builds_up).collect();
-            let shown = self.shown_beside(
-                number,
-                [&own, &asked].map(|all| all.iter().map(|&at| columns[at]).collect()),
-                candidates,
-                missing,
-            )?;
-            let shown: Vec<usize> = asked.into_iter().filter(|&at| shown.contains(&columns[at])).collect();
-            if shown.is_empty() {
-                continue;
-            }
-            let mut with = takes_part.clone();
-            shown.iter().for_each(|&at| with[at] = true);
-            let Some(better) = fitted(rows, &with) else { continue };
-            let before = found.as_ref().unwrap_or(from);
-            let less = before.held_out[number].iter().zip(&better.held_out[number]).map(|(plain, with)| plain - with);
-            let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
+            let mut own: Vec<usize> = row.at.iter().copied().filter(|at| takes_part[*at]).collect();
+            let mut asked: Vec<usize> = row.at.iter().copied().filter(builds_up).collect();
+            let all: Vec<usize> = own.iter().chain(&asked).map(|&at| columns[at]).collect();
+            let whole = if asked.is_empty() { None } else { self.whole_time(number, &all, missing)? };
+            let Some((lines, noise)) = whole else { continue };
             let force: f64 = row.blocks.iter().map(|block| row.force(&block.inner)).sum();
-            let makes = share(row.blocks.len() as f64 * mean, force);
-            if mean > LOWERS * deviation && makes > LEAST_SHARE {
-                (takes_part, found) = (with, Some(better));
+            let places = |of: &[usize]| of.iter().map(|&at| columns[at]).collect::<Vec<usize>>();
+            while let Some(best) =
+                shown_beside((&lines, &noise), [places(&own), places(&asked)], self.right(), threshold)
+            {
+                let at = asked.remove(best);
+                takes_part[at] = true;
+                let before = &found.as_ref().unwrap_or(from).held_out[number];
+                let better = fitted(rows, &takes_part).filter(|with| {
+                    let less: Vec<f64> =
+                        before.iter().zip(&with.held_out[number]).map(|(own, with)| own - with).collect();
+                    let (mean, deviation) = mean_and_deviation(&less);
+                    mean > LOWERS * deviation && share(less.len() as f64 * mean, force) > LEAST_SHARE
+                });
+                takes_part[at] = better.is_some();
+                if better.is_some() {
+                    own.push(at);
+                    found = better;
+                }
             }
         }
         Ok(found)
     }
 
-    /// Which of some candidates the lines of a row show beside other columns, one after the other. The lines are those of the whole time, reversals
-    /// among it; their noise is found with all candidates in.
-    fn shown_beside(
+    /// The lines of a row over the whole time, reversals among it, and their noise with all of some columns in.
+    fn whole_time(
         &self,
         row: usize,
-        [own, asked]: [Vec<usize>; 2],
-        candidates: usize,
+        columns: &[usize],
         missing: &[f64],
-    ) -> Result<Vec<usize>, EstimateError> {
+    ) -> Result<Option<([RowLines; 1], Noise)>, EstimateError> {
         let right = self.right();
         let (signals, _) = self.signals(row, missing)?;
         let view = View { coordinate: None, ..self.views[row] };
-        let lines = if asked.is_empty() { None } else { row_lines(&self.paths.paths, view, &signals) };
-        let Some(mut lines) = lines else { return Ok(Vec::new()) };
+        let Some(mut lines) = row_lines(&self.paths.paths, view, &signals) else { return Ok(None) };
         lines.take_power(lines.column(right));
         let lines = [lines];
-        let all: Vec<usize> = own.iter().chain(&asked).copied().collect();
-        let noise = Noise::first(&lines, true).found(&lines, &all, right, None, None).0;
-        let split = Split::new(&triangle(&lines, &noise.variance, &all, right), own.len(), &vec![SPANNED; asked.len()]);
-        let threshold = alarm::squared_normal(alarm::MISSING_TERM_RATE, candidates);
-        let (mut columns, mut left) = (split.candidates, split.target);
-        let mut shown = Vec::new();
-        loop {
-            let gain = |i: usize| {
-                let column = columns.column(i);
-                (i, column.dot(&left).powi(2) / column.norm_squared().max(f64::MIN_POSITIVE))
-            };
-            let gains = (0..asked.len()).map(gain);
-            let Some((best, _)) = gains.filter(|(_, gain)| *gain > threshold).max_by(|a, b| a.1.total_cmp(&b.1)) else {
-                return Ok(shown);
-            };
-            shown.push(asked[best]);
-            // What it explains is taken from all others.
-            let direction = columns.column(best).normalize();
-            left -= &direction * direction.dot(&left);
-            for mut column in columns.column_iter_mut() {
-                let along = column.dot(&direction);
-                column.axpy(-along, &direction, 1.0);
-            }
-            columns.column_mut(best).fill(0.0);
-        }
+        let noise = Noise::first(&lines, true).found(&lines, columns, right, None, None).0;
+        Ok(Some((lines, noise)))
     }
 
     /// Replaces the columns of load friction by those of the load that these values of the parameters make: made of the recorded force, such a
