@@ -38,6 +38,12 @@ macro_rules! of_two {
 of_one!(acos, asin, atan, cbrt, cos, cosh, exp, exp2, expm1, log, log10, log1p, log2, sin, sinh, tan, tanh);
 of_two!(atan2, hypot, pow);
 
+/// `hypotf` of C, by which figures are drawn.
+#[unsafe(no_mangle)]
+pub extern "C" fn hypotf(x: f32, y: f32) -> f32 {
+    libm::hypotf(x, y)
+}
+
 /// `sincos` of the GNU C library, which compilers call where both are asked for.
 ///
 /// # Safety
@@ -85,6 +91,7 @@ mod tests {
                 libm::hypot(x, 2.0),
                 libm::atan2(x, 3.0),
             ];
+            assert_eq!((x as f32).hypot(2.0).to_bits(), libm::hypotf(x as f32, 2.0).to_bits(), "{x}");
             assert_eq!(found.map(f64::to_bits), known.map(f64::to_bits), "{x}");
         }
     }

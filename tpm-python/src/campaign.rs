@@ -2,38 +2,34 @@
 
 use crate::arrays::of_arrays;
 use crate::log::{TIME, with_columns};
-use crate::model::{Model, experiment_request};
-use crate::result::{Identification, dictionary};
+use crate::model::{Arrays, Model, Simulated, experiment_request, record_arrays};
+use crate::result::{Found, dictionary};
 use crate::words::Fault;
-use crate::work::detached;
+use crate::work::{Limit, detached};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use tpm_runtime::campaign::trial_columns;
-use tpm_runtime::model::Model as _;
 use tpm_runtime::motion::Record;
 use tpm_runtime::session::{CampaignFolder, LogRequest, NextRun, NextStep, SessionError};
 
-/// Arrays by name.
-type Arrays<'py> = BTreeMap<String, Bound<'py, PyArray1<f64>>>;
-
 /// A campaign in a folder: model, experiment, and every finished run.
-#[pyclass(frozen, module = "tpm")]
+#[pyclass(frozen, module = "tpm._tpm")]
 pub(crate) struct Campaign {
     folder: CampaignFolder,
 }
 
 /// A run to be played.
-#[pyclass(frozen, module = "tpm")]
+#[pyclass(frozen, module = "tpm._tpm")]
 pub(crate) struct Run {
     next: NextRun,
     columns: Vec<(String, Vec<f64>)>,
 }
 
 /// What became of a submitted run.
-#[pyclass(frozen, module = "tpm")]
+#[pyclass(frozen, module = "tpm._tpm")]
 pub(crate) struct Submission {
     /// Whether the run is kept.
     #[pyo3(get)]
@@ -45,18 +41,18 @@ pub(crate) struct Submission {
     #[pyo3(get)]
     run: Py<PyDict>,
     /// The identification from all runs so far, or why there is none; the run stays submitted in both cases.
-    result: PyResult<Py<Identification>>,
+    result: PyResult<Py<Found>>,
 }
 
 impl Campaign {
     fn take(&self, py: Python<'_>, request: LogRequest, stopped: bool) -> PyResult<Submission> {
-        let submitted = detached(py, false, || Ok(self.folder.submit(request, stopped)?))?;
+        let submitted = detached(py, Limit::None, || Ok(self.folder.submit(request, stopped)?))?;
         Ok(Submission {
             kept: submitted.kept,
             outcome: submitted.outcome.map(|outcome| outcome.describe()),
             run: dictionary(py, &submitted.run)?.unbind(),
             result: match submitted.result {
-                Ok(result) => Ok(Py::new(py, Identification { result })?),
+                Ok(result) => Ok(Py::new(py, Found::of_runs(result))?),
                 Err(fault) => Err(Fault::from(fault).into()),
             },
         })
@@ -79,19 +75,19 @@ impl Campaign {
     ) -> PyResult<Self> {
         let request = experiment_request(experiment, changes, pattern, bounds)?;
         let begun = || Ok(CampaignFolder::begin(&folder, model.session(&request)?)?);
-        Ok(Campaign { folder: detached(py, false, begun)? })
+        Ok(Campaign { folder: detached(py, Limit::None, begun)? })
     }
 
     #[staticmethod]
     #[pyo3(signature = (folder, *, bounds = None))]
     fn open(py: Python<'_>, folder: PathBuf, bounds: Option<BTreeMap<String, (f64, f64)>>) -> PyResult<Self> {
         let opened = || Ok(CampaignFolder::open(&folder, bounds.unwrap_or_default())?);
-        Ok(Campaign { folder: detached(py, false, opened)? })
+        Ok(Campaign { folder: detached(py, Limit::None, opened)? })
     }
 
     /// What to play next; nothing when the campaign has ended.
     fn next(&self, py: Python<'_>) -> PyResult<Option<Run>> {
-        let next = detached(py, false, || Ok(self.folder.next()?))?;
+        let next = detached(py, Limit::None, || Ok(self.folder.next()?))?;
         let plant = self.folder.session().machine().plant();
         Ok(match next {
             NextStep::Play(next) => Some(Run { columns: trial_columns(plant, &next.trial), next: *next }),
@@ -123,32 +119,20 @@ impl Campaign {
     }
 
     /// Plays a run on the simulated machine of the experiment: stamps, and coordinates and inputs by name.
-    fn simulate<'py>(&self, py: Python<'py>, run: &Run) -> PyResult<(Bound<'py, PyArray1<f64>>, Arrays<'py>)> {
+    fn simulate<'py>(&self, py: Python<'py>, run: &Run) -> PyResult<Simulated<'py>> {
         let session = self.folder.session();
-        let record: Record = detached(py, false, || Ok::<_, Fault>(session.simulate(&run.next.trial)?))?;
-        let (plant, samples) = (session.machine().plant(), record.coordinates.first().map_or(0, Vec::len));
-        let dims = plant.dims();
-        let names = (0..dims.coordinates).map(|c| plant.coordinate(c).name.to_owned());
-        let names = names.chain((0..dims.inputs).map(|i| plant.input(i).name.to_owned()));
-        let signals = record.coordinates.into_iter().chain(record.inputs);
-        let mut arrays: Arrays<'py> = names.zip(signals.map(|signal| signal.into_pyarray(py))).collect();
-        for (c, rate) in record.rates.into_iter().enumerate() {
-            if let Some(rate) = rate {
-                arrays.insert(format!("dot({})", plant.coordinate(c).name), rate.into_pyarray(py));
-            }
-        }
-        let t: Vec<f64> = (0..samples).map(|n| n as f64 * record.sample_time).collect();
-        Ok((t.into_pyarray(py), arrays))
+        let record: Record = detached(py, Limit::None, || Ok::<_, Fault>(session.simulate(&run.next.trial)?))?;
+        Ok(record_arrays(py, session.machine().plant(), record))
     }
 
-    fn result(&self, py: Python<'_>) -> PyResult<Identification> {
-        Ok(Identification { result: detached(py, false, || Ok::<_, Fault>(self.folder.result()?))? })
+    fn result(&self, py: Python<'_>) -> PyResult<Found> {
+        Ok(Found::of_runs(detached(py, Limit::None, || Ok::<_, Fault>(self.folder.result()?))?))
     }
 
     /// Why the campaign has ended; nothing while it goes on.
     #[getter]
     fn outcome(&self, py: Python<'_>) -> PyResult<Option<&'static str>> {
-        Ok(match detached(py, false, || Ok::<_, Fault>(self.folder.next()?))? {
+        Ok(match detached(py, Limit::None, || Ok::<_, Fault>(self.folder.next()?))? {
             NextStep::Play(_) => None,
             NextStep::Ended(outcome) => Some(outcome.describe()),
         })
@@ -196,7 +180,7 @@ impl Run {
 #[pymethods]
 impl Submission {
     #[getter]
-    fn result(&self, py: Python<'_>) -> PyResult<Py<Identification>> {
+    fn result(&self, py: Python<'_>) -> PyResult<Py<Found>> {
         match &self.result {
             Ok(found) => Ok(found.clone_ref(py)),
             Err(fault) => Err(fault.clone_ref(py)),

@@ -1,11 +1,13 @@
 //! Keyword arguments as settings of the request of a log.
 
+use crate::arrays::of_arrays;
 use crate::words::Error;
 use numpy::{AllowTypeChange, PyArrayLike1};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyTuple};
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::harmonics::Hold;
@@ -30,8 +32,21 @@ pub(crate) fn with_columns(mut request: LogRequest, settings: Keywords<'_, '_>) 
     Ok(request)
 }
 
-/// A request with everything that keyword arguments say of a log, and of the machine that it is of.
-pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>) -> PyResult<LogRequest> {
+/// A log as it is given: a path, or stamps and signals.
+pub(crate) fn log_of(log: &Bound<'_, PyAny>) -> PyResult<LogRequest> {
+    match log.cast::<PyTuple>() {
+        Ok(both) => of_arrays(&both.get_item(0)?, &both.get_item(1)?),
+        Err(_) => Ok(LogRequest::new(log.extract::<PathBuf>()?)),
+    }
+}
+
+/// A request with everything that keyword arguments say of a log, and of the machine that it is of;
+/// and how much of the processor it may take, s.
+pub(crate) fn with_settings(
+    mut request: LogRequest,
+    settings: Keywords<'_, '_>,
+) -> PyResult<(LogRequest, Option<f64>)> {
+    let mut time = None;
     for (name, value) in given(settings)? {
         let chosen = |known: &[&str]| -> PyResult<usize> {
             let word: String = value.extract()?;
@@ -80,11 +95,13 @@ pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>)
             "prior" => request.estimation.prior = value.extract()?,
             "freeze" => request.estimation.frozen = value.extract()?,
             "bounds" => request.estimation.bounds = value.extract()?,
+            "calibration" => request.estimation.calibration = value.extract()?,
+            "time" => time = Some(value.extract()?),
             _ if take_column(&mut request, &name, &value)? => {}
             _ => return Err(unexpected(&name)),
         }
     }
-    Ok(request)
+    Ok((request, time))
 }
 
 /// Takes in what is said of columns; whether the argument is about them.

@@ -1,11 +1,12 @@
 //! Models: what they say, what they show, and what logs say of them.
 
-use crate::arrays::of_arrays;
-use crate::log::with_settings;
-use crate::result::{Identification, dictionary};
+use crate::log::{Keywords, log_of, with_settings};
+use crate::result::{Found, dictionary};
 use crate::table::Table;
+use crate::verdicts::identified;
 use crate::words::{Error, Fault};
-use crate::work::{detached, requested};
+use crate::work::{Limit, detached, requested};
+use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,12 +15,15 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use tpm_codegen::diagnostic::{self, Diagnostic};
-use tpm_codegen::emit::estimator::{EstimatorSource, Identified, Part};
+use tpm_codegen::emit::estimator::{EstimatorSource, Part};
+use tpm_codegen::export::{Format, Request, Told, export};
 use tpm_codegen::generate::{Language, Options, Scalar, generate};
+use tpm_codegen::identified::Identified;
 use tpm_codegen::language::AtTerm;
 use tpm_runtime::experiment::{Value, written_value};
+use tpm_runtime::motion::Record;
 use tpm_runtime::session::{
-    CampaignFolder, DeclaredModel, ExperimentRequest, Identifiable as _, LogRequest, Session, from_logs,
+    CampaignFolder, DeclaredModel, ExperimentRequest, Identifiable as _, Session, SessionError, from_logs,
 };
 use tpm_runtime::study::{self, AskedPattern, ShownError, shown};
 use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
@@ -27,7 +31,7 @@ use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// A model of a machine: its text, its exact form, and its evaluation.
-#[pyclass(frozen, module = "tpm")]
+#[pyclass(frozen, module = "tpm._tpm")]
 pub(crate) struct Model {
     pub(crate) declared: Arc<DeclaredModel>,
     /// The file, beside which an experiment is looked for.
@@ -41,20 +45,13 @@ enum Names {
     Several(Vec<String>),
 }
 
-/// A log of one file, or several.
-#[derive(FromPyObject)]
-enum Paths {
-    One(PathBuf),
-    Several(Vec<PathBuf>),
-}
-
 impl Model {
     fn of(
         py: Python<'_>,
         path: Option<PathBuf>,
         read: impl FnOnce() -> Result<DeclaredModel, Fault> + Send,
     ) -> PyResult<Self> {
-        Ok(Model { declared: Arc::new(detached(py, false, read)?), path })
+        Ok(Model { declared: Arc::new(detached(py, Limit::None, read)?), path })
     }
 
     /// The session of an experiment on this model.
@@ -65,12 +62,6 @@ impl Model {
             ));
         };
         Ok(Session::open((*self.declared).clone(), file, request)?)
-    }
-
-    fn identified(&self, py: Python<'_>, requests: Vec<LogRequest>) -> PyResult<Identification> {
-        let model = &*self.declared;
-        let result = detached(py, false, || Ok(from_logs(model, requests)?))?;
-        Ok(Identification { result })
     }
 }
 
@@ -210,7 +201,7 @@ impl Model {
             })?;
             Ok(table.gathered(constants, prepared.model.is_constant()))
         };
-        Ok(Table { table: detached(py, allow_large, expanded)? })
+        Ok(Table { table: detached(py, Limit::large(allow_large), expanded)? })
     }
 
     #[pyo3(signature = (pattern = None, *, values = None, harmonics = None, any_motion = false, rest = None, allow_large = false))]
@@ -232,7 +223,8 @@ impl Model {
         };
         if any_motion || declared.prepared().model.patterns.is_empty() && pattern.is_none() {
             let rest = exact("rest", rest)?;
-            let found = detached(py, allow_large, || study::any_motion(declared.parsed(), &rest).map_err(fault))?;
+            let found =
+                detached(py, Limit::large(allow_large), || study::any_motion(declared.parsed(), &rest).map_err(fault))?;
             return dictionary(py, &found);
         }
         if rest.is_some() {
@@ -244,7 +236,7 @@ impl Model {
             Some(Names::One(name)) => vec![Some(name)],
             Some(Names::Several(names)) => names.into_iter().map(Some).collect(),
         };
-        let found = detached(py, allow_large, || {
+        let found = detached(py, Limit::large(allow_large), || {
             let mut asked = Vec::with_capacity(names.len());
             for name in &names {
                 let pattern = declared.pattern(name.as_deref())?;
@@ -256,32 +248,39 @@ impl Model {
         dictionary(py, &found)
     }
 
-    #[pyo3(signature = (t, signals, **settings))]
-    pub(crate) fn identify(
-        &self,
-        py: Python<'_>,
-        t: &Bound<'_, PyAny>,
-        signals: &Bound<'_, PyAny>,
-        settings: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Identification> {
-        let request = with_settings(of_arrays(t, signals)?, settings)?;
-        self.identified(py, vec![request])
+    /// Identifies the model from logs: paths, or stamps and signals.
+    fn identify(&self, py: Python<'_>, logs: Vec<Bound<'_, PyAny>>, settings: Keywords<'_, '_>) -> PyResult<Found> {
+        let mut requests = Vec::with_capacity(logs.len());
+        let mut limit = None;
+        for log in &logs {
+            let (request, time) = with_settings(log_of(log)?, settings)?;
+            requests.push(request);
+            limit = time;
+        }
+        let model = &*self.declared;
+        let result = detached(py, Limit::of(limit), || Ok(from_logs(model, requests.clone())?))?;
+        Ok(Found::of_logs(result, Arc::clone(&self.declared), requests))
     }
 
-    #[pyo3(signature = (log, **settings))]
-    fn identify_log(
+    /// One run of an experiment on the simulated machine: stamps, and coordinates and inputs by name.
+    #[pyo3(signature = (experiment = None, *, changes = None, pattern = None))]
+    fn simulate<'py>(
         &self,
-        py: Python<'_>,
-        log: Paths,
-        settings: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Identification> {
-        let paths = match log {
-            Paths::One(path) => vec![path],
-            Paths::Several(paths) => paths,
-        };
-        let requests: PyResult<Vec<LogRequest>> =
-            paths.into_iter().map(|path| with_settings(LogRequest::new(path), settings)).collect();
-        self.identified(py, requests?)
+        py: Python<'py>,
+        experiment: Option<PathBuf>,
+        changes: Option<BTreeMap<String, Bound<'py, PyAny>>>,
+        pattern: Option<String>,
+    ) -> PyResult<Simulated<'py>> {
+        let request = experiment_request(experiment, changes, pattern, None)?;
+        let (session, record) = detached(py, Limit::None, || {
+            let session = self.session(&request)?;
+            let (campaign, _) = session.campaign()?;
+            let trial = campaign.next().ok_or(SessionError::NothingToPlay)?.clone();
+            let record = session.simulate(&trial)?;
+            drop(campaign);
+            Ok((session, record))
+        })?;
+        Ok(record_arrays(py, session.machine().plant(), record))
     }
 
     #[pyo3(signature = (experiment = None, *, changes = None, pattern = None, bounds = None, runs = None))]
@@ -293,9 +292,9 @@ impl Model {
         pattern: Option<String>,
         bounds: Option<BTreeMap<String, (f64, f64)>>,
         runs: Option<PathBuf>,
-    ) -> PyResult<Identification> {
+    ) -> PyResult<Found> {
         let request = experiment_request(experiment, changes, pattern, bounds)?;
-        let result = detached(py, false, || {
+        let result = detached(py, Limit::None, || {
             let session = self.session(&request)?;
             let mut watch = |_: &_, _: &_, _: &_| !requested();
             Ok(match &runs {
@@ -303,7 +302,7 @@ impl Model {
                 None => session.identify(None, &mut watch)?,
             })
         })?;
-        Ok(Identification { result })
+        Ok(Found::of_runs(result))
     }
 
     #[pyo3(signature = (lang = "c", *, prefix = None, real = "double", parts = None, params = None, forgetting = false, strokes = false))]
@@ -315,7 +314,7 @@ impl Model {
         prefix: Option<&str>,
         real: &str,
         parts: Option<Vec<String>>,
-        params: Option<PyRef<'_, Identification>>,
+        params: Option<&str>,
         forgetting: bool,
         strokes: bool,
     ) -> PyResult<BTreeMap<String, String>> {
@@ -333,8 +332,8 @@ impl Model {
                 .ok_or_else(|| Error::new_err(format!("parts: there is no part \"{name}\"; give some of {}", known())))
         };
         let parts: Vec<Part> = parts.iter().flatten().map(part).collect::<PyResult<_>>()?;
-        let identified: Option<Identified> = params.map(|own| Identified::from(&own.result));
-        detached(py, false, || {
+        let identified: Option<Identified> = params.map(values_of).transpose()?;
+        detached(py, Limit::None, || {
             let whole =
                 |message: String| located(declared, &Diagnostic::error(declared.parsed().ast.name.span, message));
             let mut source = EstimatorSource::of(declared.parsed()).map_err(|fault| located(declared, &fault))?;
@@ -355,20 +354,54 @@ impl Model {
         })
     }
 
-    fn __repr__(&self) -> String {
-        format!("<tpm.Model {}: {}>", self.name(), self.parameters().join(", "))
+    /// The model with the values of a result, whose JSON is given, in the format of another program: its files, and what the format does not hold.
+    fn export(&self, py: Python<'_>, format: &str, params: &str) -> PyResult<(BTreeMap<String, String>, Vec<String>)> {
+        let declared = &*self.declared;
+        let formats = [("casadi", Format::Casadi), ("st", Format::StructuredText), ("arduino", Format::Arduino)];
+        let (_, format) = *formats.iter().find(|(name, _)| *name == format).ok_or_else(|| {
+            Error::new_err(format!("to=\"{format}\": give one of {}", formats.map(|(name, _)| name).join(", ")))
+        })?;
+        let (values, told) = (values_of(params)?, Told::from_json(params));
+        detached(py, Limit::None, || {
+            let whole =
+                |message: String| located(declared, &Diagnostic::error(declared.parsed().ast.name.span, message));
+            let source = EstimatorSource::of(declared.parsed()).map_err(|fault| located(declared, &fault))?;
+            let request = Request { identified: &values, told: &told, command: "tpm.Model.export" };
+            let found = export(&source, format, &request).map_err(|error| whole(error.to_string()))?;
+            let lost = told.actuators.iter().cloned().chain(found.lost).collect();
+            Ok((found.files.into_iter().map(|file| (file.name, file.text)).collect(), lost))
+        })
     }
 }
 
-/// Identifies a model from arrays: stamps in seconds, and coordinates and applied inputs by name.
-#[pyfunction]
-#[pyo3(signature = (model, t, signals, **settings))]
-pub(crate) fn identify(
-    py: Python<'_>,
-    model: &Model,
-    t: &Bound<'_, PyAny>,
-    signals: &Bound<'_, PyAny>,
-    settings: Option<&Bound<'_, PyDict>>,
-) -> PyResult<Identification> {
-    model.identify(py, t, signals, settings)
+/// The values of a result that predict: those nearest to the forces where the model lacks something.
+fn values_of(text: &str) -> PyResult<Identified> {
+    let found = identified(text)?;
+    Ok(found.nearest_to_forces().unwrap_or(found))
+}
+
+/// Arrays by name.
+pub(crate) type Arrays<'py> = BTreeMap<String, Bound<'py, PyArray1<f64>>>;
+/// Stamps, and arrays by name.
+pub(crate) type Simulated<'py> = (Bound<'py, PyArray1<f64>>, Arrays<'py>);
+
+/// A recorded run as arrays.
+pub(crate) fn record_arrays<'py>(
+    py: Python<'py>,
+    plant: &dyn tpm_runtime::model::Model<f64>,
+    record: Record,
+) -> Simulated<'py> {
+    let samples = record.coordinates.first().map_or(0, Vec::len);
+    let dims = plant.dims();
+    let names = (0..dims.coordinates).map(|c| plant.coordinate(c).name.to_owned());
+    let names = names.chain((0..dims.inputs).map(|i| plant.input(i).name.to_owned()));
+    let signals = record.coordinates.into_iter().chain(record.inputs);
+    let mut arrays: Arrays<'py> = names.zip(signals.map(|signal| signal.into_pyarray(py))).collect();
+    for (c, rate) in record.rates.into_iter().enumerate() {
+        if let Some(rate) = rate {
+            arrays.insert(format!("dot({})", plant.coordinate(c).name), rate.into_pyarray(py));
+        }
+    }
+    let t: Vec<f64> = (0..samples).map(|n| n as f64 * record.sample_time).collect();
+    (t.into_pyarray(py), arrays)
 }

@@ -1,14 +1,15 @@
-//! Results with arrays.
+//! Results as the library gives them: their JSON, their text, and what is computed from their logs.
 
-use crate::words::{Error, Keywords, remedy};
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
-use pyo3::exceptions::PyKeyError;
+use crate::model::Model;
+use crate::words::{Error, Fault, Keywords, remedy};
+use crate::work::{Limit, detached};
+use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::fmt::Write as _;
-use tpm_runtime::estimate::ParameterReport;
-use tpm_runtime::report::{number, plus_minus};
-use tpm_runtime::session::{self, Spelling as _};
+use std::sync::Arc;
+use tpm_runtime::document::{Document, Issue, Step};
+use tpm_runtime::log::Track;
+use tpm_runtime::session::{self, DeclaredModel, LogRequest, Spelling as _, Validation, evidence};
 
 /// A value as the command line prints it with `--json`.
 pub(crate) fn json(value: &impl serde::Serialize) -> PyResult<String> {
@@ -23,158 +24,112 @@ pub(crate) fn dictionary<'py>(py: Python<'py>, value: &impl serde::Serialize) ->
     Ok(py.import("json")?.getattr("loads")?.call1((json(value)?,))?.cast_into()?)
 }
 
-/// Identified parameters, and everything that is known about them.
-#[pyclass(frozen, module = "tpm")]
-pub(crate) struct Identification {
-    pub(crate) result: session::Identification,
+/// Signals over the times of a track: its name, the times, and every signal with its name.
+pub(crate) type TrackOf<'py> = (String, Bound<'py, PyArray1<f64>>, Vec<(String, Bound<'py, PyArray1<f64>>)>);
+
+/// What a prediction compares over time.
+pub(crate) fn tracks<'py>(py: Python<'py>, found: &Validation) -> Vec<TrackOf<'py>> {
+    let of = |track: Track| {
+        let signals = track.signals.into_iter().map(|(name, values)| (name, values.into_pyarray(py)));
+        (track.name, track.time.into_pyarray(py), signals.collect())
+    };
+    found.tracks().into_iter().map(of).collect()
 }
 
-impl Identification {
-    fn named(&self, name: &str) -> PyResult<&ParameterReport> {
-        let all = self.result.parameters.iter().chain(&self.result.physical);
-        all.into_iter().find(|own| own.name == name).ok_or_else(|| PyKeyError::new_err(name.to_owned()))
+/// The result of an identification, and the logs that it comes from; none for one that comes from runs.
+#[pyclass(frozen, module = "tpm._tpm")]
+pub(crate) struct Found {
+    pub(crate) result: session::Identification,
+    logs: Option<(Arc<DeclaredModel>, Vec<LogRequest>)>,
+}
+
+impl Found {
+    pub(crate) fn of_logs(result: session::Identification, model: Arc<DeclaredModel>, logs: Vec<LogRequest>) -> Self {
+        Found { result, logs: Some((model, logs)) }
+    }
+
+    pub(crate) fn of_runs(result: session::Identification) -> Self {
+        Found { result, logs: None }
+    }
+
+    fn logs(&self) -> Result<&(Arc<DeclaredModel>, Vec<LogRequest>), Fault> {
+        self.logs.as_ref().ok_or_else(|| {
+            Fault::Input(
+                "the result comes from runs of a campaign, and has no log to compare with the model".to_owned(),
+            )
+        })
+    }
+
+    /// Measured beside predicted, log by log.
+    fn shown(&self, py: Python<'_>) -> PyResult<Vec<Validation>> {
+        let (model, logs) = self.logs()?;
+        detached(py, Limit::None, || Ok(evidence(&**model, logs.clone(), &self.result)?))
+    }
+
+    fn document(&self, py: Python<'_>) -> PyResult<Document> {
+        let shown = if self.logs.is_some() { self.shown(py)? } else { Vec::new() };
+        let document = Document::of_identification(&self.result, &shown, &remedy);
+        Ok(match &self.logs {
+            Some((model, _)) => document.of_machine(model, &self.result, &step),
+            None => document,
+        })
     }
 }
 
-/// One number of every parameter, NaN where there is none.
-fn each<'py>(
-    py: Python<'py>,
-    parameters: &[ParameterReport],
-    of: impl Fn(&ParameterReport) -> Option<f64>,
-) -> Bound<'py, PyArray1<f64>> {
-    parameters.iter().map(|own| of(own).unwrap_or(f64::NAN)).collect::<Vec<f64>>().into_pyarray(py)
-}
-
-fn matrix<'py>(py: Python<'py>, rows: &[Vec<Option<f64>>]) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let columns = rows.first().map_or(0, Vec::len);
-    let all: Vec<f64> = rows.iter().flatten().map(|entry| entry.unwrap_or(f64::NAN)).collect();
-    all.into_pyarray(py).reshape([rows.len(), columns])
+/// The call of a step after an identification.
+fn step(step: Step) -> Option<String> {
+    match step {
+        Step::Prediction => Some("tpm.validate(model, t, signals, result)".to_owned()),
+        Step::Inertias => Some("tpm.inertias(model, result, \"arm.urdf\")".to_owned()),
+        Step::Code => Some("model.generate(\"c\", params=result)".to_owned()),
+        _ => None,
+    }
 }
 
 #[pymethods]
-impl Identification {
-    #[getter]
-    fn model(&self) -> &str {
-        &self.result.model
+impl Found {
+    fn json(&self) -> PyResult<String> {
+        json(&self.result)
     }
 
-    #[getter]
-    fn names(&self) -> Vec<&str> {
-        self.result.parameters.iter().map(|own| own.name.as_str()).collect()
+    fn text(&self) -> String {
+        self.result.text(&remedy)
     }
 
-    #[getter]
-    fn values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        each(py, &self.result.parameters, |own| own.value)
-    }
-
-    #[getter]
-    fn std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        each(py, &self.result.parameters, |own| own.std)
-    }
-
-    #[getter]
-    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.result.covariance)
-    }
-
-    #[getter]
-    fn physical_names(&self) -> Vec<&str> {
-        self.result.physical.iter().map(|own| own.name.as_str()).collect()
-    }
-
-    #[getter]
-    fn physical_values<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        each(py, &self.result.physical, |own| own.value)
-    }
-
-    #[getter]
-    fn physical_std<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        each(py, &self.result.physical, |own| own.std)
-    }
-
-    #[getter]
-    fn physical_covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, &self.result.physical_covariance)
-    }
-
-    #[getter]
-    const fn rank(&self) -> usize {
-        self.result.rank
-    }
-
-    #[getter]
-    const fn condition(&self) -> Option<f64> {
-        self.result.condition
-    }
-
-    #[getter]
-    const fn residual(&self) -> f64 {
-        self.result.residual
-    }
-
-    #[getter]
     fn warnings(&self) -> Vec<String> {
         let told = |warning: &session::Warning| Keywords.with(&warning.to_string(), warning.remedy().as_ref());
         self.result.warnings.iter().map(told).collect()
     }
 
-    #[getter]
-    fn trusted(&self) -> bool {
-        self.result.is_complete()
+    /// What is compared over time, log by log.
+    fn tracks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Vec<TrackOf<'py>>>> {
+        Ok(self.shown(py)?.iter().map(|shown| tracks(py, shown)).collect())
     }
 
-    #[getter]
-    fn shortfall(&self) -> Option<String> {
-        self.result.shortfall()
+    /// The page of the result, and its figures as SVG by name.
+    fn page(
+        &self,
+        py: Python<'_>,
+        title: Option<String>,
+        author: Option<String>,
+        date: Option<String>,
+    ) -> PyResult<(String, Vec<(String, String)>)> {
+        let document = self.document(py)?.issued(Issue { title, author, date });
+        let fault = |error: &dyn std::fmt::Display| Error::new_err(error.to_string());
+        let html = document.html().map_err(|error| fault(&error))?;
+        let figures = document.figures().map(|(name, figure)| Ok((name.to_owned(), figure.svg()?)));
+        let figures: Result<_, tpm_runtime::plot::PlotError> = figures.collect();
+        Ok((html, figures.map_err(|error| fault(&error))?))
     }
 
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        dictionary(py, &self.result)
+    /// The model with the forces that it lacks, and its result; nothing where none make it better.
+    fn completed(&self, py: Python<'_>, time: Option<f64>) -> PyResult<Option<(Model, Found)>> {
+        let (model, logs) = self.logs()?;
+        let found = detached(py, Limit::of(time), || Ok(session::completed(&**model, logs.clone(), &self.result)?))?;
+        Ok(found.map(|(whole, result)| {
+            let whole = Arc::new(whole);
+            let found = Found::of_logs(result, Arc::clone(&whole), logs.clone());
+            (Model { declared: whole, path: None }, found)
+        }))
     }
-
-    fn json(&self) -> PyResult<String> {
-        json(&self.result)
-    }
-
-    fn __getitem__(&self, name: &str) -> PyResult<f64> {
-        Ok(self.named(name)?.value.unwrap_or(f64::NAN))
-    }
-
-    fn __str__(&self) -> String {
-        self.result.text(&remedy)
-    }
-
-    fn __repr__(&self) -> String {
-        let trusted = if self.trusted() { "" } else { ", not everything is identified" };
-        format!("<tpm.Identification of {}: rank {}{trusted}>", self.result.model, self.result.rank)
-    }
-
-    fn _repr_html_(&self) -> String {
-        let mut html = format!("<table><caption>{}</caption>", escaped(&self.result.model));
-        html.push_str("<tr><th>parameter</th><th>unit</th><th>identified</th><th>status</th></tr>");
-        for own in self.result.parameters.iter().chain(&self.result.physical) {
-            let value = match (own.value, own.std) {
-                (Some(value), Some(std)) if std > 0.0 => plus_minus(value, std),
-                (Some(value), _) => number(value),
-                (None, _) => "-".to_owned(),
-            };
-            let cells = [&own.name, own.unit.as_deref().unwrap_or(""), &value, own.status.name()];
-            html.push_str("<tr>");
-            for cell in cells {
-                // Writing to a string cannot fail.
-                let _ = write!(html, "<td>{}</td>", escaped(cell));
-            }
-            html.push_str("</tr>");
-        }
-        html.push_str("</table>");
-        for said in self.shortfall().iter().chain(&self.warnings()) {
-            let _ = write!(html, "<p>{}</p>", escaped(said));
-        }
-        html
-    }
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -92,7 +92,8 @@ pub(crate) fn remedy(found: &Remedy) -> Option<String> {
         Remedy::MapColumn { signal } => format!("map={{\"{signal}\": COLUMN}}"),
         Remedy::Columns { columns, timeless } => {
             let column = |(signal, column): &(String, String)| format!("{signal:?}: {column:?}");
-            let map = (!columns.is_empty()).then(|| format!("map={{{}}}", columns.iter().map(column).collect::<Vec<_>>().join(", ")));
+            let map = (!columns.is_empty())
+                .then(|| format!("map={{{}}}", columns.iter().map(column).collect::<Vec<_>>().join(", ")));
             let time = timeless.then(|| "sample_time=SECONDS".to_owned());
             map.into_iter().chain(time).collect::<Vec<_>>().join(", ")
         }

@@ -197,7 +197,8 @@ impl<'a> Checker<'a, '_> {
             ),
             None if self.syntax.mentioned.contains(text) => {}
             None => {
-                let known = coordinates(&self.symbols.model);
+                let mut known = coordinates(&self.symbols.model);
+                known.retain(|own| !self.following.contains(own));
                 let help = match nearest(text, known.iter().copied()) {
                     Some(near) => format!("did you mean `{near}`?"),
                     None if known.is_empty() => format!("declare it: `coordinate {text};`"),
