@@ -43,12 +43,12 @@ pub(super) fn log(arm: &DeclaredModel, truth: &[f64], zero: f64, gains: [f64; 2]
                 motion[d * coordinates + c] = value;
             }
         }
-        for z in 2..coordinates {
+        for (z, built) in motion.iter_mut().enumerate().take(coordinates).skip(2) {
             let Some(own) = model.presliding(z).filter(|_| k > 0) else { continue };
             for step in 0..STEPS {
                 let h = SAMPLE_TIME / STEPS as f64;
                 let moved = h * joint(own.of, t - SAMPLE_TIME + (step as f64 + 0.5) * h)[1];
-                motion[z] += (moved - moved.abs() * motion[z]) / own.travel;
+                *built += (moved - moved.abs() * *built) / own.travel;
             }
         }
         model.regressor(&motion, &[], &mut work, &mut rows).expect("lengths fit");

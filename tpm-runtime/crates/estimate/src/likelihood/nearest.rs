@@ -29,6 +29,11 @@ const LOWERS: f64 = 1.0;
 /// Travels over which friction may build up again after a reversal, as parts of the range of the coordinate: steps of five, since travels that
 /// differ by less make nearly the same force.
 const TRAVELS: [u32; 3] = [3000, 600, 120];
+/// A travel is longer than so many deviations of the sensor's noise: where a motion turned back is not known better.
+const RESOLVED: f64 = 4.0;
+/// Share, by the root of its squares, that such friction takes of what a row leaves elsewhere: then a row leaves less by a tenth. A state that has to be
+/// followed on the controller is worth no less.
+const WORTH_A_STATE: f64 = 0.44;
 /// Share of such friction that must not be made of what the row has already.
 const SPANNED: f64 = 1e-3;
 /// Times that the load is computed anew by the values that were found with its friction: those without it make up for that friction.
@@ -274,6 +279,7 @@ impl Pass<'_> {
             .flat_map(|c| {
                 TRAVELS.map(|parts| Term { kind: TermKind::Presliding(parts), row: Some(c), of: c, other: None })
             })
+            .filter(|term| self.scales.constants(*term)[0] > RESOLVED * self.paths.measured[term.of].spectrum.noise)
             .collect();
         let first = self.terms.len();
         let mut from = 0.0;
@@ -321,7 +327,9 @@ impl Pass<'_> {
                     let less: Vec<f64> =
                         before.iter().zip(&with.held_out[number]).map(|(own, with)| own - with).collect();
                     let (mean, deviation) = mean_and_deviation(&less);
-                    mean > LOWERS * deviation && share(less.len() as f64 * mean, force) > LEAST_SHARE
+                    let less = less.len() as f64 * mean;
+                    let of_left = share(less, before.iter().sum());
+                    mean > LOWERS * deviation && share(less, force) > LEAST_SHARE && of_left > WORTH_A_STATE
                 });
                 takes_part[at] = better.is_some();
                 if better.is_some() {
