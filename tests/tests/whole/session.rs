@@ -157,3 +157,53 @@ fn a_reference_beyond_a_limit_of_position_or_velocity_is_refused_before_anything
     assert_eq!(backed.runs[0].ending, tpm_runtime::motion::RunEnding::PositionBound);
     assert!(backed.runs[1].amplitudes[0].1 < backed.runs[0].amplitudes[0].1, "{:?}", backed.runs);
 }
+
+mod joint {
+    tpm_runtime::model! {
+        model Joint {
+            coordinate q [rad];
+            presliding z of q over 0.01;
+            input tau [N*m];
+            parameter J [kg*m^2], fv [N*m*s/rad], fp [N*m];
+
+            J*ddot(q) + fv*dot(q) + fp*z = tau;
+        }
+    }
+}
+
+/// Friction that builds up after reversals has no column, whichever way the model comes: it is followed along the angle, here with Dahl's
+/// equation solved by Euler's rule in fine steps.
+#[test]
+fn friction_that_builds_up_is_followed_in_compiled_models_too() {
+    use tpm_runtime::model::Model as _;
+    let compiled = joint::Joint;
+    let own = compiled.presliding(1).expect("the second coordinate follows");
+    assert_eq!(
+        (own.of, own.travel, <joint::Joint as tpm_runtime::Model<f64>>::presliding(&compiled, 0)),
+        (0, 0.01, None)
+    );
+    let (mut text, mut built, steps, h) = (String::from("t_s,q,tau\n"), 0.0, 100, 2e-3);
+    let joint = |t: f64| {
+        let (mut q, mut v, mut a) = (0.0, 0.0, 0.0);
+        for (w, size) in [(2.0, 0.6), (5.3, 0.2)] {
+            let (sin, cos) = (w * t).sin_cos();
+            (q, v, a) = (q + size * sin, v + size * w * cos, a - size * w * w * sin);
+        }
+        (q, v, a)
+    };
+    for n in 0..10_000 {
+        let t = f64::from(n) * h;
+        let (q, v, a) = joint(t);
+        writeln!(text, "{t},{q:.7},{:.7}", 0.5 * a + 0.2 * v + 1.5 * built).expect("a string");
+        for step in 0..steps {
+            let moved = h / f64::from(steps) * joint(t + h * (f64::from(step) + 0.5) / f64::from(steps)).1;
+            built += (moved - moved.abs() * built) / 0.01;
+        }
+    }
+    let log = LogRequest::of_bytes("joint.csv", std::sync::Arc::new(text.into_bytes()));
+    let found = session::from_log(&compiled, log).expect("identifies");
+    for (own, truth) in found.parameters.iter().zip([0.5, 0.2, 1.5]) {
+        let value = own.value.expect("shown");
+        assert!((value - truth).abs() < 0.01 * truth, "{} {value} of {truth}\n{found}", own.name);
+    }
+}

@@ -3,7 +3,7 @@
 use crate::error::EstimateError;
 use crate::free::Free;
 use crate::likelihood::components::{Components, Products};
-use crate::likelihood::library::{Term, TermKind};
+use crate::likelihood::library::{LEAST_SHARE, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, row_lines, weights};
 use crate::likelihood::nearest::{Nearby, Nearest};
 use crate::likelihood::noise::{Noise, triangle};
@@ -34,8 +34,6 @@ const NOISE_STEPS: usize = 6;
 /// share that they must leave is never below the first number and never above the second.
 const OWN_ERRORS: f64 = 30.0;
 const SPANNED: [f64; 2] = [0.02, 0.1];
-/// A named term makes at least this share of the force of its row.
-pub(super) const LEAST_SHARE: f64 = 0.003;
 /// Fewest independent equations for every column from which the noise is told with all candidates.
 const LEAST_EQUATIONS: f64 = 2.0;
 /// Largest leverage of a line in the covariance from residuals.

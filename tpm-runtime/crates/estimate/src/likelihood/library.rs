@@ -18,6 +18,8 @@ const TURN: f64 = 2.0 * PI;
 const RIPPLES: std::ops::RangeInclusive<u32> = 5..=30;
 /// A column that is made of the recorded force takes no part when it is that force to within this cosine.
 const ITSELF: f64 = 0.9;
+/// A named term makes at least this share of the force of its row.
+pub(super) const LEAST_SHARE: f64 = 0.003;
 /// Most coordinates of a machine in which every pair is asked for forces between them; of more, those that the model joins by a force.
 const MOST_PAIRED: usize = 3;
 

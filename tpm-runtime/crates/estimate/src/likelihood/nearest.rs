@@ -6,8 +6,7 @@
 //! told by parts of the record that its values were not taken from; a term that does not lower this is no part of it.
 
 use crate::error::EstimateError;
-use crate::likelihood::fit::LEAST_SHARE;
-use crate::likelihood::library::{OnGrid, Term, TermKind};
+use crate::likelihood::library::{LEAST_SHARE, OnGrid, Term, TermKind};
 use crate::likelihood::lines::{RowLines, Signals, View, row_lines};
 use crate::likelihood::noise::{Noise, Scaled, triangle};
 use crate::likelihood::pass::Pass;
