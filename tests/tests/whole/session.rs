@@ -201,7 +201,11 @@ fn friction_that_builds_up_is_followed_in_compiled_models_too() {
         }
     }
     let log = LogRequest::of_bytes("joint.csv", std::sync::Arc::new(text.into_bytes()));
-    let found = session::from_log(&compiled, log).expect("identifies");
+    let found = session::from_log(&compiled, log.clone()).expect("identifies");
+    let looked = session::inspect_for(&compiled, log.clone()).expect("has all columns");
+    assert_eq!(looked.channels.iter().map(|own| own.name.as_str()).collect::<Vec<_>>(), ["q", "tau"]);
+    let predicted = session::validate(&compiled, log, &found).expect("predicts");
+    assert!(predicted.rows[0].share < 0.01 && predicted.simulation.is_none(), "{predicted:?}");
     for (own, truth) in found.parameters.iter().zip([0.5, 0.2, 1.5]) {
         let value = own.value.expect("shown");
         assert!((value - truth).abs() < 0.01 * truth, "{} {value} of {truth}\n{found}", own.name);

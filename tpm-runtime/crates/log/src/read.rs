@@ -156,10 +156,13 @@ impl Log {
 
     /// Replaces single outliers of the coordinates by the values interpolated from their neighbours.
     /// Readings that repeat the reading before are replaced first, where this was not done in reading. Returns the
-    /// outliers: channel, sample, and the change of the reading in the channel's unit.
+    /// outliers: channel, sample, and the change of the reading in the channel's unit. What follows from a coordinate then has its readings too.
     pub fn mend(&mut self, model: &dyn Model<f64>) -> Vec<(usize, usize, f64)> {
-        let own = moving(model);
-        self.channels.drain(own..model.dims().coordinates);
+        let (own, dims) = (moving(model), model.dims());
+        // A survey has the columns of the file alone.
+        if self.channels.len() == dims.coordinates + dims.inputs {
+            self.channels.drain(own..dims.coordinates);
+        }
         let mended = self.mend_first(own);
         self.follow(model);
         mended

@@ -19,7 +19,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use tpm_codegen::identified::{Weights, display, remedy};
-use tpm_controller::model::Model;
+use tpm_controller::model::{Model, moving};
 use tpm_estimate::{Course, Differentiable, Divergence, EstimateError, Pace, Refine, Simulated, Stretch};
 use tpm_log::Log;
 use tpm_numerics::root_mean_square;
@@ -207,6 +207,9 @@ pub(super) fn simulate(
     };
     let model = machine.model;
     let dims = model.dims();
+    if moving(model) < dims.coordinates {
+        return Ok(Err("friction that builds up after reversals is predicted by its rows alone".into()));
+    }
     let is_long = dims.coordinates > MOST_SIMULATED && is_told_by_lines(dims);
     if is_long && options.refine != Refine::OutputError {
         return Ok(Err(format!("of {} coordinates, all with an input, only when it is asked for", dims.coordinates)));

@@ -332,8 +332,8 @@ impl Scales {
         }
     }
 
-    /// The numbers in the column of a term: the rate at which Stribeck friction has fallen to 1/e, the travel over which friction builds up, the width over which play is rounded, the
-    /// wave number of a ripple and the middle of its range; none of other terms.
+    /// The numbers in the column of a term: the rate at which Stribeck friction has fallen to 1/e, the travel over which friction builds up, the
+    /// width over which play is rounded, the wave number of a ripple and the middle of its range; none of other terms.
     pub(super) fn constants(&self, term: Term) -> Vec<f64> {
         let c = term.of;
         let apart = |other: usize| self.products[c][c] + self.products[other][other] - 2.0 * self.products[c][other];

@@ -30,9 +30,9 @@ const LOWERS: f64 = 1.0;
 const TRAVELS: [u32; 3] = [3000, 600, 120];
 /// A travel is longer than so many deviations of the sensor's noise: where a motion turned back is not known better.
 const RESOLVED: f64 = 4.0;
-/// Share, by the root of its squares, that such friction takes of what a row leaves elsewhere: then a row leaves less by a tenth. A state that has to be
-/// followed on the controller is worth no less.
-const WORTH_A_STATE: f64 = 0.44;
+/// With such friction a row leaves at most so much of what it left without it, on the parts that were left out: a state that has to be followed on
+/// the controller is worth no less than a tenth.
+const WORTH_A_STATE: f64 = 0.9;
 /// Share of such friction that must not be made of what the row has already.
 const SPANNED: f64 = 1e-3;
 /// Times that the load is computed anew by the values that were found with its friction: those without it make up for that friction.
@@ -326,9 +326,9 @@ impl Pass<'_> {
                     let less: Vec<f64> =
                         before.iter().zip(&with.held_out[number]).map(|(own, with)| own - with).collect();
                     let (mean, deviation) = mean_and_deviation(&less);
-                    let less = less.len() as f64 * mean;
-                    let of_left = share(less, before.iter().sum());
-                    mean > LOWERS * deviation && share(less, force) > LEAST_SHARE && of_left > WORTH_A_STATE
+                    let still = share(with.held_out[number].iter().sum(), before.iter().sum());
+                    let makes = share(less.len() as f64 * mean, force);
+                    mean > LOWERS * deviation && makes > LEAST_SHARE && still < WORTH_A_STATE
                 });
                 takes_part[at] = better.is_some();
                 if better.is_some() {

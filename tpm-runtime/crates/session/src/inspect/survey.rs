@@ -16,6 +16,7 @@ use crate::options::LogOptions;
 use crate::reading::RecordSettings;
 use crate::rows::Rows;
 use rayon::prelude::*;
+use tpm_controller::model::moving;
 use tpm_estimate::Domain;
 use tpm_log::{Cut, Role, Survey};
 
@@ -75,7 +76,7 @@ fn of_request(model: &dyn Identifiable, request: &LogRequest) -> Result<Inspecti
         Err(error) => return Err(error),
     };
     let mut survey = Survey::of_model(request.source(), evaluated, &options.reading.columns)?;
-    let mut inspection = measure(&survey, &options, evaluated.dims().coordinates)?;
+    let mut inspection = measure(&survey, &options, moving(evaluated))?;
     inspection.model = Some(evaluated.name().into());
     let constant = inspection.channels.iter().any(|channel| channel.constant && channel.role != Role::Rate);
     match missing {
