@@ -17,13 +17,21 @@ pub(crate) struct Table {
 /// One coefficient of a table.
 #[pyclass(frozen, get_all, module = "tpm")]
 pub(crate) struct Entry {
+    /// The equation in which it stands.
     equation: String,
+    /// The harmonic.
     harmonic: usize,
+    /// Cosine or sine of it.
     function: &'static str,
+    /// The parameter that it belongs to; nothing for known terms.
     parameter: Option<String>,
+    /// The exact coefficient, without powers.
     coefficient: Py<PyAny>,
+    /// The power of pi.
     pi: i32,
+    /// Powers of amplitudes, frequency and constants.
     powers: BTreeMap<String, i32>,
+    /// What its sign depends on.
     sign: BTreeMap<String, i32>,
 }
 
@@ -40,11 +48,13 @@ impl Entry {
 
 #[pymethods]
 impl Table {
+    /// Name of the model.
     #[getter]
     fn model(&self) -> &str {
         &self.table.model
     }
 
+    /// Names of its parameters.
     #[getter]
     fn parameters(&self) -> Vec<String> {
         self.table.parameters.iter().map(ToString::to_string).collect()
@@ -73,22 +83,27 @@ impl Table {
         table.entries().map(entry).collect()
     }
 
+    /// What `tpm expand --format json` prints, as a dictionary.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         dictionary(py, &self.table)
     }
 
+    /// What `tpm expand --format json` prints.
     fn json(&self) -> PyResult<String> {
         crate::result::json(&self.table)
     }
 
+    /// The table as CSV.
     fn csv(&self) -> String {
         table::csv(&self.table)
     }
 
+    /// The table as Markdown; notebooks show it.
     fn markdown(&self) -> String {
         table::markdown(&self.table)
     }
 
+    /// The table for LaTeX.
     fn latex(&self) -> String {
         table::latex(&self.table)
     }

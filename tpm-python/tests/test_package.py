@@ -40,9 +40,10 @@ def test_every_member_is_documented() -> None:
         own = getattr(tpm, name)
         if not name.startswith("__"):
             assert inspect.getdoc(own), name
-        if inspect.isclass(own) and own.__module__.startswith("tpm._") and own.__module__ != "tpm._tpm":
+        if inspect.isclass(own) and own.__module__.startswith("tpm"):
             for member, value in vars(own).items():
-                public = not member.startswith("_") and (callable(value) or isinstance(value, (property, staticmethod, classmethod)))
+                described = callable(value) or isinstance(value, (property, staticmethod, classmethod))
+                public = not member.startswith("_") and (described or inspect.isgetsetdescriptor(value))
                 assert not public or inspect.getdoc(getattr(own, member)), f"{name}.{member}"
 
 
@@ -81,6 +82,11 @@ def test_a_result_can_be_saved_and_read(result: tpm.Identification, tpm_command:
     code = f"import sys, tpm; print(tpm.Identification.from_json({str(tmp_path / 'result.json')!r})['m'])"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert float(told.stdout) == result["m"]
+    for given in (result.to_dict(), tmp_path / "result.json", str(tmp_path / "result.json")):
+        assert tpm.validate_log(model, log, given, hold="zoh") == validated
+        assert tpm.compare(given, result) == tpm.compare(result, result)
+    copied = pickle.loads(pickle.dumps(model))
+    assert copied.text == model.text and copied.simulate()[0].size == model.simulate()[0].size
     theirs = tpm_command("validate", CART, "--params", tmp_path / "result.json", "--log", log, "--hold", "zoh", "--json")
     assert json.loads(theirs.stdout) == validated
     for text in ("{}", '{"schema": "tpm.other/1"}'):
@@ -192,6 +198,28 @@ def test_a_simulated_run_is_that_of_the_command_line(log: Path) -> None:
     columns = read(log)
     np.testing.assert_array_equal(t.size, columns["t_s"].size)
     np.testing.assert_array_equal(signals["x"], columns["x"])
+
+
+def test_what_cannot_be_meant_is_named(log: Path, tmp_path: Path) -> None:
+    columns = read(log)
+    model = tpm.Model.from_file(CART)
+
+    def identify(**settings: Any) -> tpm.Identification:
+        return model.identify(columns["t_s"], {"x": columns["x"], "u": columns["u"]}, hold="zoh", **settings)
+
+    for wrong, said in (
+        ({"scale": {"x": "two"}}, r"scale=\{'x': 'two'\}.*a number"),
+        ({"map": {"x": 1}}, r"map=\{'x': 1\}.*a column"),
+        ({"freeze": {0: 1.0}}, r"freeze=\{0: 1.0\}"),
+        ({"constants": 3}, "constants=3: give a mapping"),
+    ):
+        with pytest.raises(TypeError, match=said):
+            identify(**wrong)
+    with pytest.raises(tpm.Error, match="harmonics=-1: give a number from 0"):
+        identify(harmonics=-1)
+    prior = tmp_path / "cart.prior.toml"
+    prior.write_text("m = 1.9  # kg\nk1 = 41\n")
+    assert identify(prior=prior).to_dict()["parameters"][0]["prior"] == 1.9
 
 
 def test_a_search_ends_when_its_time_is_over(log: Path) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tpm import _tpm
-from tpm._result import Identification, Validation
-from tpm._settings import Bounds, Exact, LogSettings, Path, Signals, Stamps, told
+from tpm._result import Identification, Result, Validation, json_of
+from tpm._settings import Bounds, Exact, LogSettings, Path, Signals, Stamps, prepared, told, values_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -29,13 +29,17 @@ class Model:
     ('Cart', ['x'], ['u'], ['m', 'd', 'k'])
     """
 
-    def __init__(self, native: _tpm.Model) -> None:
+    def __init__(self, native: _tpm.Model, path: Path | None = None) -> None:
         self._native = native
+        self._path = path
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        return (Model.from_text, (self.text,)) if self._path is None else (Model.from_file, (self._path,))
 
     @staticmethod
     def from_file(path: Path) -> Model:
         """Reads a model file (.tpm); an experiment is looked for beside it."""
-        return Model(_tpm.Model.from_file(path))
+        return Model(_tpm.Model.from_file(path), path)
 
     @staticmethod
     def from_text(text: str, name: str = "model") -> Model:
@@ -107,13 +111,13 @@ class Model:
     @told(LogSettings)
     def identify(self, t: Stamps, signals: Signals, **settings: Unpack[LogSettings]) -> Identification:
         """Identifies the parameters from arrays: stamps in seconds or as times, and coordinates and applied inputs by name."""
-        return Identification._of(self._native.identify([(t, signals)], dict(settings)))
+        return Identification._of(self._native.identify([(t, signals)], prepared(settings)))
 
     @told(LogSettings)
     def identify_log(self, log: Path | Sequence[Path], **settings: Unpack[LogSettings]) -> Identification:
         """Identifies the parameters from the file of a log, or from several of one machine together."""
         logs = list(log) if isinstance(log, (list, tuple)) else [log]
-        return Identification._of(self._native.identify(logs, dict(settings)))
+        return Identification._of(self._native.identify(logs, prepared(settings)))
 
     def identify_simulated(
         self,
@@ -137,15 +141,15 @@ class Model:
 
     @told(LogSettings)
     def validate(
-        self, t: Stamps, signals: Signals, result: Identification, **settings: Unpack[LogSettings]
+        self, t: Stamps, signals: Signals, result: Result, **settings: Unpack[LogSettings]
     ) -> Validation:
         """Predicts arrays with the parameters of a result, as `tpm validate`: nothing is fitted."""
-        return Validation(*_tpm.validate(self._native, (t, signals), result.json(), dict(settings)))
+        return Validation(*_tpm.validate(self._native, (t, signals), json_of(result), prepared(settings)))
 
     @told(LogSettings)
-    def validate_log(self, log: Path, result: Identification, **settings: Unpack[LogSettings]) -> Validation:
+    def validate_log(self, log: Path, result: Result, **settings: Unpack[LogSettings]) -> Validation:
         """Predicts the file of a log with the parameters of a result, as `tpm validate`: nothing is fitted."""
-        return Validation(*_tpm.validate(self._native, log, result.json(), dict(settings)))
+        return Validation(*_tpm.validate(self._native, log, json_of(result), prepared(settings)))
 
     def generate(
         self,
@@ -154,7 +158,7 @@ class Model:
         prefix: str | None = None,
         real: Literal["double", "float"] = "double",
         parts: Sequence[str] | None = None,
-        params: Identification | None = None,
+        params: Result | None = None,
         forgetting: bool = False,
         strokes: bool = False,
     ) -> dict[str, str]:
@@ -164,18 +168,18 @@ class Model:
         >>> sorted(tpm.Model.from_text(tpm._example.CART).generate("c"))
         ['cart.c', 'cart.h']
         """
-        values = None if params is None else params.json()
+        values = None if params is None else json_of(params)
         parts = None if parts is None else list(parts)
         return self._native.generate(
             lang, prefix=prefix, real=real, parts=parts, params=values, forgetting=forgetting, strokes=strokes
         )
 
     def export(
-        self, to: Literal["casadi", "st", "arduino"], params: Identification
+        self, to: Literal["casadi", "st", "arduino"], params: Result
     ) -> tuple[dict[str, str], list[str]]:
         """The model with the values of a result for another program, as `tpm export`: text by the name of its file, and what the format does not
         hold."""
-        return self._native.export(to, params.json())
+        return self._native.export(to, json_of(params))
 
     def __repr__(self) -> str:
         names = self.parameters
@@ -230,14 +234,14 @@ def identify(model: Model, t: Stamps, signals: Signals, **settings: Unpack[LogSe
 
 @told(LogSettings)
 def validate(
-    model: Model, t: Stamps, signals: Signals, result: Identification, **settings: Unpack[LogSettings]
+    model: Model, t: Stamps, signals: Signals, result: Result, **settings: Unpack[LogSettings]
 ) -> Validation:
     """Predicts arrays with the parameters of a result, as `tpm validate --json`: nothing is fitted."""
     return model.validate(t, signals, result, **settings)
 
 
 @told(LogSettings)
-def validate_log(model: Model, log: Path, result: Identification, **settings: Unpack[LogSettings]) -> Validation:
+def validate_log(model: Model, log: Path, result: Result, **settings: Unpack[LogSettings]) -> Validation:
     """Predicts the file of a log with the parameters of a result, as `tpm validate --json`: nothing is fitted."""
     return model.validate_log(log, result, **settings)
 
@@ -245,22 +249,22 @@ def validate_log(model: Model, log: Path, result: Identification, **settings: Un
 @told(LogSettings)
 def inspect(t: Stamps, signals: Signals, model: Model | None = None, **settings: Unpack[LogSettings]) -> dict[str, Any]:
     """Looks at arrays before anything is identified from them, as `tpm inspect --json`."""
-    return _tpm.inspect((t, signals), None if model is None else model._native, dict(settings))
+    return _tpm.inspect((t, signals), None if model is None else model._native, prepared(settings))
 
 
 @told(LogSettings)
 def inspect_log(log: Path, model: Model | None = None, **settings: Unpack[LogSettings]) -> dict[str, Any]:
     """Looks at the file of a log before anything is identified from it, as `tpm inspect --json`."""
-    return _tpm.inspect(log, None if model is None else model._native, dict(settings))
+    return _tpm.inspect(log, None if model is None else model._native, prepared(settings))
 
 
-def compare(a: Identification, b: Identification) -> dict[str, Any]:
+def compare(a: Result, b: Result) -> dict[str, Any]:
     """What changed between two results of different data, as `tpm compare --json`."""
-    return _tpm.compare(a.json(), b.json())
+    return _tpm.compare(json_of(a), json_of(b))
 
 
 def _proposals(log: Any, settings: Any) -> list[Proposal]:
-    found = _tpm.proposals(log, dict(settings))
+    found = _tpm.proposals(log, prepared(settings))
     return [Proposal(name, machine, Model.from_text(text, name), columns) for name, machine, text, columns in found]
 
 
@@ -299,21 +303,19 @@ def import_robot(
     model, prior, experiment, remarks = _tpm.import_description_of(
         path, base, tip, None if lock is None else dict(lock), None if losses is None else list(losses)
     )
-    lines = [line.split("#")[0].split("=") for line in prior.splitlines() if "=" in line.split("#")[0]]
-    values = {name.strip(): float(value) for name, value in lines}
-    return Imported(Model.from_text(model), values, experiment, remarks)
+    return Imported(Model.from_text(model), values_of(prior), experiment, remarks)
 
 
 def payload(
-    model: Model, without: Identification, with_load: Identification, *, body: str | None = None, density: float = 2700.0
+    model: Model, without: Result, with_load: Result, *, body: str | None = None, density: float = 2700.0
 ) -> dict[str, Any]:
     """Mass, centre and inertia of a load from two results of an arm, without and with it, as `tpm payload --json`."""
-    return _tpm.payload(model._native, without.json(), with_load.json(), body, density)
+    return _tpm.payload(model._native, json_of(without), json_of(with_load), body, density)
 
 
 def inertias(
     model: Model,
-    result: Identification,
+    result: Result,
     description: Path,
     *,
     values: Mapping[str, float] | None = None,
@@ -325,5 +327,5 @@ def inertias(
     """Inertias that the links of an arm can have, from its result, nearest to those of its description: as `tpm inertias --json`, and the URDF with
     them (nothing for another kind of description)."""
     return _tpm.inertias(
-        model._native, result.json(), description, dict(values or {}), weight, base, tip, None if lock is None else dict(lock)
+        model._native, json_of(result), description, dict(values or {}), weight, base, tip, None if lock is None else dict(lock)
     )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, KeysView
+from collections.abc import Iterator, KeysView, Mapping
 from datetime import datetime, timezone
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Series = dict[str, dict[str, Array]]
+# A result, its dictionary, or the file of one.
+Result = Union["Identification", Mapping[str, Any], Path]
 
 
 def series_of(tracks: list[Any]) -> Series:
@@ -38,6 +40,15 @@ def _matrix(rows: list[list[Any]]) -> Array:
     return np.array([[math.nan if value is None else value for value in row] for row in rows], dtype=np.float64).reshape(
         len(rows), len(rows[0]) if rows else 0
     )
+
+
+def json_of(result: Result) -> str:
+    """The JSON of a result: of an `Identification`, of its dictionary, or of the file of one."""
+    if isinstance(result, Identification):
+        return result.json()
+    if isinstance(result, Mapping):
+        return json.dumps(result)
+    return Identification.from_json(result).json()
 
 
 class Picture:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import numbers
+import os
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -11,6 +13,8 @@ from os import PathLike
 from typing import Annotated, Any, Literal, Protocol, TypedDict, TypeVar, Union
 
 from numpy.typing import ArrayLike
+
+from tpm import _tpm
 
 Path = Union[str, "PathLike[str]"]
 Bounds = Mapping[str, tuple[float, float]]
@@ -60,13 +64,50 @@ class LogSettings(ColumnSettings, total=False):
         Literal["auto", "output-error", "none"] | None, "whether the estimates are refined by simulating the model"
     ]
     constants: Annotated[Mapping[str, float] | None, "values of constants that the model leaves open"]
-    prior: Annotated[Mapping[str, float] | None, "values known before: what an unobservable direction keeps"]
+    prior: Annotated[
+        Mapping[str, float] | Path | None,
+        "values known before: what an unobservable direction keeps; or a file of NAME = VALUE lines",
+    ]
     freeze: Annotated[Mapping[str, float] | None, "parameters that are held at a value"]
     calibration: Annotated[
         Mapping[str, float] | None, "deviation of a coordinate's zero, or of an input's gain, which enters the deviations"
     ]
     bounds: Annotated[Bounds | None, "least and largest value of a physical parameter"]
     time: Annotated[float | None, "processor time that may be taken, s; 60 when not given"]
+
+
+def values_of(text: str) -> dict[str, float]:
+    """Values of parameters from lines `NAME = VALUE`, as `tpm import` writes them.
+
+    >>> values_of("m = 2.0  # kg")
+    {'m': 2.0}
+    """
+    lines = [line.split("#")[0].split("=") for line in text.splitlines() if "=" in line.split("#")[0]]
+    return {name.strip().strip('"'): float(value) for name, value in lines}
+
+
+def prepared(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as the native module takes them, where what is given cannot be meant."""
+    found = dict(settings)
+    prior = found.get("prior")
+    if isinstance(prior, (str, os.PathLike)):
+        with open(prior, encoding="utf-8") as file:
+            found["prior"] = values_of(file.read())
+    for name in ("harmonics", "from_sample"):
+        if isinstance(found.get(name), int) and found[name] < 0:
+            raise _tpm.Error(f"{name}={found[name]}: give a number from 0")
+    for name in ("map", "scale", "offset", "constants", "prior", "freeze", "calibration"):
+        own = found.get(name)
+        if own is None:
+            continue
+        if not isinstance(own, Mapping):
+            raise TypeError(f"{name}={own!r}: give a mapping of names, such as {name}={{'x': ...}}")
+        wanted = str if name == "map" else numbers.Real
+        for key, value in own.items():
+            if not isinstance(key, str) or not isinstance(value, wanted):
+                what = "a column" if name == "map" else "a number"
+                raise TypeError(f"{name}={{{key!r}: {value!r}}}: give the name of a signal or parameter, and {what}")
+    return found
 
 
 F = TypeVar("F", bound=Callable[..., Any])
