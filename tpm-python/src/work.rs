@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use std::cell::Cell;
 use std::time::{Duration, Instant};
 use tpm_runtime::numerics::patience;
+use tpm_runtime::session::USUAL_TIME;
 use tpm_symbolic::budget::{self, Budget};
 
 /// Time between two looks at what the user wants, each of which takes the interpreter's lock.
@@ -37,9 +38,6 @@ pub(crate) enum Limit {
     /// Of the processor, s: a search that has not settled by then ends with what it has.
     Time(f64),
 }
-
-/// Processor time that a log may take where nothing is said of it, s.
-const USUAL_TIME: f64 = 60.0;
 
 impl Limit {
     /// The time that was given, or the usual one.

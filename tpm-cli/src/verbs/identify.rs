@@ -24,7 +24,7 @@ use tpm_runtime::estimate::{Domain, Refine};
 use tpm_runtime::motion::{Record, Trial};
 use tpm_runtime::session::{
     CampaignFolder, DeclaredModel, EstimationSettings, Identifiable as _, Identification, LogRequest, Session,
-    completed, evidence, from_logs, inspect, proposals,
+    USUAL_TIME, completed, evidence, from_logs, inspect, proposals,
 };
 
 /// Options of `tpm identify`.
@@ -102,9 +102,6 @@ pub(crate) struct Args {
 
 /// Bytes of a file in which a model is declared, comments before it included.
 const MOST_HEAD_BYTES: u64 = 65536;
-
-/// Processor time that a log may take where nothing is said of it, s.
-const USUAL_TIME: f64 = 60.0;
 
 /// A time that may be spent.
 fn seconds(text: &str) -> Result<f64, String> {

@@ -259,10 +259,10 @@ pub(super) fn coordinate(estimator: &EstimatorSource, info: &CoordinateInfo) -> 
         return format!("The coordinate `{}` and its time derivatives at one instant.", info.name);
     };
     let of = &estimator.model.coordinates[of.0 as usize].name;
-    let travel = rational::display(travel);
+    let travel = rational::to_f64(travel);
     format!(
         "How far the friction of `{of}` has built up since it reversed, from -1 to 1: zero at first; with every step of `{of}` it goes on by \
-         D = s - (s - D)*exp(-|step|/{travel}), s the sign of the step, to which the noise of a sensor at rest does not belong."
+         D = s - (s - D)*exp(-|step|/{travel}), s the sign of the step. What a sensor reads as noise while the machine rests is no step."
     )
 }
 

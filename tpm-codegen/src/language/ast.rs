@@ -323,6 +323,16 @@ impl ModelDeclaration {
     }
 }
 
+impl ModelDeclaration {
+    /// The coordinates that follow from the motion of others.
+    pub(crate) fn following(&self) -> impl Iterator<Item = &Ident> {
+        let declared =
+            self.items.iter().filter_map(|item| if let Item::Declaration(own) = item { Some(own) } else { None });
+        let following = declared.filter(|own| own.presliding.is_some());
+        following.flat_map(|own| own.quantities.iter().map(|quantity| &quantity.name))
+    }
+}
+
 impl Item {
     fn forget_spans(&mut self) {
         match self {

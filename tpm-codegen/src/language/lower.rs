@@ -216,12 +216,7 @@ impl<'a> Lowering<'a, '_, '_> {
 
     /// Friction that has built up is a force: it has no rate, and no energy.
     fn check_following(&mut self, model: &'a ast::ModelDeclaration) {
-        let declared =
-            model.items.iter().filter_map(|item| if let Item::Declaration(own) = item { Some(own) } else { None });
-        let following: Vec<&ast::Ident> = declared
-            .filter(|own| own.presliding.is_some())
-            .flat_map(|own| own.quantities.iter().map(|quantity| &quantity.name))
-            .collect();
+        let following: Vec<&ast::Ident> = model.following().collect();
         if following.is_empty() {
             return;
         }

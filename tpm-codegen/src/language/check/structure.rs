@@ -18,10 +18,7 @@ pub(super) fn check<'a>(
     syntax: &Syntax,
     diagnostics: &mut Diagnostics,
 ) {
-    let declared =
-        model.items.iter().filter_map(|item| if let Item::Declaration(own) = item { Some(own) } else { None });
-    let following = declared.filter(|own| own.presliding.is_some()).flat_map(|own| &own.quantities);
-    let following = following.map(|quantity| quantity.name.name.as_str()).collect();
+    let following = model.following().map(|name| name.name.as_str()).collect();
     let mut checker = Checker { symbols, syntax, diagnostics, following };
     checker.dynamics(model);
     checker.coordinates(model);

@@ -147,7 +147,7 @@ pub use reading::RecordSettings;
 pub use refinement_report::{LongSimulation, MissingTerm, NotRefined, RateReport, RefinementReport};
 pub use regression::{Check, CheckOutcome, Regression, RegressionError, check_against};
 pub use sample::{SAMPLE_EXPERIMENT, SAMPLE_MODEL};
-pub use settings::EstimationSettings;
+pub use settings::{EstimationSettings, USUAL_TIME};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;

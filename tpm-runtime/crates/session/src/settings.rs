@@ -9,6 +9,9 @@ use tpm_estimate::{Domain, Frozen, Refine, Settings, Weights, is_static};
 use tpm_motion::Dynamics;
 use tpm_physical::PhysicalSettings;
 
+/// Processor time that a log may take where nothing is said of it, s.
+pub const USUAL_TIME: f64 = 60.0;
+
 /// What an estimation from a log is to do, and what is known of the machine beforehand; names and units are those of the model.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct EstimationSettings {

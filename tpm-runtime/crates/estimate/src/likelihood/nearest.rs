@@ -227,34 +227,28 @@ impl Pass<'_> {
         }
         // The row whose terms do most harm loses them first.
         let tested = rows.iter().all(|row| row.blocks.iter().any(|block| row.force(&block.inner) > 0.0));
-        let completed = if !tested {
-            None
-        } else {
-            loop {
-                if takes_part[fixed.len()..].iter().all(|takes| !takes) {
-                    break None;
-                }
-                let Some(found) = fitted(&rows, &takes_part) else { break None };
-                let harm = |row: usize| {
-                    let has = |at: &&usize| **at >= fixed.len() && takes_part[**at];
-                    let any = rows[row].at.iter().any(|at| has(&at));
-                    any.then(|| {
-                        let less =
-                            plain.held_out[row].iter().zip(&found.held_out[row]).map(|(plain, with)| plain - with);
-                        let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
-                        let inner = rows[row].blocks.iter().map(|block| rows[row].force(&block.inner)).sum();
-                        let hopeless = share(found.held_out[row].iter().sum(), inner) > MOST_LEFT;
-                        let hopeless = if hopeless { f64::INFINITY } else { 0.0 };
-                        (LOWERS * deviation - mean) / rows[row].force(&rows[row].sum).max(f64::MIN_POSITIVE) + hopeless
-                    })
-                };
-                let worst =
-                    (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
-                match worst.filter(|(_, harm)| *harm > 0.0) {
-                    None => break Some(found),
-                    Some((row, _)) => {
-                        rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false)
-                    }
+        let completed = loop {
+            if !tested || takes_part[fixed.len()..].iter().all(|takes| !takes) {
+                break None;
+            }
+            let Some(found) = fitted(&rows, &takes_part) else { break None };
+            let harm = |row: usize| {
+                let has = |at: &&usize| **at >= fixed.len() && takes_part[**at];
+                let any = rows[row].at.iter().any(|at| has(&at));
+                any.then(|| {
+                    let less = plain.held_out[row].iter().zip(&found.held_out[row]).map(|(plain, with)| plain - with);
+                    let (mean, deviation) = mean_and_deviation(&less.collect::<Vec<f64>>());
+                    let inner = rows[row].blocks.iter().map(|block| rows[row].force(&block.inner)).sum();
+                    let hopeless = share(found.held_out[row].iter().sum(), inner) > MOST_LEFT;
+                    let hopeless = if hopeless { f64::INFINITY } else { 0.0 };
+                    (LOWERS * deviation - mean) / rows[row].force(&rows[row].sum).max(f64::MIN_POSITIVE) + hopeless
+                })
+            };
+            let worst = (0..rows.len()).filter_map(|row| Some((row, harm(row)?))).max_by(|a, b| a.1.total_cmp(&b.1));
+            match worst.filter(|(_, harm)| *harm > 0.0) {
+                None => break Some(found),
+                Some((row, _)) => {
+                    rows[row].at.iter().filter(|&&at| at >= fixed.len()).for_each(|&at| takes_part[at] = false)
                 }
             }
         };

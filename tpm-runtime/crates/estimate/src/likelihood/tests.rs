@@ -12,6 +12,11 @@ use tpm_test_support::models::MassSpringDrag;
 
 const SAMPLE_TIME: f64 = 2e-3;
 const SAMPLES: usize = 10_000;
+/// A record of one stretch whose inputs go on between samples.
+fn record(stretch: Stretch<'_>) -> TimeRecord<'_> {
+    TimeRecord { sample_time: SAMPLE_TIME, hold: Hold::None, actuators: &[], following: &[], stretches: vec![stretch] }
+}
+
 /// m, k1, k2 of `m x'' + k1 x + k2 x'^2 = u`.
 const TRUTH: [f64; 3] = [2.0, 40.0, 1.5];
 /// Noise of position (m) and force (N).
@@ -36,13 +41,7 @@ fn estimate(seed: u64, lacks: impl Fn([f64; 3]) -> f64, early: f64) -> OfAnyMoti
         us.push(TRUTH[0] * a + TRUTH[1] * x + TRUTH[2] * v * v + lacks([x, v, a]) + NOISE[1] * draw());
     }
     let stretch = Stretch { coordinates: vec![&xs], rates: vec![None], inputs: vec![&us] };
-    let record = TimeRecord {
-        sample_time: SAMPLE_TIME,
-        hold: Hold::None,
-        actuators: &[],
-        following: &[],
-        stretches: vec![stretch],
-    };
+    let record = record(stretch);
     estimate_any_motion(&MassSpringDrag, &[], &record, false, &Settings::default()).expect("a record")
 }
 
@@ -128,13 +127,7 @@ fn masses(seed: u64, gains: [f64; 3]) -> OfAnyMotion {
     let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
     let (coordinates, inputs) = columns.split_at(3);
     let stretch = Stretch { coordinates: coordinates.to_vec(), rates: vec![None; 3], inputs: inputs.to_vec() };
-    let record = TimeRecord {
-        sample_time: SAMPLE_TIME,
-        hold: Hold::None,
-        actuators: &[],
-        following: &[],
-        stretches: vec![stretch],
-    };
+    let record = record(stretch);
     estimate_any_motion(&model, &[], &record, false, &Settings::default()).expect("a record")
 }
 
